@@ -82,6 +82,9 @@ class KeptOutcomes:
             self._outcomes[name] = outcome
         return self._outcomes[name]
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._outcomes
+
     def of(self, beginning: str) -> list[Any]:
         """Outcomes of all trials whose names begin so."""
         return [one for name, one in self._outcomes.items() if name.startswith(beginning)]

@@ -85,7 +85,8 @@ class Part:
             )
         if self.path == _SEARCH_PAGE:
             table = self.name.removeprefix("search ")
-            return f"uavrt experiment search --only {table} --page {_SEARCH_PAGE}"
+            chosen = "--processes 5" if table == "processes" else f"--only {table}"
+            return f"uavrt experiment search {chosen} --page {_SEARCH_PAGE}"
         return f"uavrt experiment {self.name}"
 
 

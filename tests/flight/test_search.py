@@ -64,6 +64,8 @@ def test_the_demo_says_that_a_search_was_cut_short(tmp_path: Path) -> None:
     assert not all(tag["found"] for tag in summary["tags"].values())
     assert set(summary["tags"]) == {"2", "4", "6"}
     assert "the time is over" in finished.stderr
+    # The first goal, and the way home.
+    assert summary["commands"] >= 2
     (flight,) = tmp_path.glob("flight_log_*")
     assert {note.event for note in read_search_notes(flight)} >= {"begun", "decision"}
 

@@ -1,6 +1,8 @@
 """``uavrt experiment search``."""
 
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,9 +15,9 @@ from uavrt.cli.outputs import check_place
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-
-def _advanced(progress: "Progress", task: "TaskID", done: int) -> None:
-    progress.update(task, completed=done)
+    from uavrt_experiments.kept import KeptOutcomes
+    from uavrt_experiments.result import Row
+    from uavrt_experiments.search import Flown
 
 
 def search(
@@ -26,11 +28,20 @@ def search(
     baselines: bool = True,
     particles: Annotated[int, Parameter(validator=Between(least=100))] = 10_000,
     workers: Count = 2,
+    processes: Count | None = None,
+    kept: Path | None = None,
     output: Path | None = None,
     pictures: Path | None = None,
     page: Path | None = None,
 ) -> None:
     """Search simulated animals with every planner, against the published tables.
+
+    Each table is flown by our planner and by the others, with the same animals and the same
+    fading; a run that does not find every animal counts as failed, with its time limit. Beside
+    the figures stands what no planner could do better.
+
+    With --processes, a handful of searches by the real processes instead: supervisor, receiver,
+    detectors, guide and connection as in a flight, with simulated radio and autopilot.
 
     Parameters
     ----------
@@ -38,7 +49,7 @@ def search(
         Runs of our planner in each table; the baselines fly a fraction of them, with the same
         seeds.
     seed
-        Seed of everything random.
+        Seed of everything random; with --processes that of the first search.
     only
         One table, such as T2.
     baselines
@@ -46,24 +57,90 @@ def search(
     particles
         Hypotheses per tag.
     workers
-        Number of processes.
+        Number of processes that share the runs.
+    processes
+        So many searches by the real processes, one after another, four to ten minutes each; no
+        table is flown.
+    kept
+        File (.jsonl) of what every finished run brought: the same command with it goes on where
+        it was stopped.
     output
-        Write every figure with its interval to this CSV file; the terminal shows only the
-        figures that have a target.
+        Write every figure with its interval and its bound to this CSV file; the terminal shows
+        only the figures that have a target.
     pictures
         Draw the paths into this folder.
     page
         Put each table into this Markdown page, in place of its earlier one.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
     from uavrt.errors import UsageError
+    from uavrt_experiments.kept import KeptOutcomes
+    from uavrt_experiments.search import SCENARIOS, made_with
+    from uavrt_experiments.tables import bars_kept, write_rows
+
+    if only is not None and only not in SCENARIOS:
+        raise UsageError(
+            f"there is no table {only}", remedy=f"Choose from {', '.join(SCENARIOS)}"
+        )
+    if processes is not None and (only is not None or pictures is not None):
+        raise UsageError(
+            "--processes flies no table and draws no picture",
+            remedy="Leave out --processes, or --only and --pictures",
+        )
+    for place in (output, page, kept):
+        if place is not None:
+            check_place(place, overwrite=True)
+    if pictures is not None:
+        pictures.mkdir(parents=True, exist_ok=True)
+    with KeptOutcomes(kept, made_with=made_with()) as outcomes:
+        if processes is not None:
+            rows, stopped = _through_processes(processes, seed, outcomes, page)
+        else:
+            asked = _Asked(
+                runs=runs, seed=seed, particles=particles, workers=workers, baselines=baselines
+            )
+            names = [only] if only is not None else list(SCENARIOS)
+            rows, stopped = _through_tables(names, asked, outcomes, page, pictures)
+    print(f"{bars_kept(rows)}, {processes or runs} runs")
+    if output is not None:
+        write_rows(output, rows)
+    if stopped:
+        goes_on = "the rest is lost without --kept" if kept is None else "repeat it to go on"
+        print(f"stopped before its end: {goes_on}", file=sys.stderr)
+        sys.exit(130)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """How the tables are flown."""
+
+    runs: int
+    seed: int
+    particles: int
+    workers: int
+    baselines: bool
+
+    def command(self, name: str) -> str:
+        """What repeats a table; not how many processes shared it."""
+        words = f"--only {name} --runs {self.runs} --seed {self.seed}"
+        words += f" --particles {self.particles}" + (
+            "" if self.baselines else " --no-baselines"
+        )
+        return f"uavrt experiment search {words}"
+
+
+def _through_tables(
+    names: Sequence[str],
+    asked: _Asked,
+    kept: "KeptOutcomes",
+    page: Path | None,
+    pictures: Path | None,
+) -> "tuple[list[Row], bool]":
+    """Fly tables and print them; get all rows, and whether it was stopped before its end."""
     from uavrt_experiments.measured import measured_now
-    from uavrt_experiments.result import Row
     from uavrt_experiments.search import (
+        FOLDERS,
         SCENARIOS,
-        Flown,
+        draw,
         fly_all,
         honesty,
         page_section,
@@ -71,53 +148,104 @@ def search(
         put_section,
         results,
         section,
+        so_far,
     )
-    from uavrt_experiments.tables import bars_kept, write_rows
 
-    if only is not None and only not in SCENARIOS:
-        raise UsageError(
-            f"there is no table {only}", remedy=f"Choose from {', '.join(SCENARIOS)}"
-        )
-    if output is not None:
-        check_place(output, overwrite=True)
-    if page is not None:
-        check_place(page, overwrite=True)
-    if pictures is not None:
-        pictures.mkdir(parents=True, exist_ok=True)
+    # Of the code that was loaded: an edit while it runs must not count.
+    code = measured_now(FOLDERS)
     rows: list[Row] = []
     sections: list[str] = []
     everything: list[Flown] = []
-    columns = "{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(file=sys.stderr)) as progress:
-        for name in [only] if only is not None else list(SCENARIOS):
-            planned = plan(name, runs, seed, particles, baselines=baselines)
-            task = progress.add_task(name, total=len(planned))
-            advance = partial(_advanced, progress, task)
-            flown = fly_all(planned, workers=workers, on_progress=advance)
-            own = results(SCENARIOS[name], flown)
-            sections.append(section(SCENARIOS[name], own))
+    stopped = False
+    with _progress() as progress:
+        for name in names:
+            scenario = SCENARIOS[name]
+            planned = plan(
+                name, asked.runs, asked.seed, asked.particles, baselines=asked.baselines
+            )
+            advance = partial(_advanced, progress, progress.add_task(name, total=len(planned)))
+            try:
+                flown = fly_all(planned, kept=kept, workers=asked.workers, on_progress=advance)
+            except KeyboardInterrupt:
+                flown, stopped = so_far(planned, kept), True
+            own = results(scenario, flown)
+            sections += [section(scenario, own)] if flown else []
             rows += own
             everything += flown
-            if page is not None:
-                asked = f"--only {name} --runs {runs} --seed {seed} --particles {particles}"
-                asked += "" if baselines else " --no-baselines"
-                measured = measured_now(("localization", "planning"))
-                command = f"uavrt experiment search {asked}"
-                text = page_section(SCENARIOS[name], own, command, measured)
-                put_section(page, name, text, list(SCENARIOS))
-            if pictures is not None:
-                from uavrt_experiments.search import draw
-
-                draw(SCENARIOS[name], flown, pictures / f"{name}.png")
+            if page is not None and not stopped:
+                text = page_section(scenario, own, asked.command(name), code)
+                put_section(page, name, text)
+            if pictures is not None and flown:
+                draw(scenario, flown, pictures / f"{name}.png")
+            if stopped:
+                break
     together = honesty(everything)
     sections += [
         f"T9  {one.case}: {one.quantity} {one.figure:.3g} ({one.low:.3g}–{one.high:.3g}), "
         f"asked {one.bar}, {one.n} judged, {one.verdict}"
         for one in together
     ]
-    rows += together
     print(*sections, sep="\n\n", end="\n\n")
-    print(f"{bars_kept(rows)}, {runs} runs")
-    print(measured_now(("localization", "planning")))
-    if output is not None:
-        write_rows(output, rows)
+    print(code)
+    return rows + together, stopped
+
+
+def _through_processes(
+    flights: int, seed: int, kept: "KeptOutcomes", page: Path | None
+) -> "tuple[list[Row], bool]":
+    """Fly searches by the real processes and print them; see `_through_tables`."""
+    from uavrt_experiments.measured import measured_now
+    from uavrt_experiments.search import (
+        PROCESS_FOLDERS,
+        PROCESSES,
+        flights_so_far,
+        fly_for_real,
+        process_page,
+        process_rows,
+        process_section,
+        put_section,
+    )
+
+    code = measured_now(PROCESS_FOLDERS)
+    stopped = False
+    with _progress() as progress:
+        task = progress.add_task(PROCESSES, total=flights)
+        try:
+            fly_for_real(
+                flights,
+                seed,
+                kept=kept,
+                say=partial(progress.console.print, markup=False, highlight=False),
+                on_progress=partial(_advanced, progress, task),
+            )
+        except KeyboardInterrupt:
+            stopped = True
+    flown = flights_so_far(flights, seed, kept)
+    rows = process_rows(flown)
+    print(process_section(flown, rows), end="\n\n")
+    print(code)
+    if page is not None and not stopped:
+        command = f"uavrt experiment search --processes {flights} --seed {seed}"
+        put_section(page, PROCESSES, process_page(flown, rows, command, code))
+    return rows, stopped
+
+
+def _progress() -> "Progress":
+    """A bar on the error output: how many are done, and how long the rest takes."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    shown = "{task.description}", BarColumn(), MofNCompleteColumn()
+    return Progress(
+        *(*shown, TimeElapsedColumn(), TimeRemainingColumn()), console=Console(file=sys.stderr)
+    )
+
+
+def _advanced(progress: "Progress", task: "TaskID", done: int) -> None:
+    progress.update(task, completed=done)

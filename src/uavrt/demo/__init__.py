@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from uavrt.demo.fleet import run_fleet_demo
     from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
     from uavrt.demo.run import run_demo
-    from uavrt.demo.search import SearchSummary, run_search_demo
+    from uavrt.demo.search import SearchSummary, SoughtAnimal, run_search_demo
     from uavrt.demo.search_together import TogetherSummary, run_together_demo
     from uavrt.demo.summary import DemoSummary
     from uavrt.demo.worlds import flight_world, search_world
@@ -18,6 +18,7 @@ __all__ = [
     "DemoSummary",
     "Program",
     "SearchSummary",
+    "SoughtAnimal",
     "TogetherSummary",
     "drone_settings",
     "flight_world",
@@ -35,6 +36,7 @@ __getattr__ = lazily(
         "DemoSummary": "summary",
         "Program": "programs",
         "SearchSummary": "search",
+        "SoughtAnimal": "search",
         "TogetherSummary": "search_together",
         "run_together_demo": "search_together",
         "drone_settings": "programs",

@@ -30,6 +30,8 @@ SPEED_M_S = 8.0
 """Both as the simulated vehicle has them."""
 START_LEAD_S = 2.0
 READY_TIMEOUT_S = 30.0
+SETTLES_S = 2.5
+"""After its end, until all counts of the search have been told."""
 OTHERS_TIMEOUT_S = 60.0
 RETURNS_WITHIN_S = 30.0
 """After the time of the search, it must have ended."""
@@ -65,6 +67,8 @@ class SearchSummary:
     ended: str
     duration_s: float
     decisions: int
+    commands: int
+    """Of motion, to the vehicle."""
     guide_cpu_percent: float
     """Of one core, over the search."""
     guide_memory_mb: float
@@ -129,6 +133,7 @@ class _Seen:
     guide: list[tuple[float, ProcessStatus]] = field(default_factory=list)
     """With the time, while the search goes on."""
     flight_directory: str = ""
+    commands: int = 0
     told: bool = False
     """Its guide knows that there are others."""
 
@@ -246,6 +251,9 @@ class SearchDemo:
             self._watch()
             if time.monotonic() > deadline_s:
                 raise UavrtError("the search did not end", remedy="Run it again, or report it")
+        settled_s = time.monotonic() + SETTLES_S
+        while time.monotonic() < settled_s:
+            self._watch()
         order.stop()
 
     def _wait_for_others(self) -> None:
@@ -292,6 +300,9 @@ class SearchDemo:
         seen = self._seen
         seen.flight_directory = status.flight_directory or seen.flight_directory
         for one in status.processes:
+            if one.process == "connection":
+                count = int(one.counters.get("motion_commands_sent", 0.0))
+                seen.commands = max(seen.commands, count)
             if one.process == "guide":
                 seen.told |= one.counters.get("others_told", 0.0) > 0.0
             if one.process == "guide" and seen.notes and not seen.ended:
@@ -319,6 +330,7 @@ class SearchDemo:
             ended=last.reason,
             duration_s=last.elapsed_s,
             decisions=sum(note.event == "decision" for note in seen.notes),
+            commands=seen.commands,
             guide_cpu_percent=round(cpu, 2),
             guide_memory_mb=round(memory, 1),
             flight_directory=seen.flight_directory,

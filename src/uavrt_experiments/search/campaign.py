@@ -1,16 +1,28 @@
 """Many runs on a few processes; paired seeds, the same runs from any number of processes."""
 
 import math
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
-from multiprocessing import get_context
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import active_children, get_context
+from pathlib import Path
 
+import msgspec
+
+import uavrt_experiments
+from uavrt_experiments.kept import KeptOutcomes
+from uavrt_experiments.measured import digest
+from uavrt_experiments.search.bounds import least_time_s
 from uavrt_experiments.search.catalogue import SCENARIOS
-from uavrt_experiments.search.flight import Outcome, fly
+from uavrt_experiments.search.flight import Outcome, flown_case, fly, start_of
 from uavrt_experiments.search.scenario import PUBLISHED, THAN_PUBLISHED, Contender
-from uavrt_experiments.search.several import FlightOfSeveral
+from uavrt_experiments.search.several import FlightOfSeveral, starts_of
 from uavrt_experiments.search.table import Flown
+
+FOLDERS = ("localization", "planning")
+"""Of the package: where the figures come from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,17 +56,29 @@ def plan(
     return planned
 
 
+def made_with() -> str:
+    """Get what kept outcomes follow from besides their names: the code."""
+    ours = digest(("search",), Path(uavrt_experiments.__file__).parent)
+    return f"code {digest(('guidance', 'simulation', 'terrain', *FOLDERS))} and {ours}"
+
+
 def flown(run: Run) -> Outcome:
-    """Fly a run; called in whatever process."""
-    scenario = SCENARIOS[run.scenario]
-    if run.contender.drones > 1:
-        return FlightOfSeveral(scenario, run.contender, run.seed, run.particles).flown()
-    return fly(scenario, run.contender, run.seed, particles=run.particles)
+    """Fly a run and bound its time; called in whatever process."""
+    scenario, who = SCENARIOS[run.scenario], run.contender
+    if who.drones > 1:
+        outcome = FlightOfSeveral(scenario, who, run.seed, run.particles).flown()
+    else:
+        outcome = fly(scenario, who, run.seed, particles=run.particles)
+    case = flown_case(scenario, who)
+    stop = case.paper_stop if who.stop == "paper" else case.our_stop
+    starts = [start_of(case)] if who.drones == 1 else list(starts_of(case, who).values())
+    return replace(outcome, least_time_s=least_time_s(case, stop, run.seed, starts))
 
 
 def fly_all(
     planned: list[Run],
     *,
+    kept: KeptOutcomes | None = None,
     workers: int = 1,
     on_progress: Callable[[int], None] = lambda done: None,
 ) -> list[Flown]:
@@ -63,30 +87,66 @@ def fly_all(
     Parameters
     ----------
     planned : list of Run
+    kept : KeptOutcomes, optional
+        Runs in it are not flown again, and each that is flown is put into it at once.
     workers : int
         Processes; 1 flies in this one.
     on_progress : callable
         Takes the number of runs done.
     """
-    outcomes: dict[int, Outcome] = {}
-    for number, outcome in _each(planned, workers):
-        outcomes[number] = outcome
-        on_progress(len(outcomes))
+    kept = KeptOutcomes() if kept is None else kept
+    to_fly = [run for run in planned if _name(run) not in kept]
+    done = len(planned) - len(to_fly)
+    on_progress(done)
+    for run, outcome in _each(to_fly, workers):
+        kept.take(_name(run), partial(msgspec.to_builtins, outcome))
+        done += 1
+        on_progress(done)
+    return so_far(planned, kept)
+
+
+def so_far(planned: list[Run], kept: KeptOutcomes) -> list[Flown]:
+    """Group those runs that are kept by contender, in their order.
+
+    Parameters
+    ----------
+    planned : list of Run
+    kept : KeptOutcomes
+    """
     groups: dict[Contender, list[Outcome]] = {}
-    for number, run in enumerate(planned):
-        groups.setdefault(run.contender, []).append(outcomes[number])
+    for run in planned:
+        for told in kept.of(_name(run)):
+            outcome = msgspec.convert(told, Outcome)
+            groups.setdefault(run.contender, []).append(outcome)
     return [Flown(contender=who, outcomes=tuple(runs)) for who, runs in groups.items()]
 
 
-def _each(planned: list[Run], workers: int) -> Iterator[tuple[int, Outcome]]:
+def _name(run: Run) -> str:
+    return f"{run.scenario}; {run.contender}; {run.seed}; {run.particles};"
+
+
+def _each(planned: list[Run], workers: int) -> Iterator[tuple[Run, Outcome]]:
     if workers == 1:
-        for number, run in enumerate(planned):
-            yield number, flown(run)
+        for run in planned:
+            yield run, flown(run)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(flown, run): number for number, run in enumerate(planned)}
+    others = set(active_children())
+    with ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=_leave_interrupts
+    ) as pool:
+        waiting = {pool.submit(flown, run): run for run in planned}
         try:
             for done in as_completed(waiting):
                 yield waiting[done], done.result()
+        except BaseException:
+            # A run may take minutes: nobody waits for those that are being flown.
+            for child in set(active_children()) - others:
+                child.terminate()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C reaches all processes of a terminal: the first one ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -27,13 +27,23 @@ from uavrt_experiments.search.scenario import (
 from uavrt_experiments.search.terrain import Hills
 
 _BASELINES = ("closest", "shannon", "renyi", "lawnmower", "rotation_points")
+_WIDE = ("closest", "shannon", "renyi", "lawnmower", "lavapilot")
+"""Those of several square kilometres: turning at each point of a grid would take hours."""
+_HARD = ("closest", "renyi", "lawnmower")
 
 
 def _all(*planners: str) -> tuple[Contender, ...]:
-    """Ours with both stop rules, Rényi with both filters, the others."""
+    """Ours with both stop rules, and the others."""
     return (
         Contender(planner="mi_rate"),
         Contender(planner="mi_rate", stop="ours"),
+        *_others(*planners),
+    )
+
+
+def _others(*planners: str) -> tuple[Contender, ...]:
+    """Planners with the paper's stop rule, Rényi with both filters."""
+    return (
         *(Contender(planner=name) for name in planners),
         *((PUBLISHED,) if "renyi" in planners else ()),
     )
@@ -123,7 +133,7 @@ T4 = Scenario(
         Bar(quantity="error, mean, m", most=12.0),
         Bar(quantity="inside the radius, share", most=0.05),
     ),
-    contenders=_all("lavapilot", "closest", "renyi"),
+    contenders=_all("lavapilot", *_BASELINES, "conservationbots"),
 )
 T3 = Scenario(
     name="T3",
@@ -150,7 +160,7 @@ T3 = Scenario(
         Bar(quantity="error, mean, m", most=15.0),
         Bar(quantity="time, mean, s", most=130.0),
     ),
-    contenders=_all("closest", "renyi", "lawnmower"),
+    contenders=_all(*_BASELINES),
 )
 
 
@@ -187,7 +197,7 @@ def _conservationbots(name: str, tags: int, time_s: float) -> Scenario:
             Bar(quantity="time, mean, s", most=time_s),
             Bar(quantity="error, RMS, m", most=17.0),
         ),
-        contenders=_all("conservationbots"),
+        contenders=_all("conservationbots", *_WIDE),
     )
 
 
@@ -210,7 +220,7 @@ T6 = replace(
         Contender(planner="mi_rate", easier=True),
         Contender(planner="mi_rate", stop="ours"),
         Contender(planner="mi_rate", stop="ours", easier=True),
-        Contender(planner="conservationbots"),
+        *_others("conservationbots", *_WIDE),
     ),
 )
 T7 = Scenario(
@@ -251,7 +261,7 @@ _STRENGTHS = replace(
     truth=replace(T2.truth, level_spread_db=10.0, exponent_range=(2.0, 4.0)),
     known=Known(level_sigma_db=6.0, exponent_sigma=0.6),
     bars=(Bar(quantity="time over that of the easier case", most=1.5),),
-    contenders=_EASIER,
+    contenders=(*_EASIER, *_others(*_HARD)),
 )
 T8 = replace(_STRENGTHS, easier=replace(_STRENGTHS, known=Known(each=True)))
 T9 = replace(
@@ -266,7 +276,7 @@ T9 = replace(
         Bar(quantity="95 % circle holds, share", least=0.93, most=0.97),
         Bar(quantity="false found, share", most=0.01),
     ),
-    contenders=(Contender(planner="mi_rate", stop="ours"),),
+    contenders=(Contender(planner="mi_rate", stop="ours"), *_others(*_HARD)),
 )
 T10 = replace(
     T2,
@@ -279,7 +289,7 @@ T10 = replace(
         Bar(quantity="complete, share", least=1.0),
         Bar(quantity="time over that of the easier case", most=1.5),
     ),
-    contenders=_EASIER,
+    contenders=(*_EASIER, *_others(*_HARD)),
 )
 _TOGETHER = tuple(
     Contender(planner="mi_rate", stop=stop, drones=drones, corners=corners)

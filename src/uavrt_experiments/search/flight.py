@@ -33,6 +33,7 @@ from uavrt.planning import (
     reachable,
 )
 from uavrt.terrain import HillLosses
+from uavrt_experiments.search.bounds import LeastErrors
 from uavrt_experiments.search.scenario import Contender, Scenario
 from uavrt_experiments.search.terrain import mapped
 from uavrt_experiments.search.world import FREQUENCY_HZ, Heard, World
@@ -51,6 +52,8 @@ class Judged:
     error_m: float | None
     """None: there is no such tag."""
     radius95_m: float
+    information: tuple[float, float, float] | None = None
+    """What could be known of its place by then [1/m²]: east, both, north."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +78,8 @@ class Outcome:
     """Where the tags were in the end."""
     apart_m: float = float("inf")
     """That two drones came to each other, over ground."""
+    least_time_s: float | None = None
+    """No search of this world ends before."""
 
     @property
     def complete(self) -> bool:
@@ -166,8 +171,23 @@ def fly(
     scenario: Scenario, contender: Contender, seed: int, *, particles: int = 10_000
 ) -> Outcome:
     """Fly one run, of the easier case where the contender is there for that."""
-    flies = (scenario.easier or scenario) if contender.easier else scenario
-    return _Flight(flies, contender, seed, particles).flown()
+    return _Flight(flown_case(scenario, contender), contender, seed, particles).flown()
+
+
+def start_of(scenario: Scenario) -> VehicleState:
+    """Where a drone begins that searches alone."""
+    return VehicleState(
+        time_s=0.0,
+        east_m=scenario.start_m[0],
+        north_m=scenario.start_m[1],
+        height_m=scenario.height_m,
+        yaw_deg=scenario.start_yaw_deg,
+    )
+
+
+def flown_case(scenario: Scenario, contender: Contender) -> Scenario:
+    """Get what a contender flies: the easier case where it is there for that."""
+    return (scenario.easier or scenario) if contender.easier else scenario
 
 
 def planner_of(contender: Contender) -> Planner:
@@ -205,13 +225,8 @@ class _Flight:
             planner_of(contender),
             np.random.default_rng((seed, 4)),
         )
-        self.state = VehicleState(
-            time_s=0.0,
-            east_m=scenario.start_m[0],
-            north_m=scenario.start_m[1],
-            height_m=scenario.height_m,
-            yaw_deg=scenario.start_yaw_deg,
-        )
+        self.state = start_of(scenario)
+        self.least = LeastErrors(scenario, self.world)
         self.second = 0
         self.distance_m = 0.0
         self.nearest_m = float("inf")
@@ -283,6 +298,7 @@ class _Flight:
 
     def _hear(self, heard: list[Heard]) -> None:
         scenario, search = self.scenario, self.search
+        self.least.hear([self.state])
         places = self.world.places_m
         off = np.hypot(places[:, 0] - self.state.east_m, places[:, 1] - self.state.north_m)
         self.nearest_m = min(self.nearest_m, float(off.min()))
@@ -319,11 +335,11 @@ class _Flight:
             search.beliefs[one.tag_id].tracker.replace_at_random(_INJECTION)
 
     def _note(self, tag_id: int) -> None:
-        self.judged.append(judged(self.search.found[tag_id], tag_id, self.world))
+        self.judged.append(judged(self.search.found[tag_id], tag_id, self.world, self.least))
 
 
-def judged(found: Found, tag_id: int, world: World) -> Judged:
-    """Compare what was called found with what is there."""
+def judged(found: Found, tag_id: int, world: World, least: LeastErrors) -> Judged:
+    """Compare what was called found with what is there, and with what could be known."""
     error = None
     if world.exists(tag_id):
         x, y = world.places_m[tag_id - 1]
@@ -333,4 +349,5 @@ def judged(found: Found, tag_id: int, world: World) -> Judged:
         time_s=found.time_s,
         error_m=error,
         radius95_m=found.estimate.radius95_m,
+        information=least.of(tag_id),
     )

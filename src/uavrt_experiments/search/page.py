@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavrt_experiments.result import Row
+from uavrt_experiments.search.catalogue import SCENARIOS
+from uavrt_experiments.search.processes import PROCESSES
 from uavrt_experiments.search.scenario import Scenario
 from uavrt_experiments.search.table import asked_and_reached, figure_text
 
@@ -36,8 +38,10 @@ def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured
     return "\n\n".join([*parts, "\n".join(table)])
 
 
-def put_section(page: Path, name: str, text: str, order: Sequence[str]) -> None:
+def put_section(page: Path, name: str, text: str) -> None:
     """Put a table into the page, in place of its earlier one; the rest stays.
+
+    Tables are in the order of the catalogue; then comes that of the real processes.
 
     Parameters
     ----------
@@ -45,15 +49,13 @@ def put_section(page: Path, name: str, text: str, order: Sequence[str]) -> None:
     name : str
         Of the table.
     text : str
-    order : sequence of str
-        Of all tables.
     """
     old = page.read_text(encoding="utf-8") if page.exists() else ""
     sections = {found[1]: found[0] for found in _SECTION.finditer(old)}
     first = _SECTION.search(old)
     top = old[: first.start()] if first else old
     sections[name] = f"<!-- begin {name} -->\n\n{text}\n\n<!-- end {name} -->\n"
-    known = [one for one in order if one in sections]
+    known = [one for one in (*SCENARIOS, PROCESSES) if one in sections]
     page.write_text(
         "\n".join([top.rstrip("\n") + "\n", *(sections[one] for one in known)]).lstrip("\n"),
         encoding="utf-8",

@@ -15,7 +15,15 @@ from uavrt.planning import (
     Separation,
     VehicleState,
 )
-from uavrt_experiments.search.flight import Judged, Outcome, beliefs_of, judged, planner_of
+from uavrt_experiments.search.bounds import LeastErrors
+from uavrt_experiments.search.flight import (
+    Judged,
+    Outcome,
+    beliefs_of,
+    judged,
+    planner_of,
+    start_of,
+)
 from uavrt_experiments.search.scenario import Contender, Scenario
 from uavrt_experiments.search.world import World
 
@@ -28,15 +36,15 @@ _BETWEEN = np.linspace(0.0, 1.0, 11)
 def starts_of(scenario: Scenario, contender: Contender) -> dict[int, VehicleState]:
     """Where the drones begin, by number; each 10 m above the one before."""
     east, north = scenario.east_m, scenario.north_m
+    start = start_of(scenario)
     x, y = scenario.start_m
     corners = ((0.0, 0.0), (east, north), (east, 0.0), (0.0, north))
     return {
-        number: VehicleState(
-            time_s=0.0,
+        number: replace(
+            start,
             east_m=corners[number][0] if contender.corners else x + _START_GAP_M * number,
             north_m=corners[number][1] if contender.corners else y,
-            height_m=scenario.height_m + SEPARATION.height_m * number,
-            yaw_deg=scenario.start_yaw_deg,
+            height_m=start.height_m + SEPARATION.height_m * number,
         )
         for number in range(contender.drones)
     }
@@ -66,6 +74,7 @@ class FlightOfSeveral:
     ) -> None:
         self.scenario, self.seed, self._vanishes = scenario, seed, vanishes
         self.world = World(scenario, seed)
+        self.least = LeastErrors(scenario, self.world)
         polygon = Polygon.rectangle(0.0, scenario.east_m, 0.0, scenario.north_m)
         settings = SearchSettings(
             vehicle=scenario.vehicle,
@@ -169,6 +178,8 @@ class FlightOfSeveral:
 
     def _hear(self) -> None:
         self.world.advance(self.second)
+        heard = [state for number, state in self.states.items() if not self._gone(number)]
+        self.least.hear(heard)
         rule = self.scenario.keep_away
         for number, state in self.states.items():
             if self._gone(number):
@@ -203,4 +214,4 @@ class FlightOfSeveral:
         )
 
     def _note(self, tag_id: int) -> None:
-        self.judged.append(judged(self.search.found[tag_id], tag_id, self.world))
+        self.judged.append(judged(self.search.found[tag_id], tag_id, self.world, self.least))

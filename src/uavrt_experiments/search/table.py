@@ -16,6 +16,7 @@ from uavrt_experiments.figures import (
     tenth_worst,
 )
 from uavrt_experiments.result import Row
+from uavrt_experiments.search.bounds import least_mean_m, least_rms_m
 from uavrt_experiments.search.flight import Judged, Outcome
 from uavrt_experiments.search.scenario import (
     APART,
@@ -132,6 +133,7 @@ def _rows(scenario: Scenario, one: Flown) -> list[Row]:
     there = [j for j in judged if j.error_m is not None]
     errors = [j.error_m for j in there if j.error_m is not None]
     times = [run.time_s for run in runs]
+    bounds = _bounds(runs)
     figures: list[tuple[str, list[float], Callable[[_Floats], float]]] = [
         ("time, mean, s", times, mean),
         ("time, median, s", times, median),
@@ -170,9 +172,30 @@ def _rows(scenario: Scenario, one: Flown) -> list[Row]:
                 figure,
                 least=bar.least,
                 most=bar.most,
+                bound=bounds.get(quantity),
             )
         )
     return rows
+
+
+def _bounds(runs: Sequence[Outcome]) -> dict[str, float]:
+    """What no search could do better, by quantity; those that are not known are left out."""
+    least = [run.least_time_s for run in runs if run.least_time_s is not None]
+    known = [j.information for run in runs for j in run.judged if j.information is not None]
+    bounds = {}
+    if least:
+        times = np.array(least)
+        bounds = {
+            "time, mean, s": mean(times),
+            "time, median, s": median(times),
+            "time, p90, s": tenth_worst(times),
+            "time, p95, s": p95(times),
+        }
+    if known:
+        information = np.array([[(east, both), (both, north)] for east, both, north in known])
+        bounds["error, mean, m"] = least_mean_m(information)
+        bounds["error, RMS, m"] = least_rms_m(information)
+    return bounds
 
 
 def _farthest_s(scenario: Scenario, one: Flown, run: Outcome) -> float:
@@ -243,19 +266,41 @@ def asked_and_reached(
 ) -> tuple[list[str], list[list[str]]]:
     """Headings, and lines of text: what is asked, then one for each contender.
 
-    Columns are what is asked for, whether all was found, and in how many runs it was not.
+    Columns are what is asked for, beside it what no search could do better, whether all was
+    found, and in how many runs it was not.
     """
     bars = {one.quantity: one for one in rows if one.barred}
     quantities = [bar.quantity for bar in scenario.bars]
     quantities += [_COMPLETE] if _COMPLETE not in quantities else []
-    lines = [["asked", *(bars[q].bar if q in bars else "" for q in quantities), ""]]
+    bounded = {one.quantity for one in rows if one.bound is not None}
+    asked = [(bars[q].bar if q in bars else "", "") for q in quantities]
+    heads = [(q, "bound") for q in quantities]
+    lines = [["asked", *_beside(asked, quantities, bounded), ""]]
     for case in dict.fromkeys(one.case for one in rows):
         own = {one.quantity: one for one in rows if one.case == case}
         found = own[_COMPLETE]
         failed = round(found.n * (1.0 - found.figure))
-        cells = [cell(own[one]) if one in own else "" for one in quantities]
-        lines.append([case, *cells, f"{failed} of {found.n}"])
-    return ["", *quantities, "runs failed"], lines
+        cells = [
+            (cell(own[one]), _bound_text(own[one])) if one in own else ("", "")
+            for one in quantities
+        ]
+        lines.append([case, *_beside(cells, quantities, bounded), f"{failed} of {found.n}"])
+    return ["", *_beside(heads, quantities, bounded), "runs failed"], lines
+
+
+def _beside(
+    cells: Sequence[tuple[str, str]], quantities: Sequence[str], bounded: set[str]
+) -> list[str]:
+    """Cells of figures, each with that of its bound where the quantity has any."""
+    return [
+        text
+        for pair, quantity in zip(cells, quantities, strict=True)
+        for text in (pair if quantity in bounded else pair[:1])
+    ]
+
+
+def _bound_text(one: Row) -> str:
+    return "" if one.bound is None else f"{one.bound:.3g}"
 
 
 def section(scenario: Scenario, rows: Sequence[Row]) -> str:

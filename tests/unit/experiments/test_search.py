@@ -1,6 +1,12 @@
 """The search tables in their short form: paired worlds, our planner, the rows."""
 
 import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,8 +14,10 @@ import numpy as np
 import pytest
 
 from uavrt.planning import VehicleState
+from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.search import (
     SCENARIOS,
+    campaign,
     fly_all,
     honesty,
     page_section,
@@ -17,6 +25,7 @@ from uavrt_experiments.search import (
     put_section,
     results,
     section,
+    so_far,
 )
 from uavrt_experiments.search.flight import Judged, Outcome, beliefs_of, fly
 from uavrt_experiments.search.scenario import Contender
@@ -87,7 +96,7 @@ def test_a_table_takes_the_place_of_its_earlier_one_on_the_page(tmp_path: Path) 
     rows = results(SCENARIOS["T1"], [Flown(contender=OURS, outcomes=(run, run))])
     for name, command in (("T3", "first"), ("T1", "second"), ("T3", "third")):
         text = page_section(SCENARIOS[name], rows, command, "Measured now.")
-        put_section(page, name, text, list(SCENARIOS))
+        put_section(page, name, text)
     written = page.read_text(encoding="utf-8")
     assert written.startswith("# Bars\n\nWords.\n")
     assert written.index("## T1: ") < written.index("`second`") < written.index("## T3: ")
@@ -170,7 +179,8 @@ def test_animals_behind_hills_are_found_where_they_are() -> None:
 @pytest.mark.parametrize("name", ["T8", "T10"])
 def test_a_hard_table_is_flown_beside_its_easier_case(name: str) -> None:
     short = replace(SCENARIOS[name], tags=2)
-    hard, easier = short.contenders
+    hard = Contender(planner="mi_rate", stop="ours")
+    (easier,) = (one for one in short.contenders if one.easier and one.stop == "ours")
     assert replace(hard, easier=True) == easier
     flown = [
         Flown(contender=who, outcomes=tuple(fly(short, who, n, particles=600) for n in (1, 2)))
@@ -264,3 +274,47 @@ def test_who_finds_nothing_misses_every_bar_of_the_error() -> None:
     errors = [one for quantity, one in barred.items() if quantity.startswith("error")]
     assert errors
     assert all(one.contradicted and one.n == 0 and math.isnan(one.figure) for one in errors)
+
+
+def test_runs_that_are_kept_are_not_flown_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned = plan("T7", 2, 1, 100, baselines=False)
+    with KeptOutcomes(tmp_path / "kept.jsonl", made_with="this") as kept:
+        first = fly_all(planned[:3], kept=kept)
+        assert so_far(planned, kept) == first
+    monkeypatch.setattr(campaign, "flown", lambda run: pytest.fail(f"{run} is flown again"))
+    with KeptOutcomes(tmp_path / "kept.jsonl", made_with="this") as kept:
+        done: list[int] = []
+        assert fly_all(planned[:3], kept=kept, on_progress=done.append) == first
+        assert done == [3]
+    assert [len(one.outcomes) for one in first] == [2, 1]
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_ctrl_c_prints_what_is_done_and_keeps_it(tmp_path: Path, workers: str) -> None:
+    kept = tmp_path / "kept.jsonl"
+    words = ("--only", "T7", "--runs", "400", "--particles", "100", "--workers", workers)
+    command = [sys.executable, "-m", "uavrt.cli", "experiment", "search", *words]
+    with subprocess.Popen(
+        [*command, "--no-baselines", "--kept", str(kept)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as running:
+        while running.poll() is None and lines_of(kept) < 3:
+            time.sleep(0.05)
+        os.killpg(running.pid, signal.SIGINT)  # as a terminal does
+        out, errors = running.communicate(timeout=60)
+    assert running.returncode == 130, errors
+    assert "repeat it to go on" in errors
+    assert "Traceback" not in errors
+    assert "T7  Cliff: one animal that rests" in out
+    done = int(re.findall(r"mi_rate .* 0 of (\d+)$", out, re.MULTILINE)[0])
+    assert 2 <= done < 400
+    assert lines_of(kept) == done + 1
+
+
+def lines_of(path: Path) -> int:
+    return path.read_text(encoding="utf-8").count("\n") if path.exists() else 0
