@@ -480,7 +480,7 @@ class Guide:
                 case Choice():
                     self._choose(thought, pilot, now)
                 case Failed():
-                    pilot.ended = thought.reason
+                    pilot.give_up(thought.reason)
         company = self._company
         if company.waits:
             self._await_way(thinker, pilot, now)
