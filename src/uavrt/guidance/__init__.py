@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from uavrt.guidance.company import Company
     from uavrt.guidance.ground import GroundAround
     from uavrt.guidance.heights import target_amsl_m
+    from uavrt.guidance.lessons import Lessons
     from uavrt.guidance.manners import MANNERS, AutopilotName, Manners, manners_of
     from uavrt.guidance.mission import (
         MissionItem,
@@ -71,6 +72,7 @@ __all__ = [
     "GroundAround",
     "HomeSeen",
     "LandedSeen",
+    "Lessons",
     "Limits",
     "Manners",
     "MissionItem",
@@ -124,6 +126,7 @@ __getattr__ = lazily(
         "GroundAround": "ground",
         "HomeSeen": "observed",
         "LandedSeen": "observed",
+        "Lessons": "lessons",
         "Limits": "orders",
         "MANNERS": "manners",
         "Manners": "manners",
