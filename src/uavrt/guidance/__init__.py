@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from uavrt.guidance.lessons import Lessons
     from uavrt.guidance.manners import MANNERS, AutopilotName, Manners, manners_of
     from uavrt.guidance.mission import (
+        NOT_CHECKED,
+        NOT_CHECKED_ABOARD,
         MissionItem,
         MissionKind,
         difference,
@@ -58,6 +60,8 @@ __all__ = [
     "AWAY_MARGIN",
     "KEPT_AWAY",
     "MANNERS",
+    "NOT_CHECKED",
+    "NOT_CHECKED_ABOARD",
     "TAG_HEIGHT_M",
     "Authority",
     "AutopilotName",
@@ -131,6 +135,8 @@ __getattr__ = lazily(
         "MANNERS": "manners",
         "Manners": "manners",
         "MissionItem": "mission",
+        "NOT_CHECKED": "mission",
+        "NOT_CHECKED_ABOARD": "mission",
         "MissionKind": "mission",
         "ModeSeen": "observed",
         "Observation": "observed",
