@@ -591,6 +591,8 @@ class VehicleReport:
     wishes_refused: int = 0
     turned_deg: float = 0.0
     ground_silent_s: float = 0.0
+    wind_m_s: tuple[float, float] | None = None
+    """Where the air goes, east and north, by the autopilot; None: it tells of none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

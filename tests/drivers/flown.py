@@ -3,10 +3,12 @@
 import math
 import random
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from uavrt.errors import CommandRefused, PlanError
 from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
@@ -14,6 +16,8 @@ from uavrt.guidance.plans import plan_of
 from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
+from uavrt.mavlink.wind import wind_of
+from uavrt.planning import Wind
 from uavrt.simulation.flying import MODES, NOWHERE, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
 
@@ -49,6 +53,9 @@ class Flown:
             MANNERS[flavour], farthest_m=self.limits.fence_m, may_take_off=may_take_off
         )
         self.pilot: Pilot | None = None
+        self.lessons = Lessons(self.limits.hover_w, self.limits.battery_wh)
+        self.wind: Wind | None = None
+        """As told."""
         self.time_s = 100.0
         self.steps = 0
         self.commands: list[tuple[float, Any]] = []
@@ -60,7 +67,7 @@ class Flown:
         self.failsafe = ""
         self.position = self.mode_told = self.alive = True
         self.position_told = self.target_told = self.heartbeat_told = True
-        self.status_told = self.landed_told = True
+        self.status_told = self.landed_told = self.wind_told = True
         self.kind = 2  # MAV_TYPE_QUADROTOR
         self.ground_silent_s = 0.0
         self.out_s: float | None = None
@@ -79,6 +86,9 @@ class Flown:
         self.boot_s += STEP_S
         self.vehicle.advance(STEP_S)
         for message in self.telemetry():
+            told = wind_of(message)
+            if told is not None:
+                self.wind = Wind(east_m_s=told[0], north_m_s=told[1])
             for seen in observations(message, self.time_s):
                 self.authority.see(seen)
         self.authority.tick(self.time_s)
@@ -115,13 +125,15 @@ class Flown:
             self.vehicle.command(message)
 
     def now(self) -> VehicleNow | None:
-        return self.authority.vehicle_now(
+        """As the guide sees it; the battery in whole percents, as SYS_STATUS tells it."""
+        now = self.authority.vehicle_now(
             self.time_s,
-            battery_percent=self.vehicle.battery_percent if self.status_told else None,
+            battery_percent=round(self.vehicle.battery_percent) if self.status_told else None,
             wishes_sent=self.sent,
             wishes_refused=self.refused,
             ground_silent_s=self.ground_silent_s,
         )
+        return None if now is None else self.lessons.taught(replace(now, wind=self.wind))
 
     def order(self, action: Any, **values: Any) -> Pilot:
         """Ask for a motion and confirm it."""
@@ -167,6 +179,8 @@ class Flown:
             yield self._status()
         if self.steps % 20 == 7:
             yield self._home()
+        if self.wind_told and self.steps % 100 == 9:
+            yield self.vehicle.wind(boot_ms)
         if self.landed_told and self.steps % 10 == 8:
             yield self.vehicle.landed_state()
 

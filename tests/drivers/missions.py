@@ -17,6 +17,8 @@ LOWEST_M, HIGHEST_M = 25.0, 80.0
 KEEP_M = 30.0
 RESERVE_PERCENT = 25.0
 WIND_M_S = 6.0
+MODEL_W = 400.0
+"""What is believed of a drone that nobody has told of; these take 0.7 to 3 times it."""
 LONGEST_S = 420.0
 
 
@@ -27,6 +29,7 @@ class Mission:
     seed: int
     flavour: Flavour
     wind_m_s: float
+    hover_w: float
     farthest_m: float
     """From home."""
     lowest_m: float
@@ -50,7 +53,8 @@ def flown(seed: int) -> Mission:
     radius = float(rng.uniform(100.0, 280.0))
     animals = [_animal(rng, radius) for _ in range(int(rng.integers(1, 4)))]
     wind, towards = float(rng.uniform(0.0, WIND_M_S)), float(rng.uniform(0.0, 2.0 * math.pi))
-    battery = float(rng.uniform(50.0, 90.0))
+    hunger, tells = hunger_of(seed)
+    battery = float(rng.uniform(50.0, 90.0)) * hunger
     search = Searched(
         flavour,
         animals,
@@ -58,6 +62,7 @@ def flown(seed: int) -> Mission:
         limits=Limits(
             battery_wh=battery,
             speed_m_s=8.0,
+            return_height_m=Frame().return_height_m,
             fence_m=FENCE_M,
             lowest_m=LOWEST_M,
             highest_m=HIGHEST_M,
@@ -66,6 +71,7 @@ def flown(seed: int) -> Mission:
             keep_out=tuple(_keep_out(np.random.default_rng((seed, 1)), radius)),
         ),
         frame=Frame(
+            hover_w=MODEL_W * hunger,
             battery_wh=battery,
             wind_m_s=(wind * math.cos(towards), wind * math.sin(towards)),
             gust_m=float(rng.uniform(0.1, 0.5)),
@@ -74,8 +80,15 @@ def flown(seed: int) -> Mission:
         duration_s=LONGEST_S,
     )
     search.flown.vehicle.yaw_deg = float(rng.uniform(0.0, 360.0))
+    search.flown.wind, search.flown.wind_told = None, tells
     search.flown.run(0.5)
     return _watched(search, seed, wind)
+
+
+def hunger_of(seed: int) -> tuple[float, bool]:
+    """Power over what the model believes, and whether the autopilot tells the wind."""
+    rng = np.random.default_rng((seed, 2))
+    return math.exp(float(rng.uniform(math.log(0.7), math.log(3.0)))), bool(rng.random() < 0.5)
 
 
 def _keep_out(rng: np.random.Generator, radius: float) -> Iterator[KeepOut]:
@@ -134,6 +147,7 @@ def _watched(search: Searched, seed: int, wind: float) -> Mission:
         seed=seed,
         flavour=search.flavour,
         wind_m_s=wind,
+        hover_w=search.frame.hover_w,
         farthest_m=farthest,
         lowest_m=min(heights),
         highest_m=max(heights),

@@ -2,11 +2,15 @@
 
 import math
 import os
+import pty
+import re
 import signal
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,6 +90,24 @@ class Qgc:
             )
         )
 
+    def arm(self) -> None:
+        """As a pilot does."""
+        self.send(
+            dialect.CommandLong(
+                target_system=1,
+                target_component=1,
+                command=dialect.MavCmd.COMPONENT_ARM_DISARM,
+                confirmation=0,
+                param1=1.0,
+                param2=0.0,
+                param3=0.0,
+                param4=0.0,
+                param5=0.0,
+                param6=0.0,
+                param7=0.0,
+            )
+        )
+
     def pause(self, flavour: Flavour) -> None:
         if flavour == "ardupilot":
             self.set_mode(flavour, "brake")
@@ -131,6 +153,40 @@ class Qgc:
         self._socket.close()
 
 
+class Typed:
+    """`uavrt fly` in a terminal, where a person types."""
+
+    def __init__(self, words: tuple[str, ...], log: Path) -> None:
+        self._keyboard, terminal = pty.openpty()
+        self._log = log
+        with log.open("wb") as output:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "uavrt.cli", "fly", *words],
+                stdin=terminal,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
+        os.close(terminal)
+
+    @property
+    def asks(self) -> bool:
+        """Whether it waits for the word."""
+        return 'Type "fly"' in self._log.read_text()
+
+    def type(self, text: str) -> None:
+        os.write(self._keyboard, text.encode() + b"\n")
+
+    @property
+    def ended(self) -> bool:
+        return self._process.poll() is not None
+
+    def kill(self) -> None:
+        """As a ground station whose computer is switched off: without a word."""
+        self._process.kill()
+        self._process.wait()
+        os.close(self._keyboard)
+
+
 class Field:
     """A drone that hovers, a second station, and `uavrt fly`."""
 
@@ -142,15 +198,24 @@ class Field:
         scenario: Scenario | None = None,
         *arguments: str,
         speed_m_s: float = 5.0,
+        options: tuple[str, ...] = (),
+        key: Path | None = None,
+        **guidance: Any,
     ) -> None:
         self.port, self.work, self.number = free_udp_port(), work, 0
         self.flavour = flavour
         self.drone: Drone = bay.launch(
             scenario or hovering_scenario(),
             *arguments,
-            autopilot_options=("--flies", "--flavour", flavour),
-            mavlink=lambda m: replace(m, direct_links=(f"udpin://127.0.0.1:{self.port}",)),
-            guidance=GuidanceSettings(enabled=True, battery_wh=200.0, speed_m_s=speed_m_s),
+            autopilot_options=("--flies", "--flavour", flavour, *options),
+            mavlink=lambda m: replace(
+                m,
+                direct_links=(f"udpin://127.0.0.1:{self.port}",),
+                key_file=None if key is None else str(key),
+            ),
+            guidance=GuidanceSettings(
+                enabled=True, battery_wh=200.0, speed_m_s=speed_m_s, **guidance
+            ),
         )
         self.qgc = Qgc(self.drone.ground_port)
         self.qgc.until(lambda: self.qgc.mode >= 0, 30.0)
@@ -172,6 +237,35 @@ class Field:
             if not program.ended:
                 return program
         raise AssertionError((self.work / f"fly{self.number}.log").read_text())
+
+    def typed(self, *words: str, meanwhile: Callable[[], None] = lambda: None) -> "Typed":
+        """An order in a terminal, confirmed by typing; asked again until the drone is ready."""
+        options, sent = (
+            ("--mavlink", f"udpout://127.0.0.1:{self.port}", "--json"),
+            self.commands(),
+        )
+        for _ in range(10):
+            self.number += 1
+            program = Typed((*words, *options), self.work / f"fly{self.number}.log")
+            end_s = time.monotonic() + 40.0
+            while not (program.ended or program.asks):
+                assert time.monotonic() < end_s
+                meanwhile()
+                self.qgc.listen(0.3)
+            assert self.commands() == sent
+            program.type("fly")
+            self.qgc.until(lambda p=program: p.ended or self.commands() > sent, 20.0)  # type: ignore[misc]
+            if not program.ended:
+                return program
+            program.kill()
+        raise AssertionError(self.events())
+
+    def motions(self) -> list[int]:
+        """Numbers of our commands of motion, in turn."""
+        found = (
+            re.search(r"command[=:\s\"]+(\d+)", line) for line in self.log() if OURS in line
+        )
+        return [int(one[1]) for one in found if one is not None]
 
     def log(self) -> list[str]:
         text = (self.drone.directory / "autopilot.log").read_text(errors="replace")
@@ -281,3 +375,37 @@ def test_what_cannot_be_flown_is_refused_with_the_reason(field: Field) -> None:
         qgc.listen(1.0)
     assert "beyond the fence" in field.events()
     assert field.commands() == 0
+
+
+def test_sealed_orders_take_off_with_sticks_seen_and_the_ground_is_lost_on_the_way(
+    drone_bay: DroneBay, tmp_path: Path
+) -> None:
+    """A pilot arms; the drone climbs, flies off, holds without a ground, and returns."""
+    key = tmp_path / "key"
+    key.write_text("5a" * 32)
+    key.chmod(0o600)
+    field = Field(
+        *(drone_bay, "ardupilot", tmp_path),
+        options=("--on-ground", "--sticks"),
+        key=key,
+        may_take_off=True,
+        return_after_s=2.0,
+    )
+    with closing(field.qgc) as qgc:
+        start, sealed = qgc.place, ("--command-key", str(key))
+        assert start is not None
+        # Nothing is said of sticks: they are seen. Left on the ground it would disarm.
+        takes_off = field.typed("takeoff", "25", *sealed, meanwhile=qgc.arm)
+        qgc.until(lambda: takes_off.ended, 40.0)
+        takes_off.kill()
+        assert '"text": "done"' in field.events()
+        assert field.motions() == [176, 22]
+        assert qgc.place.relative_alt == pytest.approx(25_000, abs=2_500)
+
+        there = (start.lat / 1e7 + 200.0 / 111_200.0, start.lon / 1e7)
+        goes = field.typed("goto", *map(str, there), *sealed)
+        qgc.until(lambda: qgc.off_m(start) > 5.0, 20.0)
+        goes.kill()
+        qgc.until(lambda: qgc.mode == MODES["ardupilot"]["return"], 30.0)
+        assert field.motions() == [176, 22, 192, 192, 20]  # there, and where it held
+        assert 20.0 < qgc.off_m(start) < 150.0

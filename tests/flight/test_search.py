@@ -26,9 +26,11 @@ from uavrt.messages import SearchNote
 from uavrt.recording import read_search_notes
 from uavrt.simulation import Antenna, Flight, Radio, Scenario
 from uavrt.simulation.flying import Flavour
+from uavrt.supervisor.tree import pss_mb
 
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(300)]
 KILLS = int(os.environ.get("UAVRT_KILLS", "1"))
+GUIDE_MB = 80.0
 VICTIMS = ("guide", "connection", "supervisor")
 
 
@@ -63,6 +65,7 @@ def test_the_demo_says_that_a_search_was_cut_short(tmp_path: Path) -> None:
     summary = json.loads(finished.stdout.splitlines()[-1])
     assert not all(tag["found"] for tag in summary["tags"].values())
     assert set(summary["tags"]) == {"2", "4", "6"}
+    assert 20.0 < summary["guide_memory_mb"] <= GUIDE_MB
     assert "the time is over" in finished.stderr
     # The first goal, and the way home.
     assert summary["commands"] >= 2
@@ -105,7 +108,14 @@ def notes_until_the_end(field: Field) -> tuple[SearchNote, ...]:
 def test_it_finds_an_animal_and_returns(drone_bay: DroneBay, tmp_path: Path) -> None:
     field = searching(drone_bay, "px4", tmp_path)
     program = field.ordered("search", "--radius", "130", "--radius-wish", "40")
-    field.qgc.until(lambda: program.ended, 200.0)
+    guide, sizes_mb = field.pid_of("guide"), [0.0]
+
+    def over() -> bool:
+        sizes_mb.append(pss_mb(guide))
+        return program.ended
+
+    field.qgc.until(over, 200.0)
+    assert 10.0 < max(sizes_mb) <= GUIDE_MB
     assert "returning: the autopilot flies home" in field.events()
     assert program.exit_code == 0
     notes = notes_until_the_end(field)

@@ -25,6 +25,9 @@ from uavrt.ground.link import (
     stop,
 )
 from uavrt.guidance import (
+    NOT_CHECKED,
+    NOT_CHECKED_ABOARD,
+    Limits,
     Order,
     area_in,
     fence_file,
@@ -74,6 +77,7 @@ def fly(
     sticks_unseen: Flag = False,
     save: Path | None = None,
     upload: Flag = False,
+    farthest: Metres = 500.0,
     mavlink: str = DEFAULT_ADDRESS,
     command_key: Path | None = None,
     signing_key: Path | None = None,
@@ -132,7 +136,10 @@ def fly(
     upload
         Of a survey: give it to the autopilot as its mission, in place of the one that it holds,
         and read it back. Nothing starts it but a pilot, and it is not given to a vehicle that
-        flies a mission.
+        flies a mission. Its fence and home are read before: what leads out of the fence, or to
+        where the way home does, is refused.
+    farthest
+        Of a survey to upload: it leads no farther from the vehicle's home [m].
     mavlink
         Link to the vehicle, as for `uavrt ground`.
     command_key
@@ -174,7 +181,9 @@ def fly(
     if save is not None:
         _save(save, request)
     if upload:
-        sys.exit(asyncio.run(_upload(mavlink, keys, request, json_lines=json_lines)))
+        order = _survey(request, "uploaded")
+        limits = Limits(fence_m=farthest)
+        sys.exit(asyncio.run(_upload(mavlink, keys, order, limits, json_lines=json_lines)))
     if save is not None:
         return
     terminal = _Terminal(keys, json_lines=json_lines, yes=yes, sticks_unseen=sticks_unseen)
@@ -270,6 +279,7 @@ def _save(path: Path, request: MotionRequest | None) -> None:
     _check_plan_name(path, "survey")
     _write(path, survey_file(order, SPEED_M_S))
     print(f"{path}: open it in QGroundControl, upload it, and start it when the drone hovers")
+    print(f"not checked: {NOT_CHECKED}")
 
 
 def _write(path: Path, text: str) -> None:
@@ -284,15 +294,16 @@ def _write(path: Path, text: str) -> None:
 
 
 async def _upload(
-    address: str, keys: LinkKeys, request: MotionRequest | None, *, json_lines: bool
+    address: str, keys: LinkKeys, order: Order, limits: Limits, *, json_lines: bool
 ) -> int:
     """Give a survey to the autopilot as its mission."""
-    items = survey_items(_survey(request, "uploaded"))
+    survey_items(order, limits)
     async with _connected(address, keys) as link:
-        done = await link.missions.upload(items)
+        done = await link.missions.upload_survey(order, limits)
     text = (
-        f"the vehicle holds the survey: {done.items} items, read back. A pilot starts it when "
-        "the drone hovers; uavrt does not watch over that flight"
+        f"the vehicle holds the survey: {done.items} items, read back. It keeps to the "
+        f"vehicle's fence; not checked: {NOT_CHECKED_ABOARD}. A pilot starts it when the drone "
+        "hovers; uavrt does not watch over that flight"
     )
     _print("uploaded", text, json_lines=json_lines)
     return 0

@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from uavrt.config.guidance_rules import guidance_faults
 from uavrt.config.radios import RADIOS
 from uavrt.config.settings import RADIO_GROUP, Settings
 from uavrt.config.text_files import decode_text, write_text_atomically
@@ -61,6 +62,10 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
         raise _error(name, [f"not TOML: {error}"]) from None
     lines = find_lines(text)
     faults = _unknown_radio(document, lines)
+    faults += [
+        (line_of(lines, ("guidance", key)) or 1, text)
+        for key, text in guidance_faults(document)
+    ]
     try:
         # By way of JSON, where a list may be a tuple and strict still means strict: "3" is no
         # number and 3.5 no count. Dates, which no setting has, become text and are refused.

@@ -269,6 +269,18 @@ class GuidanceSettings:
     """Greatest distance from home."""
     speed_m_s: Annotated[float, Interval(ge=0.5, le=25.0)] = 5.0
     """What the autopilot is set to fly at; times and energies are told by it."""
+    airspeed_m_s: Annotated[float, Interval(ge=1.0, le=60.0)] = 12.0
+    """Greatest speed through the air: against a wind the drone comes forward the slower, and in
+    nearly as much it flies nowhere but home."""
+    wind_m_s: Annotated[float, Interval(ge=0.0, le=30.0)] = 8.0
+    """Worst wind to be expected, straight against the way home; used where the autopilot tells
+    of none."""
+    return_height_m: Annotated[float, Interval(ge=0.0, le=500.0)] = 60.0
+    """To which the autopilot climbs before it returns: RTL_RETURN_ALT of PX4, RTL_ALT of
+    ArduPilot."""
+    hover_w: Annotated[float, Interval(ge=5.0, le=20_000.0)] | None = None
+    """Power of hovering: volts times amperes of a flight's log. Left out, it is taken to be 400
+    W, or thrice as much for the way home, until the battery has shown it in flight."""
     battery_wh: Annotated[float, Gt(0.0)] | None = None
     """Size of the full battery; without it no way is flown, only turns, hold and return."""
     reserve_percent: Annotated[float, Interval(ge=5.0, le=90.0)] = 25.0

@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     from uavrt.guidance.company import Company
     from uavrt.guidance.ground import GroundAround
     from uavrt.guidance.heights import target_amsl_m
+    from uavrt.guidance.lessons import Lessons
     from uavrt.guidance.manners import MANNERS, AutopilotName, Manners, manners_of
     from uavrt.guidance.mission import (
+        NOT_CHECKED,
+        NOT_CHECKED_ABOARD,
         MissionItem,
         MissionKind,
         difference,
@@ -57,6 +60,8 @@ __all__ = [
     "AWAY_MARGIN",
     "KEPT_AWAY",
     "MANNERS",
+    "NOT_CHECKED",
+    "NOT_CHECKED_ABOARD",
     "TAG_HEIGHT_M",
     "Authority",
     "AutopilotName",
@@ -71,6 +76,7 @@ __all__ = [
     "GroundAround",
     "HomeSeen",
     "LandedSeen",
+    "Lessons",
     "Limits",
     "Manners",
     "MissionItem",
@@ -124,10 +130,13 @@ __getattr__ = lazily(
         "GroundAround": "ground",
         "HomeSeen": "observed",
         "LandedSeen": "observed",
+        "Lessons": "lessons",
         "Limits": "orders",
         "MANNERS": "manners",
         "Manners": "manners",
         "MissionItem": "mission",
+        "NOT_CHECKED": "mission",
+        "NOT_CHECKED_ABOARD": "mission",
         "MissionKind": "mission",
         "ModeSeen": "observed",
         "Observation": "observed",

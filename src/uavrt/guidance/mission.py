@@ -12,9 +12,10 @@ from typing import Literal
 import numpy as np
 
 from uavrt.errors import FormatError, PlanError
+from uavrt.geodesy import distance_m
 from uavrt.guidance.heights import check_height
 from uavrt.guidance.orders import Limits, Order, Place
-from uavrt.guidance.plans import MARGIN_M, survey_places, voids_of
+from uavrt.guidance.plans import MARGIN_M, check_keep_out, survey_places, voids_of
 from uavrt.messages import KeepOut, VehicleFence
 from uavrt.planning import Polygon, SearchArea
 from uavrt.tangent_plane import TangentPlane
@@ -83,7 +84,15 @@ class MissionItem:
         )
 
 
-def survey_items(order: Order) -> tuple[MissionItem, ...]:
+NOT_CHECKED = "the vehicle's fence, home, battery, and the ground beneath the ways"
+"""By who writes a survey without a vehicle."""
+NOT_CHECKED_ABOARD = "its battery, and the ground beneath the ways"
+"""By who gives it to one."""
+
+
+def survey_items(
+    order: Order, limits: Limits | None = None, home: Place | None = None
+) -> tuple[MissionItem, ...]:
     """Write a survey as a mission: its ways at their height above home, then the return.
 
     Nothing of it takes off: a pilot does, and starts the mission.
@@ -92,11 +101,16 @@ def survey_items(order: Order) -> tuple[MissionItem, ...]:
     ----------
     order : Order
         A survey along lines or around; of turns at places no autopilot's mission is alike.
+    limits : Limits, optional
+        Heights; beside `home` also the distance from it, and the vehicle's own fence.
+    home : (float, float), optional
+        The vehicle's; without it only the ways themselves are checked.
 
     Raises
     ------
     PlanError
-        There is no height, the outline is none, or a way leads over people or buildings.
+        There is no height, the outline is none, or a way leads over people or buildings; or,
+        with a home, out of the fence, too far away, or to where the way home does so.
     """
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
@@ -105,10 +119,13 @@ def survey_items(order: Order) -> tuple[MissionItem, ...]:
         )
     if order.height_m is None:
         raise PlanError("a survey as a mission needs a height", remedy="Give --height 60")
-    limits = Limits()
+    limits = limits or Limits()
     check_height(order.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
     places = survey_places(order, order.places[0] if order.places else (0.0, 0.0))
-    _check_keep_out(order, places)
+    if home is None:
+        _check_keep_out(order, places)
+    else:
+        _check_with_home(order, places, limits, home)
     height = order.height_m
     return (
         *(MissionItem.at(WAYPOINT, RELATIVE_FRAME, place, height) for place in places),
@@ -128,6 +145,19 @@ def _check_keep_out(order: Order, places: Sequence[Place]) -> None:
     reason = area.entered(np.asarray(east), np.asarray(north))
     if reason is not None:
         raise PlanError(f"the way {reason}", remedy="Draw the area beside it, or in two parts")
+
+
+def _check_with_home(
+    order: Order, places: Sequence[Place], limits: Limits, home: Place
+) -> None:
+    farthest = max(distance_m(*home, *place) for place in places)
+    if farthest > limits.fence_m:
+        raise PlanError(
+            f"the survey leads {farthest:.0f} m from the vehicle's home",
+            remedy=f"Survey within {limits.fence_m:.0f} m of it, or give --farthest",
+        )
+    plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
+    check_keep_out(order, limits, plane, (home, *places))
 
 
 def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str | None:

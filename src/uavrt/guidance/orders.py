@@ -1,11 +1,14 @@
 """Orders that an operator can give, and the vehicle's state during them. Pure."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.heights import LOWEST_M
 from uavrt.messages import KeepOut, MotionAction, SurveyPattern
+
+if TYPE_CHECKING:
+    from uavrt.planning import EnergyModel, Wind
 
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
@@ -49,7 +52,15 @@ class Limits:
     fence_m: float = 500.0
     """Radius around home."""
     speed_m_s: float = 5.0
-    """That the autopilot flies at; for times only."""
+    """Over ground, that the autopilot flies at; for times and energies only."""
+    airspeed_m_s: float = 12.0
+    """Greatest: against the wind it comes forward the slower."""
+    wind_m_s: float = 8.0
+    """That blows against the way home where the autopilot tells of none."""
+    return_height_m: float = 60.0
+    """To which the autopilot climbs before it returns."""
+    hover_w: float | None = None
+    """Power of hovering; None: not known."""
     battery_wh: float | None = None
     """Of a full battery; None: not known."""
     reserve_percent: float = 25.0
@@ -94,3 +105,7 @@ class VehicleNow:
     wishes_refused: int
     turned_deg: float
     ground_silent_s: float
+    wind: "Wind | None" = None
+    """By the autopilot; None: it tells of none."""
+    energy: "EnergyModel | None" = None
+    """What flying takes, as learnt so far; None: as the limits tell."""

@@ -29,8 +29,9 @@ ARRIVED_M, ARRIVED_M_S, AT_HEIGHT_M = 3.0, 1.0, 2.0
 LOOKS_DEG = 8.0
 TURNED_DEG = 8.0
 """So much may be missing of a turn in place."""
-STEP_TAKES_S = 60.0
-"""Longest for a step, besides its way at 1 m/s and its stay."""
+STEP_TAKES_S, SLOWER = 60.0, 3.0
+"""Longest for a step, besides its stay and so many times its way at the speed of the settings:
+wind, or an autopilot that is set to fly slower than they say."""
 SLOW_M_S = 2.0
 BEND_DEG = 30.0
 """It goes to another place without standing first when that is no farther off its way."""
@@ -65,7 +66,8 @@ class Pilot:
         self._number = 0
         self._wished = 0
         self._wished_step: Step | None = None
-        self._step_s = 0.0
+        self._step_until_s = 0.0
+        """Longer is too long, by where the step began."""
         self._there_s: float | None = None
         self._sent_for_step = 0
         self._holding: Go | None = None
@@ -79,6 +81,8 @@ class Pilot:
         self._battery_s = 0.0
         self._battery_told = False
         self._sent = self._refused_before = 0
+        self._failed: str | None = None
+        """Why it is cut short."""
         self.ended: str | None = None
         """Why there is nothing more to wish; None while there is."""
         self.said = ""
@@ -109,6 +113,13 @@ class Pilot:
         self._steps, self._number = [*first, *steps], 0
         self._wished_step = None
 
+    def give_up(self, reason: str) -> None:
+        """Cut the order short: fly home, for nobody would watch the battery where it hovers.
+
+        An order that has not begun ends without a command, and so does a take-off.
+        """
+        self._failed = self._failed or reason
+
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
         """Whether it is too fast to go elsewhere by a bend that is no one else's doing."""
         before = self._steps[self._number]
@@ -131,7 +142,13 @@ class Pilot:
         if now.wishes_sent > self._sent:
             self._sent, self._refused_before = now.wishes_sent, now.wishes_refused
         if now.wishes_refused - self._refused_before > REFUSALS:
-            self.ended = "the commands are refused"
+            self._refused_before = now.wishes_refused
+            if self._returning:
+                self.ended = "the commands are refused"
+                return None
+            self.give_up("the commands are refused")
+        if self._failed is not None and (not now.began or self.order.action == "takeoff"):
+            self.ended = self._failed
             return None
         if now.wishes_sent + now.wishes_refused < self._wished or (
             now.began and not now.obeyed
@@ -159,10 +176,10 @@ class Pilot:
         if self._wished_step is not step:
             return self._wish(step, now)
         if not self._done(step, now):
-            late = now.time_s - self._step_s > self._longest_s(step, now)
-            if late and not self._flies_home:
-                self.ended = "a step takes too long"
-            if not (late and self._flies_home):
+            if now.time_s <= self._step_until_s:
+                return None
+            if not self._flies_home:
+                self.give_up("a step takes too long")
                 return None
         self._number += 1
         if self._number == len(self._steps):
@@ -173,7 +190,8 @@ class Pilot:
     def _wish(self, step: Step, now: VehicleNow) -> Wish:
         self._wished += 1
         self._sent_for_step = now.wishes_sent + 1
-        self._wished_step, self._step_s, self._there_s = step, now.time_s, None
+        self._wished_step, self._there_s = step, None
+        self._step_until_s = now.time_s + self._longest_s(step, now)
         match step:
             case Go():
                 amsl = target_amsl_m(
@@ -226,7 +244,7 @@ class Pilot:
         match step:
             case Go():
                 way = distance_m(now.latitude_deg, now.longitude_deg, *step.place)
-                return STEP_TAKES_S + way + step.stay_s
+                return STEP_TAKES_S + SLOWER * way / self._limits.speed_m_s + step.stay_s
             case Turn():
                 return STEP_TAKES_S + abs(step.turn_deg) / step.rate_deg_s
             case Climb():
@@ -240,6 +258,8 @@ class Pilot:
         limits = self._limits
         if not now.began or self._returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
+        if self._failed is not None:
+            return self._home(self._failed)
         if now.time_s >= self._battery_s + BATTERY_S:
             self._battery_s = now.time_s
             reason = self._battery_reason(now)

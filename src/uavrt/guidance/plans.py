@@ -8,6 +8,7 @@ import numpy as np
 
 from uavrt.errors import PlanError
 from uavrt.guidance.heights import check_height
+from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.messages import KeepOut
@@ -20,6 +21,7 @@ from uavrt.planning import (
     SearchArea,
     VehicleState,
     Wind,
+    headwind,
     survey_lines,
 )
 from uavrt.tangent_plane import TangentPlane
@@ -31,6 +33,8 @@ BELOW_M = 1.0
 """So far below the least height a gust may push a drone that hovers there."""
 _MOST_TURNS, _MOST_LINES = 60, 200
 _CLIMB_M_S = 1.5
+_CALM_SHARE = 0.9
+"""Of the greatest airspeed: in more wind than that nothing is flown."""
 MARGIN_M = 5.0
 """From people and buildings, besides their outlines: gusts and bends."""
 
@@ -503,9 +507,13 @@ def check_battery(
             "the autopilot does not report the remaining battery",
             remedy="Set up its battery monitor",
         )
+    windy = too_windy(now, limits)
+    if windy is not None:
+        raise PlanError(windy, remedy="Wait for less, or see to guidance.airspeed_m_s")
     climb = max(0.0, height - now.altitude_relative_m)
-    used = EnergyModel().used_wh(duration_s, limits.speed_m_s, climb)
-    needed = used + way_home_wh(end_m, height, limits) + reserve_wh(limits)
+    energy, air = _energy(now, limits), now.wind or Wind()
+    used = energy.used_wh(duration_s, limits.speed_m_s + air.speed_m_s, climb)
+    needed = used + way_home_wh(end_m, height, now, limits) + reserve_wh(limits)
     left = limits.battery_wh * now.battery_percent / 100.0
     if left < needed:
         raise PlanError(
@@ -520,20 +528,52 @@ def reserve_wh(limits: Limits) -> float:
     return (limits.battery_wh or 0.0) * limits.reserve_percent / 100.0
 
 
-def way_home_wh(place_m: tuple[float, float], height_m: float, limits: Limits) -> float:
-    """The energy for the way home from a place, east and north of it."""
+def multirotor_of(limits: Limits) -> Multirotor:
+    """What flies, its autopilot holding the speed over ground."""
+    return Multirotor(
+        speed_m_s=limits.speed_m_s, airspeed_m_s=limits.airspeed_m_s, acceleration_m_s2=3.0
+    )
+
+
+def _energy(now: VehicleNow, limits: Limits) -> EnergyModel:
+    return energy_of(limits.hover_w) if now.energy is None else now.energy
+
+
+def way_home_wh(
+    place_m: tuple[float, float], height_m: float, now: VehicleNow, limits: Limits
+) -> float:
+    """The energy for the way home from a place, east and north of it.
+
+    Against the wind that the autopilot tells, or else the worst of the limits.
+    """
     state = VehicleState(time_s=0.0, east_m=place_m[0], north_m=place_m[1], height_m=height_m)
-    vehicle = Multirotor(speed_m_s=limits.speed_m_s)
-    return EnergyModel().way_home_wh(vehicle, state, (0.0, 0.0), Wind())
+    home_m = (0.0, 0.0)
+    air = headwind(state, home_m, limits.wind_m_s) if now.wind is None else now.wind
+    return _energy(now, limits).way_home_wh(
+        multirotor_of(limits), state, home_m, air, return_height_m=limits.return_height_m
+    )
+
+
+def too_windy(now: VehicleNow, limits: Limits) -> str | None:
+    """How the wind that is told is nearly all that the drone can fly against; else None."""
+    if now.wind is None or now.wind.speed_m_s <= _CALM_SHARE * limits.airspeed_m_s:
+        return None
+    return (
+        f"the wind is {now.wind.speed_m_s:.0f} m/s; the drone flies "
+        f"{limits.airspeed_m_s:.0f} m/s through the air"
+    )
 
 
 def must_return(now: VehicleNow, limits: Limits) -> str | None:
     """Why it is time to go home, whatever the order says; None while it is not."""
+    windy = too_windy(now, limits)
+    if windy is not None:
+        return windy
     if limits.battery_wh is None or now.battery_percent is None:
         return None
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     (place,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
-    needed = way_home_wh(place, now.altitude_relative_m, limits)
+    needed = way_home_wh(place, now.altitude_relative_m, now, limits)
     left = limits.battery_wh * now.battery_percent / 100.0
     battery = Battery(remaining_wh=left, reserve_wh=reserve_wh(limits))
     if not battery.must_return(needed):

@@ -6,6 +6,7 @@ from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import VehicleNow
 from uavrt.guidance.wishes import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.messages import VehicleReport, VehicleWish
+from uavrt.planning import Wind
 
 
 def with_place(report: VehicleReport, now: VehicleNow) -> VehicleReport:
@@ -53,6 +54,9 @@ def now_of(report: VehicleReport, time_s: float) -> VehicleNow | None:
         wishes_refused=report.wishes_refused,
         turned_deg=report.turned_deg,
         ground_silent_s=report.ground_silent_s,
+        wind=None
+        if report.wind_m_s is None
+        else Wind(east_m_s=report.wind_m_s[0], north_m_s=report.wind_m_s[1]),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from uavrt.errors import PlanError
 from uavrt.guidance.heights import check_height
-from uavrt.guidance.lessons import Lessons
+from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.listening import Antenna, Ears, Evidence
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.neighbours import MISSING_S, SEPARATION, beside_of, nearest_m
@@ -29,8 +29,10 @@ from uavrt.guidance.plans import (
     check_ground,
     check_keep_out,
     check_map,
+    multirotor_of,
     reserve_wh,
     rotation,
+    too_windy,
 )
 from uavrt.localization import AntennaPattern, TagPrior, TrackEstimate
 from uavrt.messages import (
@@ -48,7 +50,6 @@ from uavrt.planning import (
     Beliefs,
     Beside,
     Decision,
-    EnergyModel,
     FlyTo,
     Found,
     Hold,
@@ -56,7 +57,6 @@ from uavrt.planning import (
     KeepAway,
     Leg,
     MiRate,
-    Multirotor,
     Planner,
     Polygon,
     Return,
@@ -179,13 +179,15 @@ class Seeker:
         away = limits.keep_away_m
         self._search = Search(
             SearchSettings(
-                vehicle=Multirotor(speed_m_s=limits.speed_m_s, acceleration_m_s2=3.0),
+                vehicle=multirotor_of(limits),
                 area=area,
                 stop=HonestStop(radius95_m=order.wish_m),
                 keep_away=KeepAway(radius_m=away, probability=KEPT_AWAY, margin=AWAY_MARGIN)
                 if away > 0.0
                 else None,
-                energy=EnergyModel(),
+                energy=energy_of(limits.hover_w),
+                worst_wind_m_s=limits.wind_m_s,
+                return_height_m=limits.return_height_m,
                 cycle_s=CYCLE_S,
                 pulse_s=float(np.mean([max(tag.pulse_intervals_s) for tag in self.tags])),
                 threshold_db=10.0,
@@ -208,7 +210,6 @@ class Seeker:
         """Likewise, of the decision before."""
         self._said = "searching"
         self._over = False
-        self._lessons = Lessons()
         self._latest_s: dict[int, float] = {}
         self._near = 0.0
         """Probability that an animal was too near when the last decision was made."""
@@ -223,7 +224,12 @@ class Seeker:
         check_keep_out(self._order, self._limits, self._plane, here)
         check_map(now, self._limits)
         check_ground(here, now, self._limits, self._height_m)
+        self._know_energy(now)
         self._search.check(self._state(0.0, now, idle=True), self._battery(now))
+
+    def _know_energy(self, now: VehicleNow) -> None:
+        if now.energy is not None:
+            self._search.know_energy(now.energy)
 
     def _beliefs(self, area: Polygon) -> Beliefs:
         few = len(self.tags) <= FEW_TAGS
@@ -312,19 +318,6 @@ class Seeker:
                 yaw_deg=yaw,
             )
         )
-        self._learn_energy(time_s, now)
-
-    def _learn_energy(self, time_s: float, now: VehicleNow) -> None:
-        energy, size = self._search.settings.energy, self._limits.battery_wh
-        if energy is None or size is None or now.battery_percent is None:
-            return
-        lesson = self._lessons.add(time_s, now.battery_percent, energy, now.speed_m_s)
-        if lesson is not None:
-            predicted_wh, percent = lesson
-            # Whole percents: the error of a difference of two at their changes.
-            self._search.learn_energy(
-                predicted_wh, size * percent / 100.0, sigma_wh=0.005 * size
-            )
 
     def pulse(self, pulse_pose: PulsePose) -> None:
         """Add a pulse."""
@@ -493,7 +486,13 @@ class Seeker:
             )
         if state.time_s >= self._order.duration_s and not self._search.finished:
             return Decision(action=Return(), reason="the time is over")
-        decision = self._search.decide(state, battery=self._battery(now), beside=beside)
+        windy = too_windy(now, self._limits)
+        if windy is not None:
+            return Decision(action=Return(), reason=windy)
+        self._know_energy(now)
+        decision = self._search.decide(
+            state, wind=now.wind, battery=self._battery(now), beside=beside
+        )
         reason = self._entered(decision.action, state, now)
         if reason is None and beside is not None:
             reason = self._meets(decision.action, state, beside)

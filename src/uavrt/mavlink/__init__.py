@@ -65,6 +65,7 @@ if TYPE_CHECKING:
         kind_of,
         observations,
     )
+    from uavrt.mavlink.wind import wind_of
 
 __all__ = [
     "DATA_SIZE",
@@ -132,6 +133,7 @@ __all__ = [
     "signing_from",
     "station_heartbeat",
     "value_name",
+    "wind_of",
 ]
 __getattr__ = lazily(
     __name__,
@@ -201,5 +203,6 @@ __getattr__ = lazily(
         "signing_from": "signing",
         "station_heartbeat": "discovery",
         "value_name": "named_value",
+        "wind_of": "wind",
     },
 )

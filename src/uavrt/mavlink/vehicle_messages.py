@@ -46,9 +46,11 @@ WATCHED_HZ: dict[int, float] = {
     dialect.ExtendedSysState.ID: 2.0,
     dialect.CurrentMode.ID: 10.0,
     dialect.Heartbeat.ID: 10.0,
+    dialect.Wind.ID: 0.2,
+    dialect.WindCov.ID: 0.2,
 }
 """What must be streamed for a takeover to be seen in time. PX4 refuses HEARTBEAT and ArduPilot
-CURRENT_MODE: each tells its mode by the other."""
+CURRENT_MODE: each tells its mode by the other. Likewise the wind, where it is told at all."""
 NO_CHANNEL_US = 65_535
 _FAILING: dict[int, str] = {
     MavSysStatusSensor.SYS_STATUS_GEOFENCE: "fence",

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         VehicleState,
         Wind,
         flown,
+        headwind,
         reachable,
     )
     from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
@@ -100,6 +101,7 @@ __all__ = [
     "at_100_m",
     "coverage_of",
     "flown",
+    "headwind",
     "listening_way",
     "places_at",
     "planner_named",
@@ -164,6 +166,7 @@ __getattr__ = lazily(
         "Wind": "vehicle",
         "at_100_m": "level",
         "flown": "vehicle",
+        "headwind": "vehicle",
         "places_at": "beside",
         "planner_named": "planners",
         "reachable": "vehicle",

@@ -1,6 +1,7 @@
 """What flying costs, learnt from the battery, and when it is time to go home."""
 
 from dataclasses import dataclass, replace
+from math import hypot, inf, isfinite
 
 import numpy as np
 
@@ -8,6 +9,9 @@ from uavrt.errors import ConfigError
 from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 _J_PER_WH = 3600.0
+_DRIFTS = 0.03
+"""The scale changes so much between two lessons: wind, the battery's voltage."""
+_CLIMB_M_S, _SINK_M_S = 3.0, 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +56,9 @@ class EnergyModel:
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
         """Update with what the battery gave over a stretch for which this model told another.
 
+        A lesson that what is believed makes unlikely (a payload that nobody told of) is
+        believed all the same, and makes it less sure: the drone has to come home.
+
         Parameters
         ----------
         predicted_wh, used_wh : float
@@ -70,13 +77,16 @@ class EnergyModel:
                 remedy="Check the battery monitor's calibration",
             )
         per_scale = predicted_wh / self.scale
-        precision = 1.0 / self.scale_sigma**2 + (per_scale / sigma_wh) ** 2
+        off = used_wh - predicted_wh
+        sigma = hypot(self.scale_sigma, _DRIFTS)
+        if abs(off) > 2.0 * hypot(per_scale * sigma, sigma_wh):
+            sigma = abs(off) / per_scale
+        precision = 1.0 / sigma**2 + (per_scale / sigma_wh) ** 2
         gain = per_scale / sigma_wh**2 / precision
-        scale = self.scale + gain * (used_wh - predicted_wh)
         return replace(
             self,
-            scale=float(np.clip(scale, 0.3, 4.0)),
-            scale_sigma=float(max(precision**-0.5, 0.02)),
+            scale=float(np.clip(self.scale + gain * off, 0.3, 4.0)),
+            scale_sigma=float(precision**-0.5),
         )
 
     def way_home_wh(
@@ -86,19 +96,37 @@ class EnergyModel:
         home_m: tuple[float, float],
         wind: Wind,
         *,
+        return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
         """Energy to fly home and come down, of a drone that uses more than is believed.
 
         Infinite against a wind that is too strong.
+
+        Parameters
+        ----------
+        vehicle, state, home_m, wind
+            What flies from where to where, against what.
+        return_height_m : float
+            The autopilot climbs to it first.
+        sigmas : float
+            So much more is used than is believed.
         """
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
-        landing = state.height_m / 1.5
+        if not isfinite(flying):
+            return inf
+        way = home_m[0] - state.east_m, home_m[1] - state.north_m
+        steady = 1.0 / max(flying, 1e-9)
+        airspeed = max(
+            vehicle.speed_m_s,
+            hypot(way[0] * steady - wind.east_m_s, way[1] * steady - wind.north_m_s),
+        )
+        climb = max(0.0, return_height_m - state.height_m)
+        upright = climb / _CLIMB_M_S + (state.height_m + climb) / _SINK_M_S
         sure = 1.0 + sigmas * self.scale_sigma / self.scale
-        if not np.isfinite(flying):
-            return float("inf")
-        return sure * (self.used_wh(flying, vehicle.speed_m_s) + self.used_wh(landing, 0.0))
+        used = self.used_wh(flying, airspeed) + self.used_wh(upright, wind.speed_m_s, climb)
+        return sure * used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

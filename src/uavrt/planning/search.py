@@ -17,7 +17,7 @@ from uavrt.planning.energy import Battery, EnergyModel
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.situation import Decision, Planner, Situation
 from uavrt.planning.stopping import StopRule
-from uavrt.planning.vehicle import Vehicle, VehicleState, Wind, flown
+from uavrt.planning.vehicle import Vehicle, VehicleState, Wind, flown, headwind
 
 _Floats = NDArray[np.float64]
 
@@ -41,6 +41,10 @@ class SearchSettings:
     keep_away: KeepAway | None = None
     energy: EnergyModel | None = None
     """None: the battery is not looked at (experiments that have none)."""
+    worst_wind_m_s: float = 0.0
+    """That blows against the way home, where no wind is told."""
+    return_height_m: float = 0.0
+    """To which the autopilot climbs before it flies home."""
     cycle_s: float = 5.0
     pulse_s: float = 1.0
     threshold_db: float = 10.0
@@ -150,13 +154,12 @@ class Search:
         beside: Beside | None = None,
     ) -> Decision:
         """What to do now: home when it is time, else what the planner says."""
-        air = wind or Wind()
         self._fall.share(self.beliefs.values())
-        decision = self._home(state, air, battery)
+        decision = self._home(state, wind, battery)
         if decision is None:
-            situation = self.situation(state, air, beside)
+            situation = self.situation(state, wind or Wind(), beside)
             decision = self._planner.decide(situation)
-            decision = self._affordable(decision, situation, battery) or decision
+            decision = self._affordable(decision, situation, wind, battery) or decision
         self.decisions.append((state.time_s, decision))
         return decision
 
@@ -198,17 +201,25 @@ class Search:
             beside=beside,
         )
 
+    def _way_home_wh(
+        self, energy: EnergyModel, state: VehicleState, wind: Wind | None
+    ) -> float:
+        """Against the wind that is told, or else the worst."""
+        settings, home_m = self.settings, self.settings.area.home_m
+        air = headwind(state, home_m, settings.worst_wind_m_s) if wind is None else wind
+        return energy.way_home_wh(
+            settings.vehicle, state, home_m, air, return_height_m=settings.return_height_m
+        )
+
     def _home(
-        self, state: VehicleState, wind: Wind, battery: Battery | None
+        self, state: VehicleState, wind: Wind | None, battery: Battery | None
     ) -> Decision | None:
         if self.finished:
             return Decision(action=Return(), reason="every tag is found")
         energy = self.settings.energy
         if battery is None or energy is None:
             return None
-        needed = energy.way_home_wh(
-            self.settings.vehicle, state, self.settings.area.home_m, wind
-        )
+        needed = self._way_home_wh(energy, state, wind)
         if not battery.must_return(needed):
             return None
         return Decision(
@@ -220,7 +231,11 @@ class Search:
         )
 
     def _affordable(
-        self, decision: Decision, situation: Situation, battery: Battery | None
+        self,
+        decision: Decision,
+        situation: Situation,
+        wind: Wind | None,
+        battery: Battery | None,
     ) -> Decision | None:
         """Home instead, where a cycle of the action would use what the way home needs."""
         energy = self.settings.energy
@@ -231,10 +246,9 @@ class Search:
         last = min(len(path.time_s), max(1, int(np.ceil(self.settings.cycle_s)))) - 1
         end = path.state(last)
         moves = isinstance(decision.action, FlyTo | Leg)
-        used = energy.used_wh(
-            end.time_s - situation.state.time_s, vehicle.speed_m_s if moves else 0.0
-        )
-        home = energy.way_home_wh(vehicle, end, self.settings.area.home_m, situation.wind)
+        airspeed = (vehicle.speed_m_s if moves else 0.0) + situation.wind.speed_m_s
+        used = energy.used_wh(end.time_s - situation.state.time_s, airspeed)
+        home = self._way_home_wh(energy, end, wind)
         if not battery.must_return(home, used):
             return None
         return Decision(
@@ -245,9 +259,7 @@ class Search:
             ),
         )
 
-    def learn_energy(self, predicted_wh: float, used_wh: float, sigma_wh: float = 0.5) -> None:
-        """Update with what the battery gave over a stretch of the flight."""
-        energy = self.settings.energy
-        if energy is not None:
-            learnt = energy.learnt(predicted_wh, used_wh, sigma_wh)
-            self.settings = replace(self.settings, energy=learnt)
+    def know_energy(self, energy: EnergyModel) -> None:
+        """Reckon with what the battery has taught from now on."""
+        if self.settings.energy is not None:
+            self.settings = replace(self.settings, energy=energy)

@@ -6,6 +6,7 @@ once.
 """
 
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import Protocol
 
 import numpy as np
@@ -37,6 +38,11 @@ class Wind:
 
     east_m_s: float = 0.0
     north_m_s: float = 0.0
+
+    @property
+    def speed_m_s(self) -> float:
+        """How fast."""
+        return hypot(self.east_m_s, self.north_m_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,6 +131,13 @@ def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _F
     return np.asarray(np.where(left > 0.0, along + np.sqrt(np.maximum(left, 0.0)), -1.0))
 
 
+def headwind(state: VehicleState, home_m: tuple[float, float], speed_m_s: float) -> Wind:
+    """Wind of a speed that blows straight against the way home."""
+    east, north = home_m[0] - state.east_m, home_m[1] - state.north_m
+    against = -speed_m_s / max(hypot(east, north), 1e-9)
+    return Wind(east_m_s=against * east, north_m_s=against * north)
+
+
 def _turned_deg(start_deg: float, end_deg: _Floats) -> _Floats:
     """Shorter way round, (-180, 180]."""
     return np.asarray(180.0 - np.remainder(180.0 - (end_deg - start_deg), 360.0))
@@ -140,6 +153,9 @@ class Multirotor:
     yaw_rate_deg_s: float = 45.0
     turns_first: bool = False
     """It looks where it is going to before it goes."""
+    airspeed_m_s: float | None = None
+    """Greatest, where an autopilot holds `speed_m_s` over ground against the wind; None:
+    `speed_m_s` is the airspeed."""
 
     def __post_init__(self) -> None:
         if min(self.speed_m_s, self.acceleration_m_s2, self.yaw_rate_deg_s) <= 0.0:
@@ -153,6 +169,12 @@ class Multirotor:
         """It does."""
         return True
 
+    def _ground_speed_m_s(self, course_rad: _Floats, wind: Wind) -> _Floats:
+        if self.airspeed_m_s is None:
+            return ground_speed_m_s(self.speed_m_s, course_rad, wind)
+        most = max(self.airspeed_m_s, self.speed_m_s)
+        return np.minimum(self.speed_m_s, ground_speed_m_s(most, course_rad, wind))
+
     def _profile(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]:
@@ -160,7 +182,7 @@ class Multirotor:
         dx, dy = east_m - state.east_m, north_m - state.north_m
         distance = np.hypot(dx, dy)
         course = np.arctan2(dx, dy)
-        speed = ground_speed_m_s(self.speed_m_s, course, wind)
+        speed = self._ground_speed_m_s(course, wind)
         turn = np.where(distance > 0.1, _turned_deg(state.yaw_deg, np.degrees(course)), 0.0)
         turning = np.abs(turn) / self.yaw_rate_deg_s
         steady = np.maximum(speed, 1e-9)

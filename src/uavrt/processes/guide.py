@@ -23,6 +23,7 @@ from uavrt.guidance import (
     Equipment,
     GoHome,
     GroundAround,
+    Lessons,
     Limits,
     Order,
     Pilot,
@@ -83,6 +84,10 @@ def limits_of(settings: GuidanceSettings) -> Limits:
         highest_m=settings.highest_m,
         fence_m=settings.fence_m,
         speed_m_s=settings.speed_m_s,
+        airspeed_m_s=settings.airspeed_m_s,
+        wind_m_s=settings.wind_m_s,
+        return_height_m=settings.return_height_m,
+        hover_w=settings.hover_w,
         battery_wh=settings.battery_wh,
         reserve_percent=settings.reserve_percent,
         headings=settings.headings,
@@ -250,6 +255,9 @@ class Guide:
 
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
+        guidance = frame.assignment.settings.guidance
+        self._lessons = Lessons(guidance.hover_w, guidance.battery_wh)
+        """Of all orders: what flying takes."""
         self._vehicle: VehicleReport | None = None
         self._fence: VehicleFence | None = None
         """The vehicle's own; None: not known."""
@@ -330,7 +338,7 @@ class Guide:
         if fault is not None:
             raise UavrtError(fault)
         manners_of(vehicle.autopilot)
-        now = now_of(vehicle, monotonic_s())
+        now = self._now(vehicle, monotonic_s())
         if now is None:
             raise UavrtError("the vehicle has no position or no home", remedy="Wait for it")
         if order.action == "search":
@@ -387,10 +395,15 @@ class Guide:
     def _fly(self, vehicle: VehicleReport) -> None:
         """Wish what is due, and say where it goes."""
         now_s = monotonic_s()
-        now = now_of(vehicle, now_s)
+        now = self._now(vehicle, now_s)
         self._wish(vehicle, now, now_s)
         if now is not None:
             self._tell_course(now, now_s)
+
+    def _now(self, vehicle: VehicleReport, now_s: float) -> VehicleNow | None:
+        """What is seen of the vehicle, with what its battery has taught."""
+        now = now_of(vehicle, now_s)
+        return None if now is None else self._lessons.taught(now)
 
     def _wish(self, vehicle: VehicleReport, now: VehicleNow | None, now_s: float) -> None:
         """Wish what is due, while the order that was offered is the one confirmed."""
@@ -480,7 +493,7 @@ class Guide:
                 case Choice():
                     self._choose(thought, pilot, now)
                 case Failed():
-                    pilot.ended = thought.reason
+                    pilot.give_up(thought.reason)
         company = self._company
         if company.waits:
             self._await_way(thinker, pilot, now)
@@ -562,6 +575,8 @@ class Guide:
             "orders_flown": self.flown,
             "search_decisions": self.decisions,
             "ways_not_given": self.ways_not_given,
+            "lessons_of_power": self._lessons.learnt,
+            "hover_w": round(self._lessons.energy.power_w(0.0)),
             "others_told": len(self._company.others(monotonic_s())),
         }
 

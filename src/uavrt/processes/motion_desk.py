@@ -6,7 +6,7 @@ Orders come sealed, but for a simulator that says that it is one.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 from uavrt.clock import monotonic_s
@@ -25,7 +25,7 @@ from uavrt.guidance import (
     with_place,
 )
 from uavrt.log import get_logger
-from uavrt.mavlink import Message, command_message, dialect, kind_of, observations
+from uavrt.mavlink import Message, command_message, dialect, kind_of, observations, wind_of
 from uavrt.messages import (
     Command,
     CommandName,
@@ -65,7 +65,7 @@ LATE_TURNS = 2
 order they are served, and whatever comes from the hub first."""
 ANSWERS_WITHIN_S = 2.0
 """The supervisor on a confirmation, then who confirmed has given up."""
-BATTERY_AGE_S = 10.0
+BATTERY_AGE_S, WIND_AGE_S = 10.0, 30.0
 TELLER_S = 10.0
 """Who told of other drones so lately is the only one that may: two would give the same way."""
 UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
@@ -134,6 +134,8 @@ class MotionDesk:
         self._asked_identity_s = -inf
         self._battery_percent: float | None = None
         self._battery_s = -inf
+        self._wind_m_s: tuple[float, float] | None = None
+        self._wind_s = -inf
         self._pending: dict[int, _Question] = {}
         self._order_id = 0
         self._asker: Asker | None = None
@@ -161,7 +163,7 @@ class MotionDesk:
             self._authority.see(Boot(now_s))
             self._watch(now_s)
         self._kind, self._authority, self._simulated = None, None, None
-        self._asked_identity_s = self._battery_s = -inf
+        self._asked_identity_s = self._battery_s = self._wind_s = -inf
         self._fence.autopilot_found()
 
     def vehicle(self, message: Message, age_s: float = 0.0) -> None:
@@ -177,6 +179,8 @@ class MotionDesk:
             left = message.battery_remaining
             self._battery_percent = float(left) if 0 <= left <= 100 else None
             self._battery_s = now_s - age_s
+        if isinstance(message, dialect.Wind | dialect.WindCov):
+            self._wind_m_s, self._wind_s = wind_of(message), now_s - age_s
         if self._authority is None:
             return
         for seen in observations(message, now_s - age_s):
@@ -559,6 +563,8 @@ class MotionDesk:
             order_id=authority.order_id,
             mode=authority.mode_now,
         )
+        if now_s - self._wind_s <= WIND_AGE_S:
+            report = replace(report, wind_m_s=self._wind_m_s)
         return report if now is None else with_place(report, now)
 
     def counters(self) -> dict[str, float]:

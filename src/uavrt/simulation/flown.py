@@ -28,14 +28,16 @@ FLOWN_IDS = frozenset(
         dialect.SysStatus.ID,
         dialect.CurrentMode.ID,
         dialect.ExtendedSysState.ID,
+        dialect.Wind.ID,
+        dialect.WindCov.ID,
     }
 )
-_BOTH = FLOWN_IDS - {dialect.CurrentMode.ID}
+_BOTH = FLOWN_IDS - {dialect.CurrentMode.ID, dialect.Wind.ID, dialect.WindCov.ID}
 ASKED_IDS: dict[str, frozenset[int]] = {
-    "px4": _BOTH | {dialect.CurrentMode.ID},
-    "ardupilot": _BOTH | {dialect.Heartbeat.ID},
+    "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
+    "ardupilot": _BOTH | {dialect.Heartbeat.ID, dialect.Wind.ID},
 }
-"""What can be asked for: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
+"""What can be asked for: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE; each has its wind."""
 CENTRE_US = 1500
 
 
@@ -127,6 +129,8 @@ class Flown:
                 return self._sticks(boot_ms)
             case dialect.ExtendedSysState.ID:
                 return self.vehicle.landed_state()
+            case dialect.Wind.ID | dialect.WindCov.ID:
+                return self.vehicle.wind(boot_ms)
         return self.status()
 
     def home(self) -> dialect.HomePosition:

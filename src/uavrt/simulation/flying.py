@@ -173,6 +173,24 @@ class FlyingVehicle:
             yaw_rate=0.0,
         )
 
+    def wind(self, boot_ms: int) -> dialect.Wind | dialect.WindCov:
+        """The wind, as each of the autopilots tells it."""
+        north, east = self.frame.wind_m_s
+        if self.flavour == "ardupilot":
+            comes_deg = math.degrees(math.atan2(-east, -north))
+            return dialect.Wind(direction=comes_deg, speed=math.hypot(north, east), speed_z=0.0)
+        return dialect.WindCov(
+            time_usec=boot_ms * 1000,
+            wind_x=north,
+            wind_y=east,
+            wind_z=0.0,
+            var_horiz=0.5,
+            var_vert=0.0,
+            wind_alt=self.plane.altitude_amsl_m + self.height_m,
+            horiz_accuracy=0.5,
+            vert_accuracy=0.0,
+        )
+
     def landed_state(self) -> dialect.ExtendedSysState:
         """Whether it stands on the ground."""
         state = dialect.MavLandedState

@@ -12,9 +12,10 @@ from uavrt.attitude import from_euler_deg
 from uavrt.cli.fly import fly
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
-from uavrt.errors import ConfigError
+from uavrt.errors import ConfigError, PlanError
+from uavrt.guidance import fence_items
 from uavrt.mavlink import dialect
-from uavrt.messages import Pose
+from uavrt.messages import KeepOut, Pose, VehicleFence
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 FIELD = ((46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0))
@@ -43,6 +44,28 @@ class Vehicle:
     def close(self) -> None:
         self._loop.call_soon_threadsafe(self._end)
         self._thread.join()
+
+    def holds_fence(self, fence: VehicleFence) -> None:
+        self.autopilot.missions.held[1] = tuple(
+            dialect.MissionItemInt(
+                target_system=1,
+                target_component=1,
+                seq=number,
+                frame=item.frame,
+                command=item.command,
+                current=0,
+                autocontinue=1,
+                param1=item.params[0],
+                param2=0.0,
+                param3=0.0,
+                param4=0.0,
+                x=item.x,
+                y=item.y,
+                z=0.0,
+                mission_type=1,
+            )
+            for number, item in enumerate(fence_items(fence))
+        )
 
     def _end(self) -> None:
         assert self._task is not None
@@ -93,35 +116,41 @@ def test_a_survey_is_uploaded_and_read_back(
             mavlink=vehicle.address,
         )
     assert ended.value.code == 0
-    assert "the vehicle holds the survey: 7 items, read back" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "the vehicle holds the survey: 7 items, read back" in said
+    assert "not checked: its battery, and the ground beneath the ways" in said
     held = vehicle.autopilot.missions.held[0]
     assert [item.command for item in held] == [16] * 6 + [20]
     assert vehicle.autopilot.flown is not None
     assert vehicle.autopilot.flown.vehicle.target is None
 
 
+def test_a_survey_out_of_the_vehicles_fence_or_far_from_its_home_is_not_uploaded(
+    vehicle: Vehicle, tmp_path: Path
+) -> None:
+    options = {"area": meadow(tmp_path), "height": 60.0, "spacing": 40.0, "upload": True}
+    with pytest.raises(PlanError, match=r"leads \d+ m from the vehicle's home") as refused:
+        fly("survey", farthest=50.0, mavlink=vehicle.address, **options)  # type: ignore[arg-type]
+    assert "--farthest" in refused.value.remedy
+    fence = VehicleFence(within=(KeepOut(places=((46.5, 8.0),), radius_m=100.0),))
+    vehicle.holds_fence(fence)
+    with pytest.raises(PlanError, match="vehicle's fence"):
+        fly("survey", mavlink=vehicle.address, **options)  # type: ignore[arg-type]
+    assert not vehicle.autopilot.missions.held[0]
+
+
+def test_a_saved_survey_says_what_nobody_has_checked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fly("survey", area=meadow(tmp_path), height=60.0, save=tmp_path / "meadow.plan")
+    said = capsys.readouterr().out
+    assert "not checked: the vehicle's fence, home, battery, and the ground" in said
+
+
 def test_the_vehicles_fence_is_shown_and_saved(
     vehicle: Vehicle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    vehicle.autopilot.missions.held[1] = (
-        dialect.MissionItemInt(
-            target_system=1,
-            target_component=1,
-            seq=0,
-            frame=0,
-            command=5003,
-            current=0,
-            autocontinue=1,
-            param1=250.0,
-            param2=0.0,
-            param3=0.0,
-            param4=0.0,
-            x=465_000_000,
-            y=80_000_000,
-            z=0.0,
-            mission_type=1,
-        ),
-    )
+    vehicle.holds_fence(VehicleFence(within=(KeepOut(places=((46.5, 8.0),), radius_m=250.0),)))
     saved = tmp_path / "fence.plan"
     with pytest.raises(SystemExit) as ended:
         fly("fence", save=saved, mavlink=vehicle.address)

@@ -17,7 +17,9 @@ from uavrt.config import (
     settings_schema,
     write_default_settings,
 )
+from uavrt.config.guidance_rules import PLANNER_GROUP, PLANNER_NAMES
 from uavrt.errors import ConfigError
+from uavrt.planning import PLANNERS
 
 
 def test_an_empty_file_gives_the_defaults() -> None:
@@ -89,6 +91,56 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
         "line 12: [mavlink] component_id is 3.5, but must be a whole number",
         "line 13: [detection] is [{}], but must be a table with the heading [detection]",
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "said"),
+    [
+        (
+            "lowest_m = 100\nhighest_m = 50",
+            2,
+            "lowest_m is 100 and highest_m 50, but the least height must be below the greatest",
+        ),
+        ("highest_m = 15.0", 2, "lowest_m is 20 and highest_m 15, but"),
+        ("lowest_m = 120.0", 2, "lowest_m is 120 and highest_m 120, but"),
+        (
+            'enabled = true\nplanner = "nonsense"',
+            3,
+            "planner is \"nonsense\", but must be 'mi_rate', 'rotation_points', 'lawnmower', ",
+        ),
+        ("wind_m_s = 12.0", 2, "wind_m_s is 12 and airspeed_m_s 12, but against such a wind"),
+        ("airspeed_m_s = 6", 2, "wind_m_s is 8 and airspeed_m_s 6, but"),
+    ],
+)
+def test_guidance_that_no_order_could_be_flown_with_is_refused_at_the_start(
+    text: str, line: int, said: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_settings(f"[guidance]\n{text}\n".encode(), name="uavrt.toml")
+    assert caught.value.message.splitlines()[0] == "uavrt.toml has 1 fault(s):"
+    assert f"line {line}: [guidance] {said}" in caught.value.message
+
+
+def test_guidance_that_fits_is_taken() -> None:
+    text = (
+        b"[guidance]\nlowest_m = 30\nhighest_m = 100.0\nplanner = 'lawnmower'\n"
+        b"airspeed_m_s = 16\nwind_m_s = 11.0\nhover_w = 1200\nreturn_height_m = 15\n"
+    )
+    guidance = parse_settings(text, name="uavrt.toml").guidance
+    assert (guidance.lowest_m, guidance.highest_m) == (30.0, 100.0)
+    assert (guidance.planner, guidance.hover_w) == ("lawnmower", 1200.0)
+
+
+def test_what_is_no_number_is_told_once() -> None:
+    with pytest.raises(ConfigError, match="must be a number without quotes") as caught:
+        parse_settings(b'[guidance]\nlowest_m = "200"\nplanner = 3\n', name="uavrt.toml")
+    assert "has 2 fault(s)" in caught.value.message
+
+
+def test_the_settings_know_the_planners_that_there_are() -> None:
+    """They stand in a layer below them."""
+    assert list(PLANNERS) == list(PLANNER_NAMES)
+    assert PLANNERS.group == PLANNER_GROUP
 
 
 def test_a_mode_that_no_detector_has_is_refused_with_the_four() -> None:

@@ -82,10 +82,23 @@ class FlyingDrone(Drone):
             for frame in self._parser.feed(data):
                 message = frame.message()
                 sender = (frame.system_id, frame.component_id)
+                if isinstance(message, dialect.CommandLong) and message.target_component == 1:
+                    self._as_autopilot(self._home())
                 if message is not None:
                     self.missions.receive(message, sender, 0.0, self._as_autopilot)
                 if isinstance(message, dialect.Tunnel) and message.payload_type == MOTION_TYPE:
                     self._take(decode_motion(message.payload[: message.payload_length], GROUND))
+
+    def _home(self) -> Message:
+        """Where it is asked for: at a corner of the area."""
+        flat = dict.fromkeys(("x", "y", "z", "approach_x", "approach_y", "approach_z"), 0.0)
+        return dialect.HomePosition(
+            latitude=465_000_000,
+            longitude=80_000_000,
+            altitude=800_000,
+            q=(1.0, 0.0, 0.0, 0.0),
+            **flat,
+        )
 
     def _as_autopilot(self, message: Message) -> None:
         self._sock.send(self._autopilot.encode(message))

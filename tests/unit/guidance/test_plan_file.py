@@ -10,8 +10,8 @@ from flown import HOME
 
 from uavrt.cli.fly import fly
 from uavrt.errors import ConfigError, FormatError, PlanError
-from uavrt.guidance import area_in, keep_out_in, survey_file, survey_places
-from uavrt.guidance.orders import Order
+from uavrt.guidance import area_in, keep_out_in, survey_file, survey_items, survey_places
+from uavrt.guidance.orders import Limits, Order
 from uavrt.messages import KeepOut
 from uavrt.planning import area
 
@@ -68,6 +68,33 @@ def test_a_survey_that_cannot_be_one_is_not_written(
 ) -> None:
     with pytest.raises(PlanError, match=reason):
         survey_file(survey(**values), 5.0)
+
+
+FENCED = KeepOut(places=places((-50, -50), (-50, 200), (200, 200), (200, -50)))
+HOUSE = KeepOut(places=places((40, 60)), radius_m=8.0, name="house")
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [
+        (Limits(fence_m=150.0), "leads 195 m from the vehicle's home"),
+        (Limits(stay_in=(FENCED,)), None),
+        (Limits(stay_in=(KeepOut(places=places((0, 0)), radius_m=150.0),)), "the way leaves"),
+        (Limits(stay_in=(KeepOut(places=places((150, 150)), radius_m=190.0),)), "home lies"),
+        (Limits(keep_out=(HOUSE,)), "the way"),  # behind it, seen from home
+        (Limits(highest_m=50.0), "the most is 50 m"),
+    ],
+)
+def test_a_survey_for_a_vehicle_keeps_to_its_fence_and_home(
+    limits: Limits, reason: str | None
+) -> None:
+    order, home = survey(keep_out=()), HOME.to_geodetic(0.0, 0.0)
+    if reason is None:
+        assert survey_items(order, limits, home) == survey_items(order)
+        return
+    with pytest.raises(PlanError, match=reason) as refused:
+        survey_items(order, limits, home)
+    assert refused.value.remedy
 
 
 def meadow(directory: Path) -> Path:

@@ -15,6 +15,8 @@ from uavrt.geodesy import distance_m
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.guidance import (
+    NOT_CHECKED_ABOARD,
+    Limits,
     Order,
     area_in,
     circle,
@@ -196,13 +198,15 @@ class Flying:
             pattern=request.pattern,
             keep_out=request.keep_out,
         )
-        items = survey_items(order)
+        survey_items(order)  # what is none is refused without a link, too
         link = self._session.link
         if link is None:
             raise LinkError("there is no link", remedy="Connect to the drone")
-        done = await link.missions.upload(items)
+        done = await link.missions.upload_survey(order, Limits())
         self._session.note(
-            5, f"the vehicle holds the survey as its mission: {done.items} items"
+            5,
+            f"the vehicle holds the survey as its mission: {done.items} items; not checked: "
+            f"{NOT_CHECKED_ABOARD}",
         )
         return {"items": done.items, "sent_again": done.sent_again}
 

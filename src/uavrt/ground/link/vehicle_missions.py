@@ -6,16 +6,19 @@ is uploaded, for that would change its way.
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.guidance import (
+    Limits,
     Manners,
     MissionItem,
+    Order,
     difference,
     fence_of,
     manners_of,
+    survey_items,
 )
 from uavrt.mavlink import (
     Frame,
@@ -26,12 +29,14 @@ from uavrt.mavlink import (
     Peer,
     dialect,
     homed,
+    is_place,
     kind_of,
 )
-from uavrt.mavlink.dialect import MavComponent
+from uavrt.mavlink.dialect import MavCmd, MavComponent
 from uavrt.messages import VehicleFence
 
 POLL_S = 0.05
+HOME_WITHIN_S, ASKS_EVERY_S = 8.0, 1.0
 HEARD_WITHIN_S = 5.0
 """A heartbeat comes once a second; where a fifth is lost, four in a row once in ten minutes."""
 
@@ -74,6 +79,8 @@ class VehicleMissions:
         self._own = (own.system_id, own.component_id)
         self._send, self._system_id = send, system_id
         self._autopilots: dict[int, _Autopilot] = {}
+        self._homes: dict[int, tuple[float, float]] = {}
+        """As told since they were asked for."""
         self._transfer: MissionTransfer | None = None
         self._uploads = False
         self._busy = asyncio.Lock()
@@ -88,6 +95,9 @@ class VehicleMissions:
                 heartbeat=message, heard_s=monotonic_s()
             )
             self._watch()
+        elif isinstance(message, dialect.HomePosition):
+            if is_place(message.latitude, message.longitude):
+                self._homes[frame.system_id] = (message.latitude / 1e7, message.longitude / 1e7)
         elif message is not None and transfer is not None:
             sender = (frame.system_id, frame.component_id)
             self._send_all(transfer.receive(message, sender, monotonic_s()))
@@ -102,6 +112,48 @@ class VehicleMissions:
                     remedy="Check its power and the radio, and --mavlink",
                 )
             await asyncio.sleep(POLL_S)
+
+    async def upload_survey(self, order: Order, limits: Limits) -> Uploaded:
+        """Give the vehicle a survey that keeps to its fence and comes home within it.
+
+        Raises
+        ------
+        PlanError
+            It does not; or it is no survey that can be a mission.
+        CommandRefused, FormatError, LinkError
+            As of `upload` and `fence`; or the vehicle tells of no home.
+        """
+        survey_items(order, limits)  # what is none needs no vehicle to be refused
+        self._check_mode(self._vehicle()[1])
+        home, fence = await self.home(), await self.fence()
+        known = replace(
+            limits, stay_in=fence.within, keep_out=(*limits.keep_out, *fence.keep_out)
+        )
+        return await self.upload(survey_items(order, known, home))
+
+    async def home(self) -> tuple[float, float]:
+        """Ask the vehicle for its home.
+
+        Raises
+        ------
+        CommandRefused
+            It tells of none, or is not known.
+        LinkError
+            It is not heard.
+        """
+        self._homes.clear()
+        asks = round(HOME_WITHIN_S / ASKS_EVERY_S)
+        for _ in range(asks):
+            peer, _manners = self._vehicle()
+            self._send(_home_request(peer))
+            for _ in range(round(ASKS_EVERY_S / POLL_S)):
+                await asyncio.sleep(POLL_S)
+                if peer.system_id in self._homes:
+                    return self._homes[peer.system_id]
+        raise CommandRefused(
+            "the vehicle tells of no home: whether it keeps to its fence cannot be checked",
+            remedy="Wait for its position; or save the survey, and check it in QGroundControl",
+        )
 
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
         """Give the vehicle a mission in place of its own, and read it back.
@@ -221,3 +273,19 @@ class VehicleMissions:
     def _send_all(self, messages: Sequence[Message]) -> None:
         for message in messages:
             self._send(message)
+
+
+def _home_request(vehicle: Peer) -> Message:
+    return dialect.CommandLong(
+        target_system=vehicle.system_id,
+        target_component=vehicle.component_id,
+        command=MavCmd.REQUEST_MESSAGE,
+        confirmation=0,
+        param1=float(dialect.HomePosition.ID),
+        param2=0.0,
+        param3=0.0,
+        param4=0.0,
+        param5=0.0,
+        param6=0.0,
+        param7=0.0,
+    )

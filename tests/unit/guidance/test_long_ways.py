@@ -1,0 +1,119 @@
+"""Ways that take minutes, and orders that are cut short far from home."""
+
+import math
+
+import pytest
+from flown import Flown
+
+from uavrt.guidance.authority import Standing
+from uavrt.guidance.orders import Limits
+from uavrt.guidance.plans import Go
+from uavrt.simulation.flying import MODES, Flavour, Frame
+
+BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+FAR = Limits(battery_wh=600.0, fence_m=1500.0, speed_m_s=5.0)
+
+
+def far_flown(flavour: Flavour, **frame: object) -> Flown:
+    return Flown(
+        flavour,
+        frame=Frame(battery_wh=600.0, **({"speed_m_s": 5.0} | frame)),  # type: ignore[arg-type]
+        limits=FAR,
+    )
+
+
+@BOTH
+@pytest.mark.parametrize("wind_m_s", [(0.0, 0.0), (-8.0, 0.0), (0.0, 6.0)])
+def test_a_leg_of_a_kilometre_is_flown_to_its_end(
+    flavour: Flavour, wind_m_s: tuple[float, float]
+) -> None:
+    flown = far_flown(flavour, wind_m_s=wind_m_s, airspeed_m_s=10.0)
+    pilot = flown.order("goto", places=(flown.place(1000.0, 0.0),), height_m=40.0)
+    flown.run(900.0, until=lambda: pilot.ended is not None)
+    assert pilot.ended == "done"
+    assert flown.vehicle.north_m == pytest.approx(1000.0, abs=3.0)
+    assert flown.time_s > 100.0 + 200.0
+
+
+@BOTH
+def test_a_survey_of_long_lines_is_flown_to_its_end(flavour: Flavour) -> None:
+    flown = far_flown(flavour)
+    corners = ((-200.0, -500.0), (-200.0, 500.0), (0.0, 500.0), (0.0, -500.0))
+    pilot = flown.order(
+        "survey", places=tuple(flown.place(*one) for one in corners), spacing_m=100.0
+    )
+    flown.run(1200.0, until=lambda: pilot.ended is not None)
+    assert pilot.ended == "done"
+    assert len(flown.commands) == 4
+
+
+def stuck_far_away(flavour: Flavour) -> Flown:
+    """On its way, and slower than any wind explains."""
+    flown = far_flown(flavour)
+    flown.order("goto", places=(flown.place(1000.0, 0.0),), height_m=40.0)
+    flown.run(60.0)
+    flown.vehicle.frame = Frame(battery_wh=600.0, speed_m_s=0.3)
+    return flown
+
+
+@BOTH
+def test_a_drone_that_does_not_arrive_is_not_left_there_but_returns(flavour: Flavour) -> None:
+    flown = stuck_far_away(flavour)
+    pilot = flown.pilot
+    assert pilot is not None
+    mode = MODES[flavour]["return"]
+    flown.run(900.0, until=lambda: flown.vehicle.mode == mode)
+    assert flown.vehicle.mode == mode
+    assert pilot.said == "returning: a step takes too long"
+    flown.run(1.0)
+    assert flown.authority.reason == "returning: the autopilot flies home"
+    flown.vehicle.frame = Frame(battery_wh=600.0)
+    flown.run(400.0, until=lambda: not flown.vehicle.armed)
+    assert math.hypot(*flown.vehicle.place_m) < 5.0
+
+
+@BOTH
+def test_nobody_who_took_over_is_sent_home(flavour: Flavour) -> None:
+    flown = stuck_far_away(flavour)
+    flown.run(60.0)
+    sent = len(flown.commands)
+    flown.vehicle.set_mode(MODES[flavour]["position"])
+    flown.run(900.0)
+    assert len(flown.commands) == sent
+    assert flown.vehicle.mode == MODES[flavour]["position"]
+
+
+@BOTH
+def test_commands_that_are_refused_again_and_again_end_in_a_return(flavour: Flavour) -> None:
+    """Only a fault of ours would wish for them; the drone must not pay for it."""
+    flown = far_flown(flavour)
+    pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
+    flown.run(5.0)
+    now = flown.now()
+    assert now is not None
+    pilot.redirect([Go(place=flown.place(5_000.0, 0.0), height_m=40.0)], now)
+    flown.run(60.0)
+    assert pilot.said == "returning: the commands are refused"
+    assert flown.vehicle.mode == MODES[flavour]["return"]
+
+
+@BOTH
+def test_what_gives_up_by_itself_returns_once_it_has_begun(flavour: Flavour) -> None:
+    flown = far_flown(flavour)
+    pilot = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
+    flown.run(20.0)
+    pilot.give_up("the search has failed: a fault")
+    flown.run(3.0)
+    assert flown.vehicle.mode == MODES[flavour]["return"]
+    assert pilot.said == "returning: the search has failed: a fault"
+
+
+@BOTH
+def test_what_gives_up_before_it_has_begun_moves_nothing(flavour: Flavour) -> None:
+    flown = far_flown(flavour)
+    pilot = flown.order("goto", places=(flown.place(300.0, 0.0),), height_m=40.0)
+    pilot.give_up("the search has failed: a fault")
+    flown.run(3.0)
+    assert not flown.commands
+    assert flown.authority.standing is Standing.OUT
+    assert flown.authority.reason == "the search has failed: a fault"

@@ -1,0 +1,111 @@
+"""Wind and power on their way: from the autopilot to the guide, and into what it plans."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from flown import Flown
+from tests.unit.processes.test_guide import Hub
+from tests.unit.processes.test_motion_desk import Link
+
+from uavrt.config.settings import GuidanceSettings
+from uavrt.guidance import now_of
+from uavrt.mavlink import WATCHED_HZ, dialect, wind_of
+from uavrt.messages import VehicleFence, VehicleReport
+from uavrt.processes import guide, motion_desk
+from uavrt.simulation.flown import ASKED_IDS
+from uavrt.simulation.flying import Flavour, Frame
+
+BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+BLOWS = (-3.0, 4.0)
+"""North and east: out of the north-west, towards the south-east."""
+
+
+@BOTH
+def test_each_autopilot_tells_where_the_air_goes(flavour: Flavour) -> None:
+    flown = Flown(flavour, frame=Frame(wind_m_s=BLOWS))
+    message = flown.vehicle.wind(1000)
+    told = wind_of(message)
+    assert told == pytest.approx((4.0, -3.0))
+    assert message.ID in WATCHED_HZ
+    assert message.ID in ASKED_IDS[flavour]
+
+
+def test_arducopters_wind_is_named_by_where_it_comes_from() -> None:
+    west = dialect.Wind(direction=-90.0, speed=5.0, speed_z=0.0)
+    assert wind_of(west) == pytest.approx((5.0, 0.0))
+    north = dialect.Wind(direction=0.0, speed=5.0, speed_z=0.0)
+    assert wind_of(north) == pytest.approx((0.0, -5.0))
+
+
+@pytest.mark.parametrize("speed", [float("nan"), float("inf"), 1e6])
+def test_a_wind_that_cannot_be_is_none(speed: float) -> None:
+    assert wind_of(dialect.Wind(direction=10.0, speed=speed, speed_z=0.0)) is None
+    values = dict.fromkeys(dialect.WindCov.__slots__, 0.0) | {"time_usec": 0, "wind_x": speed}
+    assert wind_of(dialect.WindCov(**values)) is None  # type: ignore[arg-type]
+
+
+@BOTH
+def test_the_desk_reports_the_wind_until_it_is_old(
+    flavour: Flavour, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown = Flown(flavour, frame=Frame(wind_m_s=BLOWS))
+    monkeypatch.setattr(motion_desk, "monotonic_s", lambda: flown.time_s)
+    link = Link(flown=flown)
+    link.run(10.0)
+    report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
+    now = now_of(report, 0.0)
+    assert now is not None
+    assert now.wind is not None
+    assert (now.wind.east_m_s, now.wind.north_m_s) == pytest.approx((4.0, -3.0))
+    link.flown.wind_told = False
+    link.run(32.0)
+    report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
+    assert report.wind_m_s is None
+
+
+def far(hub: Hub) -> str:
+    place = hub.flown.place(480.0, 0.0)
+    return hub.ask("goto", places=(place,), height_m=60.0).summary
+
+
+def ready(**guidance: Any) -> Hub:
+    hub = Hub(guidance=guidance)
+    hub.guide.take("vehicle", hub.report())
+    hub.guide.take("vehicle_fence", VehicleFence())
+    return hub
+
+
+def test_the_settings_reach_what_is_planned() -> None:
+    guidance = GuidanceSettings(
+        airspeed_m_s=15.0, wind_m_s=7.0, return_height_m=25.0, hover_w=900.0
+    )
+    limits = guide.limits_of(guidance)
+    assert (limits.airspeed_m_s, limits.wind_m_s) == (15.0, 7.0)
+    assert (limits.return_height_m, limits.hover_w) == (25.0, 900.0)
+    assert far(ready(hover_w=300.0)).startswith("fly to")
+    refused = far(ready(hover_w=1200.0))
+    assert "the route, the way home and the reserve take" in refused
+
+
+def test_an_order_is_judged_by_the_wind_that_is_told() -> None:
+    hub = ready(hover_w=400.0)
+    hub.guide.take("vehicle", hub.report(wind_m_s=(0.0, 11.5)))
+    assert "the wind is 12 m/s" in far(hub)
+
+
+def test_the_guide_learns_over_all_its_orders(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two minutes of reports of a drone that takes thrice what is believed."""
+    hub, clock = ready(), SimpleNamespace(now_s=1000.0)
+    offer = hub.ask("hold")
+    monkeypatch.setattr(guide, "monotonic_s", lambda: clock.now_s)
+    flying = replace(hub.report(), standing="in command", order_id=offer.order_id, obeyed=True)
+    for second in range(120):
+        clock.now_s = 1000.0 + second
+        used = 100.0 * 1200.0 * second / 3600.0 / 120.0
+        hub.guide.take("vehicle", replace(flying, battery_percent=round(90.0 - used)))
+    assert hub.guide.counters()["lessons_of_power"] >= 3.0
+    assert hub.guide.counters()["hover_w"] == pytest.approx(1200.0, rel=0.15)
+    hub.guide.take("vehicle", hub.report())  # out again: the next order knows it, too
+    assert "the reserve take" in far(hub)
