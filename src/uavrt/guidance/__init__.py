@@ -37,7 +37,7 @@ if TYPE_CHECKING:
         SticksSeen,
         TargetSeen,
     )
-    from uavrt.guidance.orders import Limits, Order, VehicleNow
+    from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order, VehicleNow
     from uavrt.guidance.pilot import Pilot
     from uavrt.guidance.plan_file import fence_file, survey_file
     from uavrt.guidance.plans import plan_of, survey_places
@@ -57,6 +57,7 @@ __all__ = [
     "AWAY_MARGIN",
     "KEPT_AWAY",
     "MANNERS",
+    "OFFER_HOLDS_S",
     "TAG_HEIGHT_M",
     "Authority",
     "AutopilotName",
@@ -131,6 +132,7 @@ __getattr__ = lazily(
         "MissionKind": "mission",
         "ModeSeen": "observed",
         "Observation": "observed",
+        "OFFER_HOLDS_S": "orders",
         "Order": "orders",
         "Pilot": "pilot",
         "PositionLost": "observed",
