@@ -55,6 +55,7 @@ class Flown:
             unwatched_channels=unwatched_channels,
         )
         self.through: Through = lambda _, told: told
+        self.each_step: Callable[[], None] = lambda: None
         self.pilot: Pilot | None = None
         self.time_s = 100.0
         self.steps = 0
@@ -89,6 +90,11 @@ class Flown:
         self.time_s += STEP_S
         self.boot_s += STEP_S
         self.vehicle.advance(STEP_S)
+        self.control()
+        self.each_step()
+
+    def control(self) -> None:
+        """What the drone side does in a step."""
         for message in self.through(self.time_s, self.telemetry()):
             for seen in observations(message, self.time_s):
                 self.authority.see(seen)
@@ -142,15 +148,19 @@ class Flown:
         if now is None:
             raise PlanError("no position")
         plan = plan_of(order, now, self.limits, MANNERS[self.flavour])
-        nonce = random.Random(self.next_id).getrandbits(32)
+        self.confirm(order)
+        self.pilot = Pilot(order, plan, self.limits)
+        return self.pilot
+
+    def confirm(self, order: Order) -> None:
+        """Offer an order, and confirm it at once."""
+        nonce = nonce_of(order.order_id)
         taking_off = order.action == "takeoff"
         self.authority.offer(order.order_id, nonce, self.time_s, takeoff=taking_off)
         self.authority.confirm(
             order.order_id, nonce, self.time_s, sticks_unseen=not self.channels
         )
         self.sent = self.refused = 0
-        self.pilot = Pilot(order, plan, self.limits)
-        return self.pilot
 
     def place(self, north_m: float, east_m: float) -> tuple[float, float]:
         return HOME.to_geodetic(north_m, east_m)
@@ -308,3 +318,8 @@ class Flown:
             self._reposition(param4=math.radians(wanted))
         else:
             self.vehicle.turn_left_deg, self.vehicle.turn_rate_deg_s = by_deg, 40.0
+
+
+def nonce_of(order_id: int) -> int:
+    """That an order is offered with."""
+    return random.Random(order_id).getrandbits(32)
