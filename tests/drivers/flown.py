@@ -2,7 +2,7 @@
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +22,8 @@ from uavrt.simulation.flying import MODES, NOWHERE, Flavour, FlyingVehicle, Fram
 from uavrt.simulation.geometry import TangentPlane
 
 STEP_S = 0.05
+Through = Callable[[float, Iterable[Message]], Iterable[Message]]
+"""A link: what arrives at a time, of what is told then."""
 HOME = TangentPlane(latitude_deg=47.1, longitude_deg=8.5, altitude_amsl_m=430.0)
 CENTRED = (1500, 1500, 1400, 1500)
 
@@ -41,6 +43,7 @@ class Flown:
         seed: int = 1,
         on_ground: bool = False,
         may_take_off: bool = True,
+        unwatched_channels: frozenset[int] = frozenset(),
     ) -> None:
         self.loss, self.lost, self.rng = loss, 0, random.Random(seed)
         self.vehicle = FlyingVehicle(
@@ -50,8 +53,13 @@ class Flown:
         self.flavour = flavour
         self.limits = limits or Limits(battery_wh=120.0)
         self.authority = Authority(
-            MANNERS[flavour], farthest_m=self.limits.fence_m, may_take_off=may_take_off
+            MANNERS[flavour],
+            farthest_m=self.limits.fence_m,
+            may_take_off=may_take_off,
+            unwatched_channels=unwatched_channels,
         )
+        self.through: Through = lambda _, told: told
+        self.each_step: Callable[[], None] = lambda: None
         self.pilot: Pilot | None = None
         self.lessons = Lessons(self.limits.hover_w, self.limits.battery_wh)
         self.wind: Wind | None = None
@@ -61,7 +69,11 @@ class Flown:
         self.commands: list[tuple[float, Any]] = []
         self.sent = self.refused = 0
         self.channels: tuple[int, ...] = CENTRED if sticks else ()
-        self.home_north_m = 0.0
+        self.switches: tuple[int, ...] = ()
+        """Channels from 5 on."""
+        self.sticks_every = 4
+        """Steps."""
+        self.home_north_m = self.home_up_m = 0.0
         self.jump_m = 0.0
         self.boot_s = 50.0
         self.failsafe = ""
@@ -85,7 +97,12 @@ class Flown:
         self.time_s += STEP_S
         self.boot_s += STEP_S
         self.vehicle.advance(STEP_S)
-        for message in self.telemetry():
+        self.control()
+        self.each_step()
+
+    def control(self) -> None:
+        """What the drone side does in a step."""
+        for message in self.through(self.time_s, self.telemetry()):
             told = wind_of(message)
             if told is not None:
                 self.wind = Wind(east_m_s=told[0], north_m_s=told[1])
@@ -143,15 +160,19 @@ class Flown:
         if now is None:
             raise PlanError("no position")
         plan = plan_of(order, now, self.limits, MANNERS[self.flavour])
-        nonce = random.Random(self.next_id).getrandbits(32)
+        self.confirm(order)
+        self.pilot = Pilot(order, plan, self.limits)
+        return self.pilot
+
+    def confirm(self, order: Order) -> None:
+        """Offer an order, and confirm it at once."""
+        nonce = nonce_of(order.order_id)
         taking_off = order.action == "takeoff"
         self.authority.offer(order.order_id, nonce, self.time_s, takeoff=taking_off)
         self.authority.confirm(
             order.order_id, nonce, self.time_s, sticks_unseen=not self.channels
         )
         self.sent = self.refused = 0
-        self.pilot = Pilot(order, plan, self.limits)
-        return self.pilot
 
     def place(self, north_m: float, east_m: float) -> tuple[float, float]:
         return HOME.to_geodetic(north_m, east_m)
@@ -166,7 +187,7 @@ class Flown:
             target = self.vehicle.position_target(boot_ms)
             if target is not None and self.target_told:
                 yield target
-        if self.steps % 4 == 1 and self.channels:
+        if self.steps % self.sticks_every == 1 and self.channels:
             yield self._sticks(boot_ms)
         if self.mode_told and self.heartbeat_told and self.steps % (20 if px4 else 2) == 0:
             yield self._heartbeat()
@@ -195,7 +216,7 @@ class Flown:
             lat=round(latitude * 1e7),
             lon=round(longitude * 1e7),
             alt=round((HOME.altitude_amsl_m + vehicle.shown_height_m + self.jump_m) * 1e3),
-            relative_alt=round((vehicle.shown_height_m + self.jump_m) * 1e3),
+            relative_alt=round((vehicle.shown_height_m + self.jump_m - self.home_up_m) * 1e3),
             vx=round(north * 100),
             vy=round(east * 100),
             vz=round(-up * 100),
@@ -204,9 +225,10 @@ class Flown:
 
     def _sticks(self, boot_ms: int) -> Message:
         unused = {f"chan{n}_raw": 65_535 for n in range(5, 19)}
+        unused |= {f"chan{n}_raw": one for n, one in enumerate(self.switches, 5)}
         return dialect.RcChannels(
             time_boot_ms=boot_ms,
-            chancount=8,
+            chancount=max(8, 4 + len(self.switches)),
             chan1_raw=self.channels[0],
             chan2_raw=self.channels[1],
             chan3_raw=self.channels[2],
@@ -251,7 +273,7 @@ class Flown:
         return dialect.HomePosition(
             latitude=round(latitude * 1e7),
             longitude=round(longitude * 1e7),
-            altitude=round(HOME.altitude_amsl_m * 1e3),
+            altitude=round((HOME.altitude_amsl_m + self.home_up_m) * 1e3),
             x=0.0,
             y=0.0,
             z=0.0,
@@ -310,3 +332,8 @@ class Flown:
             self._reposition(param4=math.radians(wanted))
         else:
             self.vehicle.turn_left_deg, self.vehicle.turn_rate_deg_s = by_deg, 40.0
+
+
+def nonce_of(order_id: int) -> int:
+    """That an order is offered with."""
+    return random.Random(order_id).getrandbits(32)

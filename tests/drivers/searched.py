@@ -54,10 +54,12 @@ class Searched:
     """Tags that are sought besides and are not there."""
     listens: bool = True
     """The detectors report."""
+    make: Callable[..., Flown] = Flown
+    """The drone."""
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
-        self.flown = Flown(self.flavour, frame=self.frame, limits=self.limits)
+        self.flown = self.make(self.flavour, frame=self.frame, limits=self.limits)
         count = len(self.animals) + self.absent
         self.tags = [
             Tag(
@@ -96,9 +98,7 @@ class Searched:
         """Ask for the search and confirm it."""
         flown, order = self.flown, self.order()
         self.seeker = self.seeker_of(order)
-        flown.authority.offer(order.order_id, 77, flown.time_s)
-        flown.authority.confirm(order.order_id, 77, flown.time_s, sticks_unseen=True)
-        flown.sent = flown.refused = 0
+        flown.confirm(order)
         now = flown.now()
         assert now is not None
         choice = self.seeker.begin(self.time_ns, now)
@@ -126,8 +126,12 @@ class Searched:
                 return
 
     def step(self) -> None:
+        self.flown.step()
+        self.live()
+
+    def live(self) -> None:
+        """The animals walk and are heard, and the search thinks."""
         flown = self.flown
-        flown.step()
         for number, animal in enumerate(self.animals):
             animal.north_m += animal.walks[0] * STEP_S
             animal.east_m += animal.walks[1] * STEP_S

@@ -27,6 +27,7 @@ from uavrt.ground.link import (
 from uavrt.guidance import (
     NOT_CHECKED,
     NOT_CHECKED_ABOARD,
+    OFFER_HOLDS_S,
     Limits,
     Order,
     area_in,
@@ -451,7 +452,10 @@ class _Terminal:
             raise ConfigError(
                 "nobody is there to confirm", remedy="Run it in a terminal, and type the word"
             )
-        prompt = f'Type "{WORD}" to confirm, anything else to leave it: '
+        prompt = (
+            f'Type "{WORD}" within {OFFER_HOLDS_S:.0f} s to confirm, '
+            "anything else to leave it: "
+        )
         forget_typed_ahead()
         try:
             return (await asyncio.to_thread(input, prompt)).strip() == WORD

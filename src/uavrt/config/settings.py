@@ -299,9 +299,12 @@ class GuidanceSettings:
     headings: Annotated[int, Interval(ge=8, le=16)] = 12
     """Steps of a turn on PX4; ArduPilot turns by one command."""
     link_lost: Literal["hold", "return", "go on"] = "hold"
-    """When no ground station was heard for 5 s; ``hold``: and return after return_after_s."""
+    """When who confirmed was not heard for 5 s; ``hold``: and return after return_after_s."""
     return_after_s: Annotated[float, Interval(ge=0.0, le=3600.0)] = 60.0
     """How long it holds."""
+    unwatched_channels: tuple[Annotated[int, Interval(ge=5, le=18)], ...] = ()
+    """RC channels whose steps end no order, like [16] for one that carries the RSSI; each other
+    channel of the receiver is a pilot's hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

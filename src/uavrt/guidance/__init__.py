@@ -40,7 +40,7 @@ if TYPE_CHECKING:
         SticksSeen,
         TargetSeen,
     )
-    from uavrt.guidance.orders import Limits, Order, VehicleNow
+    from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order, VehicleNow
     from uavrt.guidance.pilot import Pilot
     from uavrt.guidance.plan_file import fence_file, survey_file
     from uavrt.guidance.plans import plan_of, survey_places
@@ -62,6 +62,7 @@ __all__ = [
     "MANNERS",
     "NOT_CHECKED",
     "NOT_CHECKED_ABOARD",
+    "OFFER_HOLDS_S",
     "TAG_HEIGHT_M",
     "Authority",
     "AutopilotName",
@@ -140,6 +141,7 @@ __getattr__ = lazily(
         "MissionKind": "mission",
         "ModeSeen": "observed",
         "Observation": "observed",
+        "OFFER_HOLDS_S": "orders",
         "Order": "orders",
         "Pilot": "pilot",
         "PositionLost": "observed",

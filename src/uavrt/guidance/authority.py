@@ -18,6 +18,8 @@ from math import atan2, cos, degrees, inf, isfinite, nan, radians
 
 from uavrt.errors import CommandRefused
 from uavrt.geodesy import distance_m
+from uavrt.guidance.hands import SwitchWatch, sticks_moved, switched
+from uavrt.guidance.lateness import Lateness
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.observed import (
     Boot,
@@ -32,7 +34,7 @@ from uavrt.guidance.observed import (
     SticksSeen,
     TargetSeen,
 )
-from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.orders import OFFER_HOLDS_S, VehicleNow
 from uavrt.guidance.wishes import (
     FlyThere,
     GoHome,
@@ -47,14 +49,12 @@ from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 BEGINS_WITHIN_S = 10.0
 """From the confirmation to the first command."""
-OFFER_HOLDS_S = 60.0
-"""How long the operator may think."""
-TAKEOFF_HOLDS_S = 10.0
-"""The same of a take-off: somebody stands beside an armed drone."""
 MODE_AGE_S, POSITION_AGE_S = 1.0, 0.5
 """Older, and no command is sent."""
 CHANGE_MODE_AGE_S = 0.2
 """The same for a command that changes the mode: a pilot's own change crosses with it."""
+STICKS_AGE_S = 0.3
+"""The same for sticks that are to be seen: they are told at 5 Hz or more."""
 MODE_LOST_S, POSITION_LOST_S, STICKS_LOST_S = 3.0, 2.0, 1.5
 TARGET_LOST_S, HEARTBEAT_LOST_S = 3.0, 5.0
 """Older, and the order has ended. Only the heartbeat tells of disarming and failsafes."""
@@ -72,7 +72,7 @@ HEIGHT_OFF_M = 5.0
 HEIGHT_JUMP_M = 5.0
 PLACE_JUMP_M = 30.0
 HOME_MOVED_M = 2.0
-STICK_US = 60
+"""From where it was at the confirmation; the same for the altitude of height 0."""
 BRAKES_M_S2 = 1.5
 MOVES_WITHIN_S = 12.0
 YAW_DEG, TARGET_YAW_DEG = 25.0, 15.0
@@ -109,8 +109,11 @@ class Offer:
     """Whether it was nobody's order, in our own mode."""
     place: PositionSeen
     """Where it was."""
-    sticks: tuple[int, ...] | None
+    home: HomeSeen
+    sticks: SticksSeen | None
     """As they were, if they were seen."""
+    switches: SwitchWatch | None
+    """Since then, likewise."""
     takeoff: bool = False
 
 
@@ -152,6 +155,8 @@ class Authority:
         Likewise the distance from home.
     may_take_off : bool
         Whether a take-off may be confirmed at all.
+    unwatched_channels : frozenset of int
+        Channels of the remote control that no hand moves.
     """
 
     def __init__(
@@ -162,10 +167,11 @@ class Authority:
         highest_m: float = 120.0,
         farthest_m: float = 1000.0,
         may_take_off: bool = False,
+        unwatched_channels: frozenset[int] = frozenset(),
     ) -> None:
         self.manners = manners
         self._lowest_m, self._highest_m, self._farthest_m = lowest_m, highest_m, farthest_m
-        self._may_take_off = may_take_off
+        self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self._takeoff = False
         """The order that is confirmed is a take-off."""
         self._landed: LandedSeen | None = None
@@ -192,9 +198,16 @@ class Authority:
         self._target: TargetSeen | None = None
         self._sticks: SticksSeen | None = None
         self._sticks_then: tuple[int, ...] | None = None
+        self._switches: SwitchWatch | None = None
+        """Since the confirmation, where a remote control was seen."""
+        self._sticks_unseen = False
+        """The operator knows that no hand would be seen in time."""
         self._place_then: PositionSeen | None = None
         self._home: HomeSeen | None = None
+        self._home_then: HomeSeen | None = None
+        """At the confirmation."""
         self._boot_s = 0.0
+        self._lateness = Lateness()
         self._failsafe: FailsafeSeen | None = None
         self._motion: _Motion | None = None
 
@@ -215,8 +228,10 @@ class Authority:
         self._check_vehicle(now_s, takeoff=takeoff)
         assert self._mode is not None
         assert self._position is not None
+        assert self._home is not None
         self._used.add(nonce)
         self._withdrawn = None
+        sticks = self._fresh_sticks(now_s, STICKS_LOST_S)
         rests = self.standing is Standing.OUT and self._mode.mode == self.manners.own_mode
         self._offer = Offer(
             order_id=order_id,
@@ -226,7 +241,9 @@ class Authority:
             target=self._target if rests else None,
             rests=rests,
             place=self._position,
-            sticks=self._fresh_sticks(now_s),
+            home=self._home,
+            sticks=sticks,
+            switches=self._switch_watch(sticks),
             takeoff=takeoff,
         )
 
@@ -258,26 +275,24 @@ class Authority:
             raise CommandRefused(
                 "this order is not on offer", remedy="Ask for the motion again, then confirm"
             )
-        holds_s = TAKEOFF_HOLDS_S if offer.takeoff else OFFER_HOLDS_S
-        if now_s - offer.made_s > holds_s:
+        if now_s - offer.made_s > OFFER_HOLDS_S:
             raise CommandRefused(
                 f"the order was asked for {now_s - offer.made_s:.0f} s ago",
-                remedy=f"Ask for the motion again, then confirm within {holds_s:.0f} s",
+                remedy=f"Ask for the motion again, then confirm within {OFFER_HOLDS_S:.0f} s",
             )
         self._check_vehicle(now_s, takeoff=offer.takeoff)
         assert self._mode is not None
         self._check_unchanged(offer, self._mode)
-        sticks = self._fresh_sticks(now_s)
-        if sticks is None and not sticks_unseen:
-            raise CommandRefused(
-                "the sticks are not seen: nobody could take over by them",
-                remedy="Switch the remote control on, or confirm that sticks are not seen",
-            )
+        if not sticks_unseen:
+            self._check_sticks(now_s)
+        sticks = self._fresh_sticks(now_s, STICKS_LOST_S)
         still_ours = self.flies_ours and self._mode.mode == self.manners.own_mode
         if self.standing is not Standing.OUT:
             self._end("another order was confirmed", now_s)
         self._still_ours, self._place_then = still_ours, self._position
-        self._sticks_then = sticks
+        self._sticks_then = None if sticks is None else sticks.channels_us
+        self._switches, self._sticks_unseen = self._switch_watch(sticks), sticks_unseen
+        self._home_then = self._home
         self._mode_then, self._own_mode_seen = self._mode.mode, False
         self._motion, self._takeoff = None, offer.takeoff
         self.standing, self.order_id, self.reason = Standing.CONFIRMED, order_id, ""
@@ -298,6 +313,22 @@ class Authority:
                 "another has given a target since you were asked",
                 remedy="Whoever gave it flies; ask for the motion anew if it is yours again",
             )
+        if offer.switches is not None and offer.switches.unsure:
+            raise CommandRefused(
+                "a switch of the remote control was moved just now",
+                remedy="Whoever moved it flies; ask for the motion anew if it is yours again",
+            )
+
+    def _check_sticks(self, now_s: float) -> None:
+        """Raise `CommandRefused` unless a hand on the sticks would be seen in time."""
+        if self._fresh_sticks(now_s, STICKS_AGE_S) is not None:
+            return
+        what = "the sticks are not seen: nobody could take over by them"
+        if self._fresh_sticks(now_s, STICKS_LOST_S) is not None:
+            what = f"the sticks are told too seldom: not within {STICKS_AGE_S} s"
+        raise CommandRefused(
+            what, remedy="Switch the remote control on, or confirm that sticks are not seen"
+        )
 
     def _check_vehicle(self, now_s: float, *, takeoff: bool) -> None:
         """Raise `CommandRefused` unless the vehicle can be flown by us."""
@@ -318,6 +349,8 @@ class Authority:
             return "the vehicle has no position", "Wait for its satellites"
         if self._home is None:
             return "the vehicle has no home", "Wait for its position, or set home in the GCS"
+        if self.late is not None:
+            return self.late, "Let it stream less, or give it a faster link"
         if not self._armed:
             what = "Let the pilot arm, and ask again" if takeoff else "Take off by hand"
             return "the vehicle is not armed", f"{what}; uavrt never arms"
@@ -329,6 +362,11 @@ class Authority:
             what = self._failsafe.what
             return f"the autopilot tells of a failsafe: {what}", "Land, and see to it"
         return None
+
+    @property
+    def late(self) -> str | None:
+        """Says that what the vehicle tells is too old to command anything; else None."""
+        return self._lateness.fault
 
     def on_ground(self, now_s: float) -> bool:
         """Whether it stands on the ground, by its own word or else by its height above home."""
@@ -348,8 +386,20 @@ class Authority:
 
     # ---------------------------------------------------------------- the commands
 
-    def command(self, order_id: int, wish: Wish, now_s: float) -> VehicleCommand:
+    def command(
+        self, order_id: int, wish: Wish, now_s: float, *, stops: bool = False
+    ) -> VehicleCommand:
         """Turn a wish into the command to be sent now, once.
+
+        Parameters
+        ----------
+        order_id : int
+            Whose wish it is.
+        wish : Wish
+        now_s : float
+        stops : bool
+            It makes the drone stand, in the mode it is in: it may be the first command of an
+            order, while the one before is still flown, and never changes the mode.
 
         Raises
         ------
@@ -359,13 +409,9 @@ class Authority:
         self.tick(now_s)
         if self.standing is Standing.OUT or order_id != self.order_id:
             raise CommandRefused(f"not in command: {self.reason or 'another order is'}")
+        first = self.standing is Standing.CONFIRMED and not stops
+        position = self._seen_lately(now_s)
         assert self._mode is not None
-        position = self._position
-        if now_s - self._mode.time_s > MODE_AGE_S:
-            raise CommandRefused("the mode is older than 1 s")
-        if position is None or now_s - position.time_s > POSITION_AGE_S:
-            raise CommandRefused("the position is older than 0.5 s")
-        first = self.standing is Standing.CONFIRMED
         if self._takeoff != isinstance(wish, TakeMode | TakeOff):
             raise CommandRefused("this is not what was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
@@ -384,6 +430,22 @@ class Authority:
         self.standing, self._still_ours = Standing.IN_COMMAND, False
         self.counters["commands_sent"] += 1
         return command
+
+    def _seen_lately(self, now_s: float) -> PositionSeen:
+        """Where it is; raises `CommandRefused` where a takeover would not have been seen."""
+        position = self._position
+        if self._mode is None or now_s - self._mode.time_s > MODE_AGE_S:
+            raise CommandRefused("the mode is older than 1 s")
+        if position is None or now_s - position.time_s > POSITION_AGE_S:
+            raise CommandRefused("the position is older than 0.5 s")
+        if self.late is not None:
+            raise CommandRefused(self.late)
+        seen = self._fresh_sticks(now_s, STICKS_AGE_S) is not None
+        if self._sticks_then is not None and not seen and not self._sticks_unseen:
+            raise CommandRefused(f"the sticks are older than {STICKS_AGE_S} s")
+        if self._switches is not None and self._switches.unsure:
+            raise CommandRefused("a switch of the remote control was moved just now")
+        return position
 
     def _written(self, wish: Wish, position: PositionSeen, *, first: bool) -> VehicleCommand:
         match wish:
@@ -566,7 +628,6 @@ class Authority:
         """Handle what the vehicle reports; anything that we did not cause ends the order."""
         match seen:
             case PositionSeen():
-                self._see_boot_time(seen.boot_s, seen.time_s)
                 self._see_position(seen)
             case ModeSeen():
                 self._see_mode(seen)
@@ -585,7 +646,7 @@ class Authority:
                 self._position = None
                 self._end("the position is lost", seen.time_s)
             case BootTimeSeen():
-                self._see_boot_time(seen.boot_s, seen.time_s)
+                self._see_boot_time(seen)
             case Boot():
                 self._restarted("another autopilot", seen.time_s)
 
@@ -604,11 +665,14 @@ class Authority:
             self._end("no heartbeat of the autopilot", now_s)
         elif self._position is None or now_s - self._position.time_s > POSITION_LOST_S:
             self._end("the position is lost", now_s)
-        elif self._sticks_then is not None and self._fresh_sticks(now_s) is None:
+        elif self._sticks_then is not None and self._fresh_sticks(now_s, STICKS_LOST_S) is None:
             self._end("the sticks are not seen any more", now_s)
+        elif self._switches is not None and self._switches.sure(now_s) is not None:
+            self._end(switched(self._switches.sure(now_s) or 0), now_s)
         elif self.standing is Standing.CONFIRMED:
             if now_s - self._confirmed_s > BEGINS_WITHIN_S:
-                self._end("the order was not begun within 10 s", now_s)
+                late = "" if self.late is None else f": {self.late}"
+                self._end(f"the order was not begun within 10 s{late}", now_s)
         else:
             self._see_time(now_s)
 
@@ -628,14 +692,15 @@ class Authority:
     def _target_age_s(self, now_s: float) -> float:
         return inf if self._target is None else now_s - self._target.time_s
 
-    def _see_boot_time(self, boot_s: float, time_s: float) -> None:
-        if boot_s + 1.0 < self._boot_s:
-            self._restarted("the autopilot has restarted", time_s)
-        self._boot_s = max(boot_s, self._boot_s)
+    def _see_boot_time(self, seen: BootTimeSeen) -> None:
+        if seen.boot_s + 1.0 < self._boot_s:
+            self._restarted("the autopilot has restarted", seen.time_s)
+        self._boot_s = max(seen.boot_s, self._boot_s)
+        self._lateness.see(seen)
 
     def _restarted(self, reason: str, time_s: float) -> None:
         self._end(reason, time_s)
-        self._boot_s = 0.0
+        self._boot_s, self._lateness = 0.0, Lateness()
         self._offer = None
         self._mode = self._position = self._target = self._home = self._sticks = None
         self._landed = None
@@ -683,7 +748,10 @@ class Authority:
         return f"the mode is {self.manners.mode_name(mode)}"
 
     def _see_target(self, seen: TargetSeen) -> None:
-        before, self._target = self._target, seen
+        before = self._target
+        if before is not None and seen.boot_s < before.boot_s:
+            return  # overtaken on its way
+        self._target = seen
         if self.standing is Standing.CONFIRMED:
             # A vehicle in another mode follows the sticks with its target, or a mission.
             ours = self._mode_then == self.manners.own_mode
@@ -772,9 +840,13 @@ class Authority:
             self._end(fault, seen.time_s)
 
     def _see_position(self, seen: PositionSeen) -> None:
-        before, self._position = self._position, seen
+        before = self._position
+        if before is not None and seen.boot_s < before.boot_s:
+            return  # overtaken on its way
+        self._position = seen
         if self.standing is Standing.OUT:
             return
+        self._see_datum(seen)
         if before is not None:
             gap_s = seen.time_s - before.time_s
             rise = seen.altitude_amsl_m - before.altitude_amsl_m
@@ -857,9 +929,8 @@ class Authority:
 
     def _see_sticks(self, seen: SticksSeen) -> None:
         self._sticks = seen
-        offer = self._offer
-        if offer is not None and offer.sticks is not None and _moved(seen, offer.sticks):
-            self._withdraw("the sticks were moved since you were asked")
+        if self._offer is not None:
+            self._see_sticks_of_offer(self._offer, seen)
         if self.standing is Standing.OUT:
             return
         if self._sticks_then is None:
@@ -867,17 +938,39 @@ class Authority:
                 self._end("a remote control was switched on", seen.time_s)
         elif len(seen.channels_us) != len(self._sticks_then):
             self._end("the sticks are not seen any more", seen.time_s)
-        elif _moved(seen, self._sticks_then):
+        elif sticks_moved(seen, self._sticks_then):
             self._end("the sticks were moved", seen.time_s)
+        elif self._switches is not None:
+            channel = self._switches.see(seen)
+            if channel is not None:
+                self._end(switched(channel), seen.time_s)
 
-    def _fresh_sticks(self, now_s: float) -> tuple[int, ...] | None:
+    def _see_sticks_of_offer(self, offer: Offer, seen: SticksSeen) -> None:
+        if offer.sticks is None or offer.switches is None or not seen.channels_us:
+            return
+        channel = offer.switches.see(seen)
+        if sticks_moved(seen, offer.sticks.channels_us):
+            self._withdraw("the sticks were moved since you were asked")
+        elif channel is not None:
+            self._withdraw(switched(channel))
+
+    def _switch_watch(self, sticks: SticksSeen | None) -> SwitchWatch | None:
+        return None if sticks is None else SwitchWatch(sticks.switches_us, self._unwatched)
+
+    def _fresh_sticks(self, now_s: float, within_s: float) -> SticksSeen | None:
+        """Those of a remote control that is seen, if they were told so lately."""
         sticks = self._sticks
-        if sticks is None or not sticks.channels_us or now_s - sticks.time_s > STICKS_LOST_S:
+        if sticks is None or not sticks.channels_us or now_s - sticks.time_s > within_s:
             return None
-        return sticks.channels_us
+        return sticks
 
     def _see_home(self, seen: HomeSeen) -> None:
+        """Compare it with that of the confirmation, so that it cannot creep away either."""
         before, self._home = self._home, seen
+        if self.standing is not Standing.OUT:
+            before = self._home_then
+        elif self._offer is not None:
+            before = self._offer.home
         if before is None:
             return
         moved = distance_m(
@@ -885,6 +978,13 @@ class Authority:
         )
         if max(moved, abs(seen.altitude_amsl_m - before.altitude_amsl_m)) > HOME_MOVED_M:
             self._end("home was moved", seen.time_s)
+
+    def _see_datum(self, seen: PositionSeen) -> None:
+        """Every height that we command is reckoned from the altitude of height 0."""
+        then = self._place_then
+        if then is not None and abs(_datum_m(seen) - _datum_m(then)) > HOME_MOVED_M:
+            off = _datum_m(seen) - _datum_m(then)
+            self._end(f"the altitude of height 0 has changed by {off:+.0f} m", seen.time_s)
 
     def _withdraw(self, why: str) -> None:
         """Offer it no more: a confirmation of it is refused with the reason."""
@@ -899,6 +999,11 @@ class Authority:
         self.standing, self.reason, self.out_s = Standing.OUT, reason, time_s
         self.order_id = self._motion = None
         self.counters["orders_ended"] += 1
+
+
+def _datum_m(seen: PositionSeen) -> float:
+    """Altitude above mean sea level of height 0, where home is."""
+    return seen.altitude_amsl_m - seen.altitude_relative_m
 
 
 def _distance_m(seen: PositionSeen, place: FlyThere | TargetSeen) -> float:
@@ -938,13 +1043,6 @@ def _same(one: TargetSeen, other: TargetSeen, within_m: float) -> bool:
     if heights[0] is None or heights[1] is None:
         return False
     return distance_m(a, b, c, d) <= within_m and abs(heights[0] - heights[1]) <= within_m
-
-
-def _moved(seen: SticksSeen, then: tuple[int, ...]) -> bool:
-    """Whether a stick is elsewhere, of a remote control that is seen."""
-    return len(seen.channels_us) == len(then) and any(
-        abs(now - before) > STICK_US for now, before in zip(seen.channels_us, then, strict=True)
-    )
 
 
 def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:

@@ -46,6 +46,8 @@ class TargetSeen:
     """POSITION_TARGET_GLOBAL_INT: where the autopilot is flying to."""
 
     time_s: float
+    boot_s: float = 0.0
+    """The autopilot's time since its start."""
     latitude_deg: float | None
     """None: it follows no place."""
     longitude_deg: float | None
@@ -55,10 +57,13 @@ class TargetSeen:
 
 @dataclass(frozen=True, slots=True)
 class SticksSeen:
-    """RC_CHANNELS: roll, pitch, throttle, yaw in microseconds; empty: no receiver."""
+    """RC_CHANNELS in microseconds; empty: no receiver, or it has lost the sender."""
 
     time_s: float
     channels_us: tuple[int, ...]
+    """Roll, pitch, throttle, yaw."""
+    switches_us: tuple[int, ...] = ()
+    """Channels from 5 on, 0 where one is not used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +99,8 @@ class BootTimeSeen:
 
     time_s: float
     boot_s: float
+    late_s: float | None = None
+    """From when it was made to its arrival, by the clocks' TIMESYNC; None: not known."""
 
 
 @dataclass(frozen=True, slots=True)

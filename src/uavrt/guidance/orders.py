@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
 LinkLost = Literal["hold", "return", "go on"]
+OFFER_HOLDS_S = 10.0
+"""From an order's offer to its confirmation: so long the operator may think."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

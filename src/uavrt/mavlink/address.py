@@ -1,7 +1,9 @@
 """Addresses of MAVLink links, as written in ``uavrt.toml``."""
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
+from ipaddress import ip_address
 from typing import Literal
 from urllib.parse import SplitResult, urlsplit
 
@@ -35,6 +37,21 @@ class Address:
             return f"serial://{self.device}:{self.baud}"
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{self.kind}://{host}:{self.port}"
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only programs on this computer can be at the other end.
+
+        >>> parse_address("udpin://127.0.0.1:14540").is_loopback
+        True
+        >>> parse_address("udpin://0.0.0.0:14540").is_loopback
+        False
+        """
+        if self.kind == "serial":
+            return False
+        with suppress(ValueError):
+            return ip_address(self.host).is_loopback
+        return self.host == "localhost"
 
 
 def parse_address(text: str, *, baud: int = DEFAULT_BAUD) -> Address:

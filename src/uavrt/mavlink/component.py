@@ -24,7 +24,7 @@ from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.mavlink.streams import StreamRequests
 from uavrt.mavlink.timesync import STALE_NS, TimeSync
 from uavrt.messages import AttitudeSample, Pose, PositionSample
-from uavrt.units import ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
 ALONE_NS = ns_from_s(3.0)
@@ -238,6 +238,17 @@ class Component:
             and self.discovery.autopilot_present(now_ns)
             and self.time_sync.is_stale(now_ns)
         )
+
+    def late_s(self, message: Message, arrived_ns: int) -> float | None:
+        """How long a message of the autopilot was on its way [s], by TIMESYNC.
+
+        None where it has no time, or the autopilot has not told what its clock shows.
+        """
+        boot_ms = getattr(message, "time_boot_ms", None)
+        if boot_ms is None or not self.time_sync.synchronized:
+            return None
+        made_ns = self.time_sync.local_ns(boot_ms * 1_000_000)
+        return None if made_ns is None else (arrived_ns - made_ns) / NANOSECONDS_PER_SECOND
 
     def heartbeat_message(self) -> dialect.Heartbeat:
         """Our heartbeat."""

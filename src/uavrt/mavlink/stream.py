@@ -4,6 +4,10 @@ import asyncio
 import errno
 import math
 import os
+import socket
+import struct
+import sys
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -11,6 +15,7 @@ from typing import Any
 import serial
 from serial.tools import list_ports
 
+from uavrt.clock import monotonic_s
 from uavrt.errors import LinkError
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
@@ -23,6 +28,12 @@ BITS_PER_BYTE = 10
 """On a serial line, start and stop bit included."""
 SERIAL_PENDING = 2048
 """Bytes that may wait for a serial port: 0.36 s at 57 600 baud."""
+SIOCOUTQ = 0x5411
+"""Linux: how many bytes of a TCP connection the other side has not acknowledged."""
+UNACKNOWLEDGED_MS = 3000
+"""Bytes that wait longer end a TCP connection and are lost with it: what came later would no
+longer be so."""
+MOST_WRITES = 1024
 
 
 class TcpLink(Link):
@@ -34,6 +45,9 @@ class TcpLink(Link):
         super().__init__(address, on_frame, parser)
         self._writer: asyncio.StreamWriter | None = None
         self._task: asyncio.Task[None] | None = None
+        self._written = 0
+        self._writes: deque[tuple[int, float]] = deque(maxlen=MOST_WRITES)
+        """Bytes before each frame that may not be acknowledged yet, and when it was written."""
 
     async def open(self) -> None:
         """Connect, then keep connected."""
@@ -59,6 +73,11 @@ class TcpLink(Link):
         reader, self._writer = await asyncio.open_connection(
             self.address.host, self.address.port
         )
+        self._written = 0
+        self._writes.clear()
+        connected: socket.socket = self._writer.get_extra_info("socket")
+        if sys.platform == "linux":
+            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS)
         self._parser.reset()
         return reader
 
@@ -87,9 +106,31 @@ class TcpLink(Link):
 
     @property
     def delay_s(self) -> float:
-        """No time, or not known: the other side takes nothing."""
+        """So long the oldest byte has waited that the other side has not acknowledged.
+
+        Without end where the system takes no more.
+        """
         writer = self._writer
-        return math.inf if writer and writer.transport.get_write_buffer_size() else 0.0
+        if writer is None:
+            return 0.0
+        if writer.transport.get_write_buffer_size():
+            return math.inf
+        acknowledged = self._written - _unacknowledged(writer.get_extra_info("socket"))
+        while len(self._writes) > 1 and self._writes[1][0] <= acknowledged:
+            self._writes.popleft()
+        if acknowledged >= self._written or not self._writes:
+            self._writes.clear()
+            return 0.0
+        return monotonic_s() - self._writes[0][1]
+
+    @property
+    def gives_up_after_s(self) -> float | None:
+        """After so long without an acknowledgement the system ends the connection."""
+        if self._writer is None or sys.platform != "linux":
+            return None
+        connected = self._writer.get_extra_info("socket")
+        told: int = connected.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
+        return told / 1e3
 
     def _write(self, frame: bytes) -> bool:
         writer = self._writer
@@ -97,6 +138,8 @@ class TcpLink(Link):
             return False
         if writer.transport.get_write_buffer_size() > MAX_PENDING:
             return False
+        self._writes.append((self._written, monotonic_s()))
+        self._written += len(frame)
         writer.write(frame)
         return True
 
@@ -209,6 +252,18 @@ class SerialLink(Link):
             loop.add_writer(self._fd, self._flush)
         else:
             loop.remove_writer(self._fd)
+
+
+def _unacknowledged(connected: socket.socket) -> int:
+    """How many bytes wait in the system or on their way; 0 where it does not tell."""
+    if sys.platform != "linux":
+        return 0
+    import fcntl
+
+    with suppress(OSError, ValueError):
+        told: int = struct.unpack("i", fcntl.ioctl(connected, SIOCOUTQ, bytes(4)))[0]
+        return told
+    return 0
 
 
 def _serial_error(address: Address, error: OSError | ValueError) -> LinkError:

@@ -52,6 +52,9 @@ WATCHED_HZ: dict[int, float] = {
 """What must be streamed for a takeover to be seen in time. PX4 refuses HEARTBEAT and ArduPilot
 CURRENT_MODE: each tells its mode by the other. Likewise the wind, where it is told at all."""
 NO_CHANNEL_US = 65_535
+STICKS, MOST_CHANNELS = 4, 18
+TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
+"""Messages that the autopilots stamp in the moment of sending."""
 _FAILING: dict[int, str] = {
     MavSysStatusSensor.SYS_STATUS_GEOFENCE: "fence",
     MavSysStatusSensor.SYS_STATUS_AHRS: "position estimate",
@@ -66,7 +69,9 @@ def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
-def observations(message: Message, now_s: float) -> Iterator[Observation]:
+def observations(
+    message: Message, now_s: float, late_s: float | None = None
+) -> Iterator[Observation]:
     """What a message of the autopilot shows; nothing for most.
 
     Parameters
@@ -74,7 +79,11 @@ def observations(message: Message, now_s: float) -> Iterator[Observation]:
     message : Message
     now_s : float
         Our monotonic time of its arrival.
+    late_s : float, optional
+        How long it was on its way, where the autopilot's clock is known.
     """
+    if isinstance(message, TIMED):
+        yield BootTimeSeen(now_s, message.time_boot_ms / 1e3, late_s)
     match message:
         case dialect.GlobalPositionInt():
             yield _position(message, now_s)
@@ -90,7 +99,7 @@ def observations(message: Message, now_s: float) -> Iterator[Observation]:
         case dialect.CurrentMode():
             yield ModeSeen(now_s, message.custom_mode)
         case dialect.RcChannels():
-            yield SticksSeen(now_s, _sticks(message))
+            yield _hands(message, now_s)
         case dialect.HomePosition():
             yield HomeSeen(
                 now_s, message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3
@@ -103,8 +112,6 @@ def observations(message: Message, now_s: float) -> Iterator[Observation]:
             yield FailsafeSeen(now_s, "fence")
         case dialect.SysStatus():
             yield from _failing(message, now_s)
-        case dialect.SystemTime() | dialect.AttitudeQuaternion():
-            yield BootTimeSeen(now_s, message.time_boot_ms / 1e3)
 
 
 def _position(message: dialect.GlobalPositionInt, now_s: float) -> Observation:
@@ -124,9 +131,11 @@ def _position(message: dialect.GlobalPositionInt, now_s: float) -> Observation:
 
 
 def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSeen:
+    boot_s = message.time_boot_ms / 1e3
     if message.type_mask & _NO_PLACE:
         return TargetSeen(
             time_s=now_s,
+            boot_s=boot_s,
             latitude_deg=None,
             longitude_deg=None,
             altitude_amsl_m=None,
@@ -137,6 +146,7 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
     no_yaw = message.type_mask & PositionTargetTypemask.YAW_IGNORE or not isfinite(message.yaw)
     return TargetSeen(
         time_s=now_s,
+        boot_s=boot_s,
         latitude_deg=message.lat_int / 1e7,
         longitude_deg=message.lon_int / 1e7,
         altitude_amsl_m=None if relative else message.alt,
@@ -144,17 +154,14 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetSee
     )
 
 
-def _sticks(message: dialect.RcChannels) -> tuple[int, ...]:
-    """The first four channels; none when there is no receiver or it has lost the sender."""
-    channels = (
-        message.chan1_raw,
-        message.chan2_raw,
-        message.chan3_raw,
-        message.chan4_raw,
-    )
-    if message.chancount < 4 or any(one in (0, NO_CHANNEL_US) for one in channels):
-        return ()
-    return channels
+def _hands(message: dialect.RcChannels, now_s: float) -> SticksSeen:
+    """All channels there are; none when there is no receiver or it has lost the sender."""
+    count = min(message.chancount, MOST_CHANNELS)
+    raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]
+    told_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)
+    if count < STICKS or 0 in told_us[:STICKS]:
+        return SticksSeen(now_s, ())
+    return SticksSeen(now_s, told_us[:STICKS], told_us[STICKS:])
 
 
 def _failing(message: dialect.SysStatus, now_s: float) -> Iterator[FailsafeSeen]:

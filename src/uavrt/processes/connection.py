@@ -5,6 +5,7 @@ tunnel payloads into commands and the supervisor's replies into acknowledgements
 """
 
 import asyncio
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,7 @@ from uavrt.ipc import ProcessFrame, SupervisorGone
 from uavrt.log import get_logger
 from uavrt.mavlink import (
     WATCHED_HZ,
+    Address,
     Connection,
     FileServer,
     FileTree,
@@ -31,6 +33,7 @@ from uavrt.mavlink import (
     Priority,
     Requests,
     component_metadata,
+    parse_address,
     signing_from,
 )
 from uavrt.mavlink.dialect import ParamRequestList, ParamValue, RadioStatus
@@ -57,7 +60,7 @@ from uavrt.processes.crowd import Crowd
 from uavrt.processes.disk_thread import DiskThread
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.heard_tags import HeardTags
-from uavrt.processes.motion_desk import NEVER_S, MotionDesk, Outlets
+from uavrt.processes.motion_desk import MotionDesk, Outlets
 from uavrt.processes.named_values import NamedValues
 from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.processes.pose_desk import PoseDesk
@@ -169,6 +172,7 @@ class ConnectionProcess:
                 ),
                 own_place=lambda: self._link.place,
                 next_request_id=self._exchange.next_request_id,
+                autopilot_link=_address(mavlink.address),
             )
         flight = frame.assignment.flight
         self._parameters = ParameterDesk(
@@ -343,8 +347,7 @@ class ConnectionProcess:
             if times is not None:
                 self._disk(partial(self._signing_memory.write, times), lambda _done: None)
         if self._motion is not None:
-            silent = self._link.stations_silent_s().values()
-            self._motion.tick(min(silent, default=NEVER_S))
+            self._motion.tick(self._link.stations_silent_s())
         if self._addresses:
             self._tell_session(now_ns)
             own_pose = self._poses.due(now_ns)
@@ -422,7 +425,8 @@ class ConnectionProcess:
     def _vehicle_message(self, message: Message, arrived_ns: int) -> None:
         if self._motion is not None:
             age_s = (self._base.now_ns() - arrived_ns) / NANOSECONDS_PER_SECOND
-            self._motion.vehicle(message, max(0.0, age_s))
+            late_s = self._link.component.late_s(message, arrived_ns)
+            self._motion.vehicle(message, max(0.0, age_s), late_s)
 
     def _autopilot_found(self) -> None:
         if self._motion is not None:
@@ -624,6 +628,13 @@ class ConnectionProcess:
                 )
             },
         }
+
+
+def _address(text: str | None) -> Address | None:
+    """Read the address of a link; None for what is none, which is told where it is opened."""
+    with suppress(ConfigError):
+        return parse_address(text or "")
+    return None
 
 
 def _heard_before(directory: str) -> tuple[str, dict[int, tuple[int, int]]]:

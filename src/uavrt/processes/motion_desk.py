@@ -2,10 +2,10 @@
 
 Belongs to the connection process. The autopilot's messages reach `Authority` here before
 anything else is done with them; what the guide wishes becomes a command here or is dropped.
-Orders come sealed, but for a simulator that says that it is one.
+Orders come sealed, but for a simulator that says that it is one, on this computer.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -25,7 +25,15 @@ from uavrt.guidance import (
     with_place,
 )
 from uavrt.log import get_logger
-from uavrt.mavlink import Message, command_message, dialect, kind_of, observations, wind_of
+from uavrt.mavlink import (
+    Address,
+    Message,
+    command_message,
+    dialect,
+    kind_of,
+    observations,
+    wind_of,
+)
 from uavrt.messages import (
     Command,
     CommandName,
@@ -69,6 +77,10 @@ BATTERY_AGE_S, WIND_AGE_S = 10.0, 30.0
 TELLER_S = 10.0
 """Who told of other drones so lately is the only one that may: two would give the same way."""
 UNKNOWN = "the autopilot is not known. Fly a multirotor with PX4 or ArduPilot"
+TCP_IS_LATE = (
+    "orders of motion are not flown over TCP to another computer: a command could arrive "
+    "seconds late. Use a serial port or UDP for mavlink.address"
+)
 SIMULATOR_NUMBER = 0x75617672
 """AUTOPILOT_VERSION's uid of `uavrt.simulation.fake_autopilot`: ``uavr``."""
 
@@ -111,6 +123,8 @@ class MotionDesk:
         Our system and component id; the vehicle's system is the same.
     next_request_id : callable
         Numbers for commands.
+    autopilot_link : Address or None
+        By which the autopilot is reached.
     """
 
     def __init__(
@@ -120,9 +134,13 @@ class MotionDesk:
         *,
         own_place: Callable[[], tuple[int, int]],
         next_request_id: Callable[[], int],
+        autopilot_link: Address | None,
     ) -> None:
         self._settings, self._out = settings, outlets
         self._own_place, self._next_request_id = own_place, next_request_id
+        self._on_loopback = autopilot_link is not None and autopilot_link.is_loopback
+        by_tcp = autopilot_link is not None and autopilot_link.kind == "tcp"
+        self._link_fault = TCP_IS_LATE if by_tcp and not self._on_loopback else None
         self._fence = FenceWatch(
             outlets.command,
             lambda fence: outlets.record("vehicle_fence", fence),
@@ -139,6 +157,10 @@ class MotionDesk:
         self._pending: dict[int, _Question] = {}
         self._order_id = 0
         self._asker: Asker | None = None
+        self._confirmer: Asker | None = None
+        """Who confirmed the order: its silence counts, whoever else is heard."""
+        self._late_told = False
+        """The operator knows that this order waits for a late link."""
         self._asked: tuple[Asker, int] | None = None
         self._answered: bytes | None = None
         self._sent = self._refused = 0
@@ -146,7 +168,7 @@ class MotionDesk:
         self._awake_s = monotonic_s()
         self._late_turns = 0
         self._stop_by_s = 0.0
-        self._ground_silent_s = NEVER_S
+        self._silent_s: Mapping[Asker, float] = {}
         self._teller: tuple[Asker | None, float] = (None, -inf)
         """Who tells of other drones, and when last."""
         self._standing = Standing.OUT
@@ -166,8 +188,19 @@ class MotionDesk:
         self._asked_identity_s = self._battery_s = self._wind_s = -inf
         self._fence.autopilot_found()
 
-    def vehicle(self, message: Message, age_s: float = 0.0) -> None:
-        """Handle a message of the autopilot, that arrived so long ago."""
+    def vehicle(
+        self, message: Message, age_s: float = 0.0, late_s: float | None = None
+    ) -> None:
+        """Handle a message of the autopilot.
+
+        Parameters
+        ----------
+        message : Message
+        age_s : float
+            How long ago it arrived.
+        late_s : float, optional
+            How long it was on its way, where the autopilot's clock is known.
+        """
         now_s = monotonic_s()
         self._look_at_gap(now_s)
         if isinstance(message, dialect.Heartbeat):
@@ -183,7 +216,7 @@ class MotionDesk:
             self._wind_m_s, self._wind_s = wind_of(message), now_s - age_s
         if self._authority is None:
             return
-        for seen in observations(message, now_s - age_s):
+        for seen in observations(message, now_s - age_s, late_s):
             self._authority.see(seen)
         self._watch(now_s)
         self._fence.vehicle(message, now_s)
@@ -202,6 +235,7 @@ class MotionDesk:
                 highest_m=settings.highest_m,
                 farthest_m=settings.fence_m,
                 may_take_off=settings.may_take_off,
+                unwatched_channels=frozenset(settings.unwatched_channels),
             )
         )
 
@@ -229,8 +263,10 @@ class MotionDesk:
             self.refused_orders += 1
             log.seldom(self.refused_orders, "order of motion refused", reason=error.message)
             return
-        if refusal is None and not sealed and not self._simulated:
+        if refusal is None and not sealed and not self._takes_unsealed:
             refusal = "orders of motion must be sealed: give drone and ground a key"
+        if refusal is None and not isinstance(message, MotionStop):
+            refusal = self._link_fault
         if refusal is not None:
             self.refused_orders += 1
             self._answer("refused", refusal, asker, message.request_id)
@@ -260,7 +296,7 @@ class MotionDesk:
             self.refused_neighbours += 1
             log.seldom(self.refused_neighbours, "neighbour refused", reason=error.message)
             return
-        proven = sealed or bool(self._simulated)
+        proven = sealed or self._takes_unsealed
         teller, told_s = self._teller
         another = teller not in (None, asker) and now_s - told_s < TELLER_S
         own = told.vehicle == self._own_place()[0]
@@ -269,6 +305,11 @@ class MotionDesk:
             return
         self._teller = (asker, now_s)
         self._out.record("neighbour", told)
+
+    @property
+    def _takes_unsealed(self) -> bool:
+        """Whether it is the simulator: anybody on a network could say so, here nobody else."""
+        return bool(self._simulated) and self._on_loopback
 
     def _ask(
         self,
@@ -332,6 +373,7 @@ class MotionDesk:
             self._answer("refused", str(error), asker, confirmation.request_id)
             return
         self._sent = self._refused = 0
+        self._confirmer, self._late_told = asker, False
         self._said, self._order_id = "confirmed", confirmation.order_id
         self._answer("state", self._said, asker, confirmation.request_id)
         log.info("motion confirmed", order=confirmation.order_id, source=asker)
@@ -340,6 +382,7 @@ class MotionDesk:
     def _stop(self, asker: Asker, stop: MotionStop) -> None:
         """Let the drone stand where it is, if it is ours, and be out; end what is offered."""
         now_s, authority = monotonic_s(), self._authority
+        self._look_at_gap(now_s)
         if authority is not None:
             self._stop_by_s = self._stop_by_s or now_s + STANDS_WITHIN_S
             self._go_on_stopping(authority, now_s)
@@ -349,16 +392,17 @@ class MotionDesk:
         """Give up control once the drone was told to stop and no command is under way."""
         if authority.taking_off:
             authority.stop(now_s, "stopped by the operator: it climbs on to its height")
-        if (
-            not authority.flies_ours
-            or now_s >= self._stop_by_s
-            or self._stand(authority, now_s)
-        ):
+        if not authority.flies_ours or self._stand(authority, now_s):
             authority.stop(now_s)
+        elif now_s >= self._stop_by_s:
+            authority.stop(now_s, "stopped by the operator: it flies on to its last target")
+        if authority.standing is Standing.OUT:
             self._stop_by_s = 0.0
         self._watch(now_s)
 
     def _stand(self, authority: Authority, now_s: float) -> bool:
+        if self._late_turns > 0:
+            return False
         now = authority.vehicle_now(
             now_s,
             battery_percent=None,
@@ -378,7 +422,7 @@ class MotionDesk:
                 min(height, self._settings.highest_m),
             ),
         )
-        return self._command(authority, now.order_id, here, now_s)
+        return self._command(authority, now.order_id, here, now_s, stops=True)
 
     # ---------------------------------------------------------------- from the guide
 
@@ -422,13 +466,14 @@ class MotionDesk:
                 self._watch(now_s)
                 self._fence.tell_again()
             return
+        authority.planner_alive(now_s)
         if self._stop_by_s:
             return
-        authority.planner_alive(now_s)
         self._said = wish.said or self._said
         match wish.kind:
             case "end":
-                authority.stop(now_s, wish.said)
+                behind = "" if authority.late is None else f": {authority.late}"
+                authority.stop(now_s, f"{wish.said}{behind}")
             case "fly" | "turn" | "home" | "mode" | "takeoff":
                 if not late and self._command(authority, wish.order_id, wish_of(wish), now_s):
                     self._sent += 1
@@ -437,24 +482,46 @@ class MotionDesk:
                 self._report(now_s)
         self._watch(now_s)
 
-    def _command(self, authority: Authority, order_id: int, wish: Wish, now_s: float) -> bool:
+    def _command(
+        self,
+        authority: Authority,
+        order_id: int,
+        wish: Wish,
+        now_s: float,
+        *,
+        stops: bool = False,
+    ) -> bool:
         try:
-            command = authority.command(order_id, wish, now_s)
+            command = authority.command(order_id, wish, now_s, stops=stops)
         except CommandRefused as error:
             log.info("wish refused", reason=error.message)
+            self._tell_late(authority)
             return False
         self._out.command(command_message(command, self._own_place()[0]))
         log.info("commanded", command=command.name, order=order_id)
         return True
 
+    def _tell_late(self, authority: Authority) -> None:
+        """Say once what keeps an order from being flown, if it is the link."""
+        if authority.late is None or authority.standing is Standing.OUT or self._late_told:
+            return
+        self._late_told = True
+        self._out.tell(StatusText(severity=4, text=f"Not commanded: {authority.late}"))
+
     # ------------------------------------------------------------------------- words
 
-    def tick(self, ground_silent_s: float) -> None:
-        """Do what is due."""
+    def tick(self, silent_s: Mapping[Asker, float]) -> None:
+        """Do what is due.
+
+        Parameters
+        ----------
+        silent_s : mapping of (int, int) to float
+            For how long each ground station was not heard.
+        """
         now_s = monotonic_s()
         if self._look_at_gap(now_s) <= LATE_S:
             self._late_turns = max(0, self._late_turns - 1)
-        self._ground_silent_s = min(ground_silent_s, NEVER_S)
+        self._silent_s = silent_s
         if self._authority is not None:
             self._authority.tick(now_s)
             if self._stop_by_s:
@@ -498,7 +565,16 @@ class MotionDesk:
             return "the autopilot is not known"
         if self._authority.standing is Standing.OUT:
             return self._authority.reason
-        return self._said
+        late = self._authority.late
+        return self._said if late is None else f"{late}: nothing is commanded"
+
+    @property
+    def _ground_silent_s(self) -> float:
+        """Of the station that confirmed what is flown; without an order, of any."""
+        silent_s = self._silent_s
+        if self._standing is Standing.OUT or self._confirmer is None:
+            return min((NEVER_S, *silent_s.values()))
+        return min(NEVER_S, silent_s.get(self._confirmer, NEVER_S))
 
     def _tell_state(self, now_s: float) -> None:
         self._next_state_s = now_s + STATE_S
@@ -545,8 +621,7 @@ class MotionDesk:
                 order_id=None,
                 mode="",
             )
-        fault, battery = authority.fault(now_s), self._battery_percent
-        takeoff = authority.fault(now_s, takeoff=True)
+        battery = self._battery_percent
         now = authority.vehicle_now(
             now_s,
             battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
@@ -556,8 +631,8 @@ class MotionDesk:
         )
         report = VehicleReport(
             autopilot=self._kind,
-            fault=None if fault is None else f"{fault[0]}. {fault[1]}",
-            takeoff_fault=None if takeoff is None else f"{takeoff[0]}. {takeoff[1]}",
+            fault=self._fault(authority, now_s),
+            takeoff_fault=self._fault(authority, now_s, takeoff=True),
             standing=authority.standing.value,
             reason=authority.reason,
             order_id=authority.order_id,
@@ -566,6 +641,13 @@ class MotionDesk:
         if now_s - self._wind_s <= WIND_AGE_S:
             report = replace(report, wind_m_s=self._wind_m_s)
         return report if now is None else with_place(report, now)
+
+    def _fault(
+        self, authority: Authority, now_s: float, *, takeoff: bool = False
+    ) -> str | None:
+        """Why nothing, or no take-off, can be offered now."""
+        fault = authority.fault(now_s, takeoff=takeoff)
+        return self._link_fault if fault is None else f"{fault[0]}. {fault[1]}"
 
     def counters(self) -> dict[str, float]:
         """Counts with names for a health record."""

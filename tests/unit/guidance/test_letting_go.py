@@ -275,3 +275,59 @@ def test_a_longitude_beyond_the_globe_is_no_place(longitude_deg: float) -> None:
     )
     with pytest.raises(CommandRefused, match="is no place"):
         flown.authority.command(pilot.order.order_id, place, flown.time_s)
+
+
+@BOTH
+@pytest.mark.parametrize("up", [False, True])
+def test_home_cannot_creep_away_by_steps_that_are_small_each(
+    flavour: Flavour, up: bool
+) -> None:
+    flown = Flown(flavour)
+    flown.order("rotate", duration_s=60.0)
+    for _ in range(2):
+        flown.run(1.0)
+        assert flown.authority.standing is not Standing.OUT
+        if up:
+            flown.home_up_m += 1.9
+        else:
+            flown.home_north_m += 1.9
+    flown.run(1.1)
+    assert flown.authority.reason in (
+        "home was moved",
+        "the altitude of height 0 has changed by +4 m",
+    )
+
+
+@BOTH
+def test_heights_cannot_come_to_mean_others_than_at_the_confirmation(flavour: Flavour) -> None:
+    """Home may be told once a minute; the position tells both heights."""
+    flown = Flown(flavour)
+    flown.order("rotate", duration_s=60.0)
+    flown.run(1.0, until=lambda: flown.steps % 20 == 8)
+    for _ in range(3):
+        flown.home_up_m -= 0.8
+        flown.run(0.2)
+    assert flown.authority.reason == "the altitude of height 0 has changed by -2 m"
+
+
+@BOTH
+def test_home_that_crept_before_the_confirmation_is_home(flavour: Flavour) -> None:
+    flown = Flown(flavour)
+    for _ in range(3):
+        flown.home_north_m += 1.9
+        flown.run(1.0)
+    flown.order("rotate", duration_s=60.0)
+    flown.run(3.0)
+    assert flown.authority.standing is Standing.IN_COMMAND
+
+
+@BOTH
+def test_the_operator_has_ten_seconds_to_confirm(flavour: Flavour) -> None:
+    flown = Flown(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    flown.run(10.2)
+    with pytest.raises(CommandRefused, match="confirm within 10 s"):
+        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+    flown.authority.offer(2, 78, flown.time_s)
+    flown.run(9.9)
+    flown.authority.confirm(2, 78, flown.time_s, sticks_unseen=True)

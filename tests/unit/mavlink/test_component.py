@@ -410,3 +410,15 @@ def test_it_says_what_it_waits_for(bench: Bench) -> None:
     assert bench.component.status(bench.now_ns) == "waiting for ground station"
     bench.station_heartbeat()
     assert bench.component.status(bench.now_ns) == "ready"
+
+
+def test_a_message_is_as_late_as_timesync_says(bench: Bench) -> None:
+    bench.autopilot_heartbeat()
+    assert bench.component.late_s(position(10_000), bench.now_ns) is None
+    bench.fly(10)
+    told = position(19_950)  # the last one of it
+    assert bench.component.late_s(told, bench.now_ns) == pytest.approx(0.0, abs=0.06)
+    late_ns = bench.now_ns + 700_000_000
+    assert bench.component.late_s(told, late_ns) == pytest.approx(0.7, abs=0.06)
+    heartbeat_of_it = heartbeat(d.MavType.QUADROTOR, d.MavAutopilot.PX4)
+    assert bench.component.late_s(heartbeat_of_it, late_ns) is None

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import errno
+import math
 import os
 import pty
 import socket
@@ -22,6 +23,7 @@ from uavrt.mavlink import (
     parse_address,
 )
 from uavrt.mavlink import dialect as d
+from uavrt.mavlink.stream import TcpLink
 from uavrt.mavlink.udp import UdpLink
 
 Until = Callable[..., Awaitable[None]]
@@ -261,6 +263,84 @@ def test_a_command_of_motion_does_not_queue_behind_what_waits_for_a_serial_port(
         os.close(slave)
 
     asyncio.run(main())
+
+
+def test_a_command_of_motion_does_not_queue_behind_what_a_tcp_peer_leaves_unread(
+    until: Until,
+) -> None:
+    """The system takes it all the same, and sends it when the peer reads again."""
+
+    async def main() -> None:
+        server = socket.create_server(("127.0.0.1", 0))
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection = Connection(
+            Handlers(attitude=print, position=print, tunnel=print), lambda: 0
+        )
+        port = server.getsockname()[1]
+        serving = asyncio.create_task(connection.serve(0, f"tcp://127.0.0.1:{port}"))
+        peer, _ = await asyncio.to_thread(server.accept)
+        await until(lambda: connection.link is not None)
+        link = connection.link
+        assert link is not None
+        connection.command_autopilot(PING)
+        assert link.counters.sent == 1
+
+        def waits() -> bool:
+            link.send(FRAME * 20)
+            return link.delay_s > 0.3
+
+        await until(waits)
+        assert link.delay_s < math.inf, "asyncio itself holds nothing back"
+        before = link.counters.sent
+        connection.command_autopilot(PING)
+        assert link.counters.sent == before
+        assert connection.counters()["commands_not_sent"] == 1
+        peer.setblocking(False)
+
+        def drained() -> bool:
+            with contextlib.suppress(BlockingIOError):
+                peer.recv(1 << 16)
+            return link.delay_s == 0.0
+
+        await until(drained)
+        connection.command_autopilot(PING)
+        assert link.counters.sent == before + 1
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
+        peer.close()
+        server.close()
+
+    asyncio.run(main())
+
+
+def test_bytes_that_a_tcp_peer_does_not_acknowledge_are_not_kept_for_long() -> None:
+    async def main() -> None:
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            port = server.getsockname()[1]
+            link = await open_link(f"tcp://127.0.0.1:{port}", lambda frame: None)
+            assert isinstance(link, TcpLink)
+            assert link.gives_up_after_s == 3.0
+            await link.close()
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize(
+    ("text", "alone"),
+    [
+        ("udpin://127.0.0.1:14540", True),
+        ("udpout://[::1]:14550", True),
+        ("tcp://localhost:5760", True),
+        ("udpin://0.0.0.0:14540", False),
+        ("udpout://192.168.1.2:14550", False),
+        ("tcp://drone.local:5760", False),
+        ("serial:///dev/ttyAMA0:921600", False),
+    ],
+)
+def test_an_address_tells_whether_only_this_computer_is_behind_it(
+    text: str, alone: bool
+) -> None:
+    assert parse_address(text).is_loopback is alone
 
 
 def open_serial_error(device: str) -> LinkError:

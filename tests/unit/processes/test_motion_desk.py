@@ -1,14 +1,16 @@
 """The desk at the link: who may move the drone, and when it lets go."""
 
+import random
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
 from flown import Flown
+from rough import Rough
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import fence_items
-from uavrt.mavlink import dialect
+from uavrt.mavlink import dialect, parse_address
 from uavrt.messages import (
     Command,
     CommandReply,
@@ -23,6 +25,7 @@ from uavrt.messages import (
     VehicleWish,
 )
 from uavrt.processes.motion_desk import SIMULATOR_NUMBER, MotionDesk, Outlets
+from uavrt.simulation.flying import MODES, Flavour
 from uavrt.simulation.mission_store import MissionStore
 from uavrt.tunnel import encode_neighbour
 from uavrt.tunnel.motion import (
@@ -36,6 +39,7 @@ from uavrt.tunnel.motion import (
 )
 
 US, OTHERS = (254, 190), (254, 191)
+SETTINGS = GuidanceSettings(enabled=True, battery_wh=120.0, may_take_off=True)
 
 
 @dataclass
@@ -50,11 +54,14 @@ class Link:
     texts: list[StatusText] = field(default_factory=list)
     missions: MissionStore = field(default_factory=lambda: MissionStore("px4"))
     answers: list[Any] = field(default_factory=list)
+    settings: GuidanceSettings = SETTINGS
+    address: str = "udpin://127.0.0.1:14540"
+    silent_s: dict[tuple[int, int], float] = field(default_factory=lambda: {US: 0.0})
 
     def __post_init__(self) -> None:
         numbers = iter(range(1, 1000))
         self.desk = MotionDesk(
-            GuidanceSettings(enabled=True, battery_wh=120.0, may_take_off=True),
+            self.settings,
             Outlets(
                 command=self.command,
                 state=lambda payload, _: self.states.append(decode_state(payload)),
@@ -64,6 +71,7 @@ class Link:
             ),
             own_place=lambda: (1, 191),
             next_request_id=lambda: next(numbers),
+            autopilot_link=parse_address(self.address),
         )
 
     def command(self, message: Any) -> None:
@@ -84,9 +92,21 @@ class Link:
             self.flown.boot_s += 0.05
             self.flown.vehicle.advance(0.05)
             answers, self.answers = self.answers, []
-            for message in (*self.flown.telemetry(), *answers):
+            told = self.flown.through(self.flown.time_s, self.flown.telemetry())
+            for message in (*told, *answers):
                 self.desk.vehicle(message)
-            self.desk.tick(0.0)
+            self.desk.tick(self.silent_s)
+
+    def alive(self) -> None:
+        self.desk.wish(VehicleWish(order_id=5, kind="alive"))
+
+    def stall(self, seconds: float) -> None:
+        """The vehicle lives on; nothing is read."""
+        for _ in range(round(seconds / 0.05)):
+            self.flown.steps += 1
+            self.flown.time_s += 0.05
+            self.flown.boot_s += 0.05
+            self.flown.vehicle.advance(0.05)
 
     def say(self, payload: bytes, asker: tuple[int, int] = US, *, sealed: bool = True) -> None:
         self.desk.receive(payload, asker, None, sealed=sealed)
@@ -135,12 +155,21 @@ class Link:
         )
 
 
+def made(
+    monkeypatch: pytest.MonkeyPatch,
+    flown: Flown,
+    address: str = "udpin://127.0.0.1:14540",
+    settings: GuidanceSettings = SETTINGS,
+) -> Link:
+    link = Link(flown=flown, address=address, settings=settings)
+    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
+    link.run(1.5)
+    return link
+
+
 @pytest.fixture
 def link(monkeypatch: pytest.MonkeyPatch) -> Link:
-    made = Link()
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: made.flown.time_s)
-    made.run(1.5)
-    return made
+    return made(monkeypatch, Flown("px4"))
 
 
 def request(number: int = 9) -> bytes:
@@ -246,6 +275,156 @@ def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) ->
     assert link.flown.vehicle.north_m < north_m + 10.0
 
 
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+@pytest.mark.parametrize("phase", range(10))
+def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
+    monkeypatch: pytest.MonkeyPatch, flavour: Flavour, phase: int
+) -> None:
+    """The pilot's return has begun, and is not told yet."""
+    link = made(monkeypatch, Flown(flavour))
+    link.run(0.05 * phase)
+    own = link.flown.authority.manners.mode_name(MODES[flavour]["hold"])
+    begin(link, north_m=200.0)
+    link.desk.wish(VehicleWish(order_id=5, kind="alive"))
+    link.desk.offer(
+        MotionOffer(request_id=11, asker=US, order_id=6, nonce=78, summary="hold", mode=own)
+    )
+    confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
+    link.say(encode_confirmation(confirmation))
+    assert link.states[-1].text == "confirmed"
+    link.run(0.05)
+    link.flown.vehicle.set_mode(MODES[flavour]["return"])
+    link.flown.time_s += 0.05
+    link.flown.boot_s += 0.05
+    sent = len(link.motions)
+    link.say(encode_stop(MotionStop(request_id=13)))
+    link.run(3.0)
+    assert link.states[-1].standing == "out"
+    assert not any(m.param2 for m in link.motions[sent:])
+    assert link.flown.vehicle.mode == MODES[flavour]["return"]
+
+
+@pytest.mark.parametrize("first", ["the stop", "a turn of the process"])
+def test_a_stop_after_a_stall_waits_for_what_the_pilot_did_meanwhile(
+    link: Link, first: str
+) -> None:
+    begin(link, north_m=200.0)
+    if first == "a turn of the process":  # the stop waits for a command to be obeyed
+        link.fly(210.0)
+        link.say(encode_stop(MotionStop(request_id=3)))
+    sent = len(link.motions)
+    link.stall(0.2)
+    link.flown.go_to(-100.0, -100.0)
+    link.stall(0.2)
+    pilots = link.flown.vehicle.target
+    if first == "the stop":
+        link.say(encode_stop(MotionStop(request_id=3)), OTHERS)
+    else:
+        link.desk.tick(link.silent_s)
+    assert len(link.motions) == sent
+    link.run(3.0)
+    assert len(link.motions) == sent
+    assert link.flown.vehicle.target == pilots
+    assert link.states[-1].text == "another has given a target"
+
+
+def test_a_stop_that_cannot_be_commanded_says_that_it_flies_on(link: Link) -> None:
+    begin(link, north_m=200.0)
+    link.flown.through = Rough(random.Random(1), late_s=0.3)
+    link.run(0.4)
+    link.say(encode_stop(MotionStop(request_id=3)))
+    link.run(1.0)
+    assert link.states[-1].standing == "in command"
+    link.run(0.6)
+    assert len(link.motions) == 1
+    assert link.states[-1].text == "stopped by the operator: it flies on to its last target"
+
+
+def test_the_silence_of_who_confirmed_counts_whoever_else_is_heard(link: Link) -> None:
+    def told() -> float:
+        reports = [one for one in link.records if isinstance(one, VehicleReport)]
+        return float(reports[-1].ground_silent_s)
+
+    link.silent_s = {US: 40.0, OTHERS: 0.5}
+    link.run(0.2)
+    assert told() == 0.5
+    link.silent_s[US] = 0.2
+    begin(link)
+    link.silent_s[US] = 60.5
+    link.run(0.2)
+    assert told() == 60.5
+    del link.silent_s[US]
+    link.run(0.2)
+    assert told() > 1e5
+
+
+@pytest.mark.parametrize(
+    "address", ["udpin://0.0.0.0:14540", "udpout://10.0.0.1:14550", "serial:///dev/ttyAMA0"]
+)
+def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(
+    monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    link = made(monkeypatch, Flown("px4"), address)
+    link.simulator()
+    link.say(request(), sealed=False)
+    assert "sealed" in link.states[-1].text
+    link.desk.neighbour(encode_neighbour(ELSEWHERE), US, None, sealed=False)
+    assert link.desk.counters()["neighbours_refused"] == 1
+
+
+def test_no_order_is_flown_over_tcp_to_another_computer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What TCP repeats arrives when a pilot may have taken over."""
+    link = made(monkeypatch, Flown("px4"), "tcp://192.168.1.7:5760")
+    link.say(request())
+    assert link.states[-1].kind == "refused"
+    assert "not flown over TCP" in link.states[-1].text
+    reports = [one for one in link.records if isinstance(one, VehicleReport)]
+    assert "Use a serial port or UDP" in str(reports[-1].fault)
+    link.offered()
+    assert link.confirm().kind == "refused"
+    link.say(encode_stop(MotionStop(request_id=3)))
+    assert [one.kind for one in link.states[-2:]] == ["refused", "state"]
+    near = made(monkeypatch, Flown("px4"), "tcp://127.0.0.1:5760")
+    begin(near)
+
+
+def test_the_operator_is_told_once_that_the_link_is_too_late_to_command(link: Link) -> None:
+    begin(link)
+    link.flown.through = Rough(random.Random(1), late_s=0.5)
+    link.run(0.8)
+    for _ in range(5):
+        link.fly(100.0)
+        link.run(0.1)
+        link.alive()
+    assert len(link.motions) == 1
+    texts = [one.text for one in link.texts]
+    assert texts.count("Not commanded: the autopilot's messages come 0.5 s late") == 1
+    link.run(1.0)
+    assert link.states[-1].text == (
+        "the autopilot's messages come 0.5 s late: nothing is commanded"
+    )
+    link.desk.wish(VehicleWish(order_id=5, kind="end", said="the commands are refused"))
+    assert link.states[-1].text == (
+        "the commands are refused: the autopilot's messages come 0.5 s late"
+    )
+
+
+def test_a_channel_of_the_settings_is_not_watched(monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = GuidanceSettings(enabled=True, unwatched_channels=(8,))
+    link = made(monkeypatch, Flown("px4", sticks=True), settings=settings)
+    link.flown.switches = (1000,) * 4
+    link.run(1.0)
+    begin(link)
+    link.flown.switches = (1000, 1000, 1000, 1900)
+    link.run(0.5)
+    assert link.states[-1].standing == "in command"
+    link.flown.switches = (1900, 1000, 1000, 1900)
+    link.run(0.5)
+    assert "RC channel 5 was switched" in link.states[-1].text
+
+
 def test_a_guide_that_was_restarted_ends_the_order(link: Link) -> None:
     begin(link)
     link.desk.wish(VehicleWish(order_id=None, kind="end"))
@@ -285,7 +464,7 @@ def test_what_arrived_long_ago_is_no_position_of_now(link: Link) -> None:
     begin(link)
     for _ in range(12):
         link.flown.time_s += 0.05
-        link.desk.tick(0.0)
+        link.desk.tick(link.silent_s)
     for message in link.flown.telemetry():
         link.desk.vehicle(message, 0.6)
     link.fly(100.0)
@@ -407,6 +586,7 @@ def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
 ) -> None:
     begin(link)
     link.flown.time_s += 0.4
+    link.flown.boot_s += 0.4
     if first == "a sign of life":
         link.desk.wish(VehicleWish(order_id=5, kind="alive"))
     link.fly(100.0)
@@ -427,7 +607,8 @@ def test_what_the_battery_told_long_ago_is_not_told_to_the_guide(link: Link) -> 
 
 def begin(link: Link, north_m: float = 60.0) -> None:
     """An order whose first command has been obeyed."""
-    link.offered()
+    px4 = link.flown.flavour == "px4"
+    link.offered("Position" if px4 else "Loiter")
     assert link.confirm().standing == "confirmed"
     for _ in range(12):
         if not link.motions:
@@ -436,6 +617,7 @@ def begin(link: Link, north_m: float = 60.0) -> None:
     assert len(link.motions) == 1
     link.run(1.0)
     assert link.states[-1].standing == "in command"
+    link.alive()
 
 
 def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(

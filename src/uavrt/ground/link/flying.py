@@ -16,6 +16,7 @@ from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.guidance import (
     NOT_CHECKED_ABOARD,
+    OFFER_HOLDS_S,
     Limits,
     Order,
     area_in,
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 SILENCE_NS = ns_from_s(6.0)
 """The drone tells its standing once a second."""
-OFFER_NS = ns_from_s(10.0)
+OFFER_NS = ns_from_s(OFFER_HOLDS_S)
 """So long the drone waits for a confirmation."""
 PATTERNS = ("lines", "around", "points")
 Places = tuple[tuple[float, float], ...]

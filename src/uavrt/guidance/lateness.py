@@ -1,0 +1,44 @@
+"""How late what the vehicle tells is here. Pure.
+
+What arrives is new to us and may be old all the same: behind a slow link's queue a pilot's
+return is told seconds after it has begun. The vehicle's own clock in its messages shows it.
+"""
+
+from uavrt.guidance.observed import BootTimeSeen
+
+LATEST_S = 0.2
+"""Later, and no command is sent."""
+CLOCKS_PART = 2e-4
+"""Two crystals of 100 ppm: what the least offset may have become since it was seen."""
+
+
+class Lateness:
+    """Measures it by the autopilot's time since its start.
+
+    Where TIMESYNC tells what that clock shows, by that; else by the least offset that was seen
+    since the link came up: the quickest message is taken to be in time.
+    """
+
+    def __init__(self) -> None:
+        self._least: tuple[float, float] | None = None
+        """Arrival [s] and offset [s] of the quickest message."""
+        self.late_s = 0.0
+        """Of the message that came last."""
+
+    def see(self, seen: BootTimeSeen) -> None:
+        """Measure a message."""
+        offset_s = seen.time_s - seen.boot_s
+        expected_s = offset_s
+        if self._least is not None:
+            when_s, least_s = self._least
+            expected_s = least_s + CLOCKS_PART * max(0.0, seen.time_s - when_s)
+        if offset_s <= expected_s:
+            self._least = seen.time_s, offset_s
+        self.late_s = max(0.0, offset_s - expected_s if seen.late_s is None else seen.late_s)
+
+    @property
+    def fault(self) -> str | None:
+        """Say that it is too late to command anything; None when it is not."""
+        if self.late_s <= LATEST_S:
+            return None
+        return f"the autopilot's messages come {self.late_s:.1f} s late"

@@ -1,0 +1,179 @@
+"""A drone whose telemetry, orders and commands go through the desk at the link."""
+
+import random
+from collections import deque
+from typing import Any
+
+from flown import Flown, nonce_of
+
+from uavrt.config.settings import GuidanceSettings
+from uavrt.errors import CommandRefused
+from uavrt.guidance import now_of, wish_record
+from uavrt.guidance.authority import Standing
+from uavrt.guidance.orders import Order, VehicleNow
+from uavrt.mavlink import dialect, parse_address
+from uavrt.messages import (
+    Command,
+    CommandReply,
+    MotionOffer,
+    VehicleReport,
+    VehicleWish,
+)
+from uavrt.processes.motion_desk import MotionDesk, Outlets
+from uavrt.simulation.flying import Flavour
+from uavrt.tunnel.motion import (
+    MotionConfirmation,
+    MotionState,
+    MotionStop,
+    decode_state,
+    encode_confirmation,
+    encode_stop,
+)
+
+STATION = (254, 190)
+ALIVE_STEPS = 10
+SLOWEST_STEPS = 3
+"""That the hub needs from guide to desk."""
+
+
+class Desked(Flown):
+    """Its guide wishes by records that take some time, as through the hub.
+
+    The desk reads its time from `uavrt.processes.motion_desk.monotonic_s`, which a test lets
+    say `Desked.now_s`.
+    """
+
+    now_s = 0.0
+
+    def __init__(self, flavour: Flavour, **values: Any) -> None:
+        Desked.now_s = 100.0
+        self._report: VehicleReport | None = None
+        self._is_new = False
+        self._wishes: deque[tuple[int, VehicleWish]] = deque()
+        self.states: list[MotionState] = []
+        self.stop_commands: list[Any] = []
+        self._stopping = False
+        self.sent_when_out = 0
+        self._asked: list[Command] = []
+        self._numbers = iter(range(1, 1_000_000))
+        self._hub = random.Random(str(values.get("phase_s")))
+        limits = values.get("limits")
+        self.desk = MotionDesk(
+            GuidanceSettings(
+                enabled=True,
+                battery_wh=120.0,
+                may_take_off=True,
+                fence_m=500.0 if limits is None else limits.fence_m,
+            ),
+            Outlets(
+                command=self._command,
+                state=lambda payload, _: self.states.append(decode_state(payload)),
+                ask=self._asked.append,
+                record=self._take,
+                tell=lambda _: None,
+            ),
+            own_place=lambda: (1, 191),
+            next_request_id=lambda: next(self._numbers),
+            autopilot_link=parse_address("serial:///dev/ttyAMA0:921600"),
+        )
+        super().__init__(flavour, **values)
+
+    def _command(self, message: Any) -> None:
+        if not isinstance(message, dialect.CommandInt | dialect.CommandLong):
+            return
+        if message.command == dialect.MavCmd.REQUEST_MESSAGE:
+            return
+        self.commands.append((self.time_s, message))
+        self.sent_when_out += self.authority.standing is Standing.OUT
+        if self._stopping:
+            self.stop_commands.append(message)
+        self.vehicle.command(message)
+
+    def _take(self, _: str, record: object) -> None:
+        if isinstance(record, VehicleReport):
+            self._report, self._is_new = record, True
+
+    def control(self) -> None:
+        Desked.now_s = self.time_s
+        for message in self.through(self.time_s, self.telemetry()):
+            self.desk.vehicle(message)
+        self._stopping = True  # the desk itself commands nothing else
+        self.desk.tick({STATION: self.ground_silent_s})
+        self._stopping = False
+        self.authority = self.desk._authority or self.authority
+        while self._wishes and self._wishes[0][0] <= self.steps:
+            self.desk.wish(self._wishes.popleft()[1])
+        if self.alive and self._is_new:
+            self._is_new = False
+            self.wish()
+
+    def wish(self) -> None:
+        """As the guide does with each report."""
+        report, pilot = self._report, self.pilot
+        assert report is not None
+        if report.order_id is None:
+            return
+        record = VehicleWish(order_id=report.order_id, kind="alive")
+        now = self.now()
+        if pilot is not None and now is not None and report.order_id == pilot.order.order_id:
+            wish = pilot.next(now)
+            if wish is not None:
+                record = wish_record(pilot.order.order_id, wish, "")
+            elif pilot.ended is not None:
+                record = VehicleWish(order_id=report.order_id, kind="end", said=pilot.ended)
+        due = self.steps + self._hub.randint(0, SLOWEST_STEPS)
+        before = self._wishes[-1][0] if self._wishes else 0
+        self._wishes.append((max(due, before), record))
+
+    def now(self) -> VehicleNow | None:
+        return None if self._report is None else now_of(self._report, self.time_s)
+
+    def confirm(self, order: Order) -> None:
+        self.offer(order.order_id, takeoff=order.action == "takeoff")
+        if self.states[-1].kind != "offer":
+            raise CommandRefused(self.states[-1].text)
+        self.say_yes(order.order_id)
+        if self.states[-1].kind == "refused":
+            raise CommandRefused(self.states[-1].text)
+
+    def offer(self, order_id: int, *, takeoff: bool = False) -> None:
+        self.desk.offer(
+            MotionOffer(
+                request_id=next(self._numbers),
+                asker=STATION,
+                order_id=order_id,
+                nonce=nonce_of(order_id),
+                summary="",
+                mode=self.authority.mode_now,
+                takeoff=takeoff,
+            )
+        )
+
+    def say_yes(self, order_id: int) -> None:
+        """Confirm, and let the supervisor agree."""
+        confirmation = MotionConfirmation(
+            request_id=next(self._numbers),
+            order_id=order_id,
+            nonce=nonce_of(order_id),
+            sticks_unseen=not self.channels,
+        )
+        self.desk.receive(encode_confirmation(confirmation), STATION, None, sealed=True)
+        asked, self._asked[:] = list(self._asked), []
+        for one in asked:
+            self.desk.reply(
+                CommandReply(
+                    request_id=one.request_id, name=one.name, accepted=True, message=""
+                )
+            )
+
+    def stop(self) -> None:
+        """The operator takes it back."""
+        self._stopping = True
+        stop = encode_stop(MotionStop(request_id=next(self._numbers)))
+        self.desk.receive(stop, STATION, None, sealed=True)
+        self._stopping = False
+
+
+def clock() -> float:
+    """The time of the drone that flies."""
+    return Desked.now_s
