@@ -247,16 +247,16 @@ def bearings_of_pulses(
 ) -> list[TagBearing]:
     """Bearings from a log of pulses alone.
 
-    A log whose pulses were all heard at one place is one turn, as the original takes it; in a
-    longer one the turns are sought in the pulses' own poses. The antenna is turned by an offset
-    clockwise from the heading that the pulses carry.
+    A log whose pulses were all heard at one place, without a climb, is one turn, as the
+    original takes it; in a longer one the turns are sought in the pulses' own poses. The antenna
+    is turned by an offset clockwise from the heading that the pulses carry.
     """
     _check_poses(pulse_poses)
     every = _by_tag(pulse_poses)
     if not every:
         return []
     poses = _poses_of(every)
-    if _in_place(poses):
+    if _in_place(poses) and not poses.leaves_ground:
         heard = [_whole_log(tag, every[tag], poses, offset_deg) for tag in sorted(every)]
     else:
         heard = _in_turns(every, poses, {}, offset_deg)
