@@ -177,7 +177,7 @@ def heard_in_turns(
     _check_poses(flight.pulse_poses)
     every = _by_tag(flight.pulse_poses)
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in flight.info.tags}
-    poses = PoseColumns.of(flight.poses).completed(_poses_of(every))
+    poses = PoseColumns.of(flight.poses, flight.on_ground_ns).completed(_poses_of(every))
     return _in_turns(every, poses, rhythms, offset_deg), every
 
 
@@ -248,8 +248,8 @@ def bearings_of_pulses(
     """Bearings from a log of pulses alone.
 
     A log whose pulses were all heard at one place, without a climb, is one turn, as the
-    original takes it; in a longer one the turns are sought in the pulses' own poses. The antenna
-    is turned by an offset clockwise from the heading that the pulses carry.
+    original takes it; in a longer one the turns are sought in the pulses' own poses. The
+    antenna is turned by an offset clockwise from the heading that the pulses carry.
     """
     _check_poses(pulse_poses)
     every = _by_tag(pulse_poses)

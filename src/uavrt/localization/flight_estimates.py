@@ -120,19 +120,20 @@ class PoseColumns:
             longitude_deg=joined(self.longitude_deg, others.longitude_deg),
             height_m=joined(self.height_m, others.height_m),
             quaternion_wxyz=joined(self.quaternion_wxyz, others.quaternion_wxyz),
-            altitude_amsl_m=joined(self._amsl_m, others._amsl_m),
+            altitude_amsl_m=joined(self.amsl_m, others.amsl_m),
             on_ground_ns=self.on_ground_ns + others.on_ground_ns,
         )
 
     @property
-    def _amsl_m(self) -> _Floats:
+    def amsl_m(self) -> _Floats:
+        """(n,) altitudes; NaN where nobody knows."""
         nowhere = np.full(len(self.time_ns), np.nan)
         return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
 
     @property
     def flown_m(self) -> _Floats:
         """(n,) heights that tell flight from ground: above the take-off, else the lowest."""
-        amsl = self._amsl_m
+        amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
         return np.asarray(amsl - np.nanmin(amsl))

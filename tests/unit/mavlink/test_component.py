@@ -410,3 +410,15 @@ def test_it_says_what_it_waits_for(bench: Bench) -> None:
     assert bench.component.status(bench.now_ns) == "waiting for ground station"
     bench.station_heartbeat()
     assert bench.component.status(bench.now_ns) == "ready"
+
+
+def test_what_the_autopilot_says_of_landing_is_kept_and_what_others_say_is_not() -> None:
+    bench = Bench()
+    state = d.MavLandedState
+    bench.autopilot_heartbeat()
+    assert bench.component.discovery.autopilot_landed is None
+    for said, kept in ((state.ON_GROUND, True), (state.IN_AIR, False), (state.UNDEFINED, None)):
+        bench.hear(d.ExtendedSysState(vtol_state=0, landed_state=said))
+        assert bench.component.discovery.autopilot_landed is kept
+    bench.hear(d.ExtendedSysState(vtol_state=0, landed_state=state.ON_GROUND), system_id=7)
+    assert bench.component.discovery.autopilot_landed is None
