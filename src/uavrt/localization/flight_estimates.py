@@ -436,7 +436,7 @@ def bearing_of(
     )
 
 
-def teaching(heard: Sequence[HeardInTurn]) -> list[HeardInTurn]:
+def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
     """Choose the turns that a pattern is learnt from: whole ones with many pulses."""
     whole = [
         one
