@@ -13,6 +13,9 @@ from uavrt.analysis.bearings import (
     TagBearing,
     bearings_of_flight,
     bearings_of_pulses,
+    heard_in_turns,
+    past_turns,
+    taught_in_words,
 )
 from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.flown_with import flight_antenna
@@ -271,7 +274,7 @@ def _reasons(positions: Iterable[TagPosition]) -> list[str]:
 
 
 def _taught_bearings(
-    flight: Flight, antenna: AntennaPattern | str, offset_deg: float, warnings: list[str]
+    flight: Flight, antenna: str, offset_deg: float, warnings: list[str]
 ) -> list[TagBearing]:
     """A flight's bearings by the pattern that past flights teach, too."""
     past = past_turns(flight, antenna, offset_deg)

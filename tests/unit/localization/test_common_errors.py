@@ -176,7 +176,7 @@ def at(
         longitude_deg=longitude,
         bearing_deg=bearing_deg,
         sigma_deg=None if sigma_deg is None else np.full(count, sigma_deg),
-        time_s=np.arange(count) * 100.0,
+        time_s=np.arange(count, dtype=np.float64) * 100.0,
     )
     return estimate_position(stations, follow=True)
 
