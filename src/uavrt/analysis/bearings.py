@@ -2,15 +2,15 @@
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
-from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
-from uavrt.errors import UsageError
+from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna, flight_settings
+from uavrt.errors import FormatError, UsageError
 from uavrt.localization import (
     LEAST_TURNS,
     MONOPOLE,
@@ -26,12 +26,13 @@ from uavrt.localization import (
     antenna_as_shown,
     bearing_of,
     heard_in,
+    teaching,
     turns_in,
     widest_gap_deg,
 )
 from uavrt.localization.bearing import ADDED_METHODS
 from uavrt.messages import PulsePose
-from uavrt.recording import Flight, FlightLayout, read_flight
+from uavrt.recording import Flight, FlightLayout, flights_in_order, read_flight, vehicle_of
 from uavrt.recording.formats import read_pulses
 
 NO_BEARINGS_FROM_THESE = (
@@ -64,6 +65,7 @@ def read_bearings(
     antenna: AntennaPattern | str | None = None,
     learn: bool = True,
     offset_deg: float = 0.0,
+    warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagBearing]:
     """Estimate the bearings of a flight directory or a pulse log in any format we know.
 
@@ -75,11 +77,13 @@ def read_bearings(
         How pulses become a bearing.
     antenna : AntennaPattern or str, optional
         The pattern, by default that of the flight's settings, RA-23K for logs; the method
-        ``pattern_ml`` corrects it by what the turns show.
+        ``pattern_ml`` corrects it by what the turns show, those of past flights included.
     learn : bool
         False takes the pattern as it is.
     offset_deg : float
         Boresight clockwise from the heading that the pulses carry.
+    warn : callable, optional
+        Called with what taught the pattern, where that is more than this flight.
 
     Raises
     ------
@@ -88,22 +92,130 @@ def read_bearings(
     UsageError
         No pulse has a pose, or method or antenna is unknown.
     """
-    check_bearing_method(method)
-    if FlightLayout(Path(path)).database.is_file():
-        return bearings_of_flight(
-            read_flight(path),
-            method=method,
-            antenna=antenna or pattern_of(path),
-            learn=learn,
-            offset_deg=offset_deg,
-        )
-    return bearings_of_pulses(
-        read_pulses(path),
-        method=method,
-        antenna=antenna or USUAL_ANTENNA,
-        learn=learn,
-        offset_deg=offset_deg,
+    return read_bearings_together(
+        [path], method=method, antenna=antenna, learn=learn, offset_deg=offset_deg, warn=warn
     )
+
+
+def read_bearings_together(
+    paths: Sequence[str | os.PathLike[str]],
+    *,
+    method: BearingMethod = "pattern_ml",
+    antenna: AntennaPattern | str | None = None,
+    learn: bool = True,
+    offset_deg: float = 0.0,
+    warn: Callable[[str], None] = lambda text: None,
+) -> list[TagBearing]:
+    """Estimate the bearings of several flights or logs, which teach each other's pattern.
+
+    See `read_bearings`; those of one antenna go together.
+    """
+    check_bearing_method(method)
+    taken = [_taken(path, antenna, offset_deg) for path in paths]
+    found = []
+    taught: set[str] = set()
+    for one in taken:
+        own = [other.heard for other in taken if other.antenna == one.antenna]
+        flights = [one.heard, *(heard for heard in own if heard is not one.heard)]
+        if one.flight is not None and learn:
+            here = [other.flight for other in taken if other.flight is not None]
+            flights += past_turns(one.flight, one.antenna, offset_deg, besides=here)
+        others = [heard for flight in flights[1:] for heard in flight]
+        if learn and method == "pattern_ml" and (text := taught_in_words(flights)):
+            taught.add(text)
+        found += _estimated(one.heard, one.every, method, one.antenna, learn, others)
+    for text in sorted(taught):
+        warn(text)
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Taken:
+    """What was heard in the turns of a flight or log."""
+
+    antenna: AntennaPattern | str
+    heard: list[HeardInTurn]
+    every: "_Pulses"
+    flight: Flight | None
+    """None of a log."""
+
+
+def _taken(
+    path: str | os.PathLike[str], antenna: AntennaPattern | str | None, offset_deg: float
+) -> _Taken:
+    if not FlightLayout(Path(path)).database.is_file():
+        pulse_poses = read_pulses(path)
+        _check_poses(pulse_poses)
+        heard, every = _heard_in_log(pulse_poses, offset_deg)
+        return _Taken(antenna=antenna or USUAL_ANTENNA, heard=heard, every=every, flight=None)
+    named = antenna or pattern_of(path)
+    flight = read_flight(path)
+    heard, every = heard_in_turns(flight, offset_deg)
+    return _Taken(antenna=named, heard=heard, every=every, flight=flight)
+
+
+MOST_PAST_FLIGHTS = 6
+"""Past flights that are looked into: each costs about as much as the flight itself."""
+ENOUGH_TURNS = 12
+"""More turns teach a pattern little."""
+
+
+def past_turns(
+    flight: Flight,
+    antenna: AntennaPattern | str,
+    offset_deg: float = 0.0,
+    *,
+    besides: Sequence[Flight] = (),
+) -> list[list[HeardInTurn]]:
+    """What was heard in turns of the same drone's past flights with the same antenna.
+
+    Those in the same folder, the newest first, until there are turns enough. A past flight that
+    cannot be read, or is another drone's, teaches nothing.
+
+    Parameters
+    ----------
+    flight : Flight
+        The one that is looked at.
+    antenna : AntennaPattern or str
+        Its pattern.
+    offset_deg : float
+        Boresight clockwise from the heading that the pulses carry.
+    besides : sequence of Flight
+        Flights that teach anyway.
+    """
+    place = Path(flight.info.directory).resolve()
+    names = {Path(one.info.directory).resolve().name for one in besides}
+    ordered = [path for path in flights_in_order(place.parent) if path.resolve() != place]
+    past = [path for path in ordered if path.name not in names]
+    found: list[list[HeardInTurn]] = []
+    for path in reversed(past[-MOST_PAST_FLIGHTS:]):
+        if sum(map(len, map(teaching, found))) >= ENOUGH_TURNS:
+            break
+        try:
+            other = read_flight(path)
+            if _same_set_up(other, flight) and other.info.start_time_ns < (
+                flight.info.start_time_ns
+            ):
+                found.append(heard_in_turns(other, offset_deg)[0])
+        except (FormatError, UsageError):
+            continue  # its turns are not needed
+    return [one for one in found if one]
+
+
+def _same_set_up(one: Flight, other: Flight) -> bool:
+    """Whether drone, antenna and mounting are the same, as far as the flights tell."""
+    settings = [flight_settings(flight) for flight in (one, other)]
+    mounted = [None if it is None else (it.antenna, it.bearings.antenna) for it in settings]
+    return mounted[0] == mounted[1] and vehicle_of(one.notes) == vehicle_of(other.notes)
+
+
+def taught_in_words(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
+    """What taught the pattern, where that is more than one flight and enough."""
+    turns = teaching(heard for flight in flights for heard in flight)
+    used = sum(1 for flight in flights if any(one in turns for one in flight))
+    if used < 2 or len(turns) < LEAST_TURNS:
+        return None
+    return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
 
 
 def pattern_of(path: str | os.PathLike[str]) -> str:
@@ -141,12 +253,13 @@ def bearings_of_flight(
     antenna: AntennaPattern | str = "RA-23K",
     learn: bool = True,
     offset_deg: float = 0.0,
+    past: Sequence[HeardInTurn] = (),
 ) -> list[TagBearing]:
     """One bearing for each tag and each turn in place, in order of time and tag.
 
     Turns are found in the vehicle's poses; headings are the antenna's, which the pulses carry.
     Pulses that a known interval says must have come, and that were not heard, count as misses.
-    The pattern is corrected by what three or more turns show of it.
+    The pattern is corrected by what three or more turns show of it, `past` ones included.
 
     Raises
     ------
@@ -154,7 +267,7 @@ def bearings_of_flight(
         No pulse has a pose.
     """
     heard, every = heard_in_turns(flight, offset_deg)
-    return _estimated(heard, every, method, antenna, learn)
+    return _estimated(heard, every, method, antenna, learn, past)
 
 
 _Pulses = dict[int, list[PulsePose]]
@@ -177,7 +290,7 @@ def heard_in_turns(
     _check_poses(flight.pulse_poses)
     every = _by_tag(flight.pulse_poses)
     rhythms = {tag.tag_id: Rhythm.of(tag) for tag in flight.info.tags}
-    poses = PoseColumns.of(flight.poses).completed(_poses_of(every))
+    poses = PoseColumns.of(flight.poses, flight.on_ground_ns).completed(_poses_of(every))
     return _in_turns(every, poses, rhythms, offset_deg), every
 
 
@@ -247,20 +360,27 @@ def bearings_of_pulses(
 ) -> list[TagBearing]:
     """Bearings from a log of pulses alone.
 
-    A log whose pulses were all heard at one place is one turn, as the original takes it; in a
-    longer one the turns are sought in the pulses' own poses. The antenna is turned by an offset
-    clockwise from the heading that the pulses carry.
+    A log whose pulses were all heard at one place, without a climb, is one turn, as the
+    original takes it; in a longer one the turns are sought in the pulses' own poses. The
+    antenna is turned by an offset clockwise from the heading that the pulses carry.
     """
     _check_poses(pulse_poses)
+    heard, every = _heard_in_log(pulse_poses, offset_deg)
+    return _estimated(heard, every, method, antenna, learn)
+
+
+def _heard_in_log(
+    pulse_poses: Sequence[PulsePose], offset_deg: float
+) -> tuple[list[HeardInTurn], _Pulses]:
+    """What was heard in the turns of a log, and all its pulses."""
     every = _by_tag(pulse_poses)
     if not every:
-        return []
+        return [], every
     poses = _poses_of(every)
-    if _in_place(poses):
-        heard = [_whole_log(tag, every[tag], poses, offset_deg) for tag in sorted(every)]
-    else:
-        heard = _in_turns(every, poses, {}, offset_deg)
-    return _estimated(heard, every, method, antenna, learn)
+    if _in_place(poses) and not poses.leaves_ground:
+        whole = [_whole_log(tag, every[tag], poses, offset_deg) for tag in sorted(every)]
+        return whole, every
+    return _in_turns(every, poses, {}, offset_deg), every
 
 
 def _whole_log(
@@ -317,9 +437,10 @@ def _estimated(
     method: BearingMethod,
     antenna: AntennaPattern | str,
     learn: bool,
+    past: Sequence[HeardInTurn] = (),
 ) -> list[TagBearing]:
     if learn and method == "pattern_ml" and heard:
-        antenna = antenna_as_shown(heard, antenna)
+        antenna = antenna_as_shown([*heard, *past], antenna)
     found = []
     for one in heard:
         pulses = [every[one.tag_id][number] for number in one.inside]

@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings
+from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings_together
 from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
 from uavrt.analysis.power_survey import (
     HeardStrength,
@@ -140,9 +140,6 @@ def read_positions(
     for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    if antenna is None and logs:
-        whips = {antenna_of(path, log) == MONOPOLE for path, log in logs}
-        antenna = MONOPOLE if whips == {True} else None
     poses = sorted(
         (pose for path, _ in logs for pose in poses_of(path)), key=lambda pose: pose.time_ns
     )
@@ -153,25 +150,67 @@ def read_positions(
             "heights of several flights are counted from the first one's take-off: the flights "
             "must have begun at one place"
         )
-    if antenna == MONOPOLE:
-        return positions_of_powers(
-            pulses,
-            list({tag.tag_id: tag for path, _ in logs for tag in tags_of(path)}.values()),
-            poses,
-            method=method,
-            height_m=height_m,
-            height_sigma_m=height_sigma_m,
-            over=over,
-        )[0]
-    bearings: list[TagBearing] = []
-    for path, log in logs:
-        if ORIGINAL_POSES in log.warnings:
-            warn(NO_BEARINGS_FROM_THESE)
-        else:
-            bearings += read_bearings(path, antenna=antenna, offset_deg=offset_deg)
-    return positions_of_bearings(
+    whips = [one for one in logs if (antenna or antenna_of(*one)) == MONOPOLE]
+    turned = [one for one in logs if one not in whips]
+    if whips and turned:
+        warn(
+            "some of these logs give bearings and some only strengths: each kind has its own "
+            "positions"
+        )
+    found: list[TagPosition] = []
+    if turned or not whips:
+        found += _positions_of_turns(
+            turned, antenna, method, offset_deg, heading_sigma_deg, over, warn
+        )
+    if whips:
+        try:
+            found += positions_of_powers(
+                [one for _, log in whips for one in log.pulse_poses],
+                list({tag.tag_id: tag for path, _ in whips for tag in tags_of(path)}.values()),
+                [one for path, _ in whips for one in poses_of(path)],
+                method=method,
+                height_m=height_m,
+                height_sigma_m=height_sigma_m,
+                over=over,
+            )[0]
+        except UsageError as error:
+            if not turned:
+                raise
+            found += _without_position(whips, str(error))
+    return sorted(found, key=lambda one: one.tag_id)
+
+
+_Log = tuple[Path, PulseLog]
+
+
+def _positions_of_turns(
+    logs: Sequence[_Log],
+    antenna: AntennaPattern | str | None,
+    method: PositionMethod,
+    offset_deg: float,
+    heading_sigma_deg: float,
+    over: OverGround | None,
+    warn: Callable[[str], None],
+) -> list[TagPosition]:
+    """Positions from bearings; and of tags without any, why."""
+    usable = [one for one in logs if ORIGINAL_POSES not in one[1].warnings]
+    if len(usable) < len(logs):
+        warn(NO_BEARINGS_FROM_THESE)
+    bearings = read_bearings_together(
+        [path for path, _ in usable], antenna=antenna, offset_deg=offset_deg, warn=warn
+    )
+    found = positions_of_bearings(
         bearings, method=method, heading_sigma_deg=heading_sigma_deg, over=over
     )
+    placed = {one.tag_id for one in found}
+    silent = _without_position(usable, "it was heard, but in no turn in place")
+    return found + [one for one in silent if one.tag_id not in placed]
+
+
+def _without_position(logs: Sequence[_Log], reason: str) -> list[TagPosition]:
+    """Every tag that was heard, with the reason why it has no position."""
+    heard = {one.pulse.tag_id for _, log in logs for one in log.pulse_poses}
+    return [TagPosition(tag_id=tag, position=None, reason=reason) for tag in sorted(heard)]
 
 
 def over_ground(

@@ -13,6 +13,9 @@ from uavrt.analysis.bearings import (
     TagBearing,
     bearings_of_flight,
     bearings_of_pulses,
+    heard_in_turns,
+    past_turns,
+    taught_in_words,
 )
 from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.flown_with import flight_antenna
@@ -270,6 +273,18 @@ def _reasons(positions: Iterable[TagPosition]) -> list[str]:
     ]
 
 
+def _taught_bearings(
+    flight: Flight, antenna: str, offset_deg: float, warnings: list[str]
+) -> list[TagBearing]:
+    """A flight's bearings by the pattern that past flights teach, too."""
+    past = past_turns(flight, antenna, offset_deg)
+    own, _ = heard_in_turns(flight, offset_deg)
+    if (text := taught_in_words([own, *past])) is not None:
+        warnings.append(f"{text[0].upper()}{text[1:]}.")
+    turns = [one for earlier in past for one in earlier]
+    return bearings_of_flight(flight, antenna=antenna, offset_deg=offset_deg, past=turns)
+
+
 def _of_flight(
     directory: Path,
     flight: Flight,
@@ -290,7 +305,7 @@ def _of_flight(
         )
     else:
         bearings = _attempted(
-            lambda: bearings_of_flight(flight, antenna=antenna, offset_deg=offset_deg), warnings
+            lambda: _taught_bearings(flight, antenna, offset_deg, warnings), warnings
         )
         positions = positions_of_bearings(bearings, over=over)
     without = sum(one.pose is None for one in flight.pulse_poses)

@@ -72,6 +72,7 @@ def bearing(
             method=method,  # type: ignore[arg-type]
             antenna=antenna,
             offset_deg=antenna_offset,
+            warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
         )
     if as_json:
         print(json.dumps([_record(one) for one in found], indent=2))

@@ -86,6 +86,9 @@ def localize(
         elevation=elevation_of(dem, sea=sea),
     )
     if as_json:
+        for one in found:
+            if one.position is None:
+                print(f"uavrt: {_sentence(one)}", file=sys.stderr)
         print(json.dumps([_record(one) for one in found if one.position], indent=2))
         return
     for one in found:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.bearing import (
+    CLIMB_M,
     Turn,
     TurnPulses,
     estimate_bearing,
@@ -76,9 +77,17 @@ class PoseColumns:
     """(n,) above the take-off; NaN where nobody knows."""
     quaternion_wxyz: _Floats
     """(n, 4)."""
+    altitude_amsl_m: _Floats | None = None
+    """(n,) above sea level, NaN where nobody knows; tells what is flown where `height_m` does
+    not."""
+    on_ground_ns: tuple[tuple[int, int], ...] = ()
+    """First and last times of what the autopilot says was not flown; empty where it tells
+    nothing."""
 
     @classmethod
-    def of(cls, poses: Iterable[Pose]) -> "PoseColumns":
+    def of(
+        cls, poses: Iterable[Pose], on_ground_ns: tuple[tuple[int, int], ...] = ()
+    ) -> "PoseColumns":
         """Put poses into columns, each time once, in order."""
         by_time = {pose.time_ns: pose for pose in poses}
         ordered = [by_time[time] for time in sorted(by_time)]
@@ -88,6 +97,8 @@ class PoseColumns:
             longitude_deg=np.array([pose.longitude_deg for pose in ordered]),
             height_m=np.array([pose.altitude_relative_m for pose in ordered], np.float64),
             quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in ordered]).reshape(-1, 4),
+            altitude_amsl_m=np.array([pose.altitude_amsl_m for pose in ordered], np.float64),
+            on_ground_ns=on_ground_ns,
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
@@ -109,7 +120,39 @@ class PoseColumns:
             longitude_deg=joined(self.longitude_deg, others.longitude_deg),
             height_m=joined(self.height_m, others.height_m),
             quaternion_wxyz=joined(self.quaternion_wxyz, others.quaternion_wxyz),
+            altitude_amsl_m=joined(self.amsl_m, others.amsl_m),
+            on_ground_ns=self.on_ground_ns + others.on_ground_ns,
         )
+
+    @property
+    def amsl_m(self) -> _Floats:
+        """(n,) altitudes; NaN where nobody knows."""
+        nowhere = np.full(len(self.time_ns), np.nan)
+        return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
+
+    @property
+    def flown_m(self) -> _Floats:
+        """(n,) heights that tell flight from ground: above the take-off, else the lowest."""
+        amsl = self.amsl_m
+        if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
+            return self.height_m
+        return np.asarray(amsl - np.nanmin(amsl))
+
+    @property
+    def on_ground(self) -> NDArray[np.bool_]:
+        """(n,) what the autopilot says was not flown."""
+        found = np.zeros(len(self.time_ns), bool)
+        for first, last in self.on_ground_ns:
+            found |= (self.time_ns >= first) & (self.time_ns <= last)
+        return found
+
+    @property
+    def leaves_ground(self) -> bool:
+        """Whether some of it was flown, and some of it not, as heights or autopilot tell."""
+        on_ground = self.on_ground
+        flown = self.flown_m[np.isfinite(self.flown_m)]
+        climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
+        return climbed or bool(on_ground.any() and not on_ground.all())
 
     @property
     def yaw_deg(self) -> _Floats:
@@ -287,7 +330,8 @@ def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[
         poses.yaw_deg[kept],
         poses.latitude_deg[kept],
         poses.longitude_deg[kept],
-        height_m=poses.height_m[kept],
+        height_m=poses.flown_m[kept],
+        on_ground=poses.on_ground[kept],
         least_turn_deg=LEAST_TURN_DEG,
     )
     last_ns = int(poses.time_ns[-1])
@@ -392,7 +436,7 @@ def bearing_of(
     )
 
 
-def teaching(heard: Sequence[HeardInTurn]) -> list[HeardInTurn]:
+def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
     """Choose the turns that a pattern is learnt from: whole ones with many pulses."""
     whole = [
         one

@@ -277,6 +277,11 @@ class Component:
             case dialect.Heartbeat():
                 if self.discovery.heartbeat(peer, message, now_ns):
                     self._new_autopilot(now_ns)
+            case dialect.ExtendedSysState() if peer == self.discovery.autopilot:
+                state = message.landed_state
+                on_ground = state == dialect.MavLandedState.ON_GROUND
+                known = state != dialect.MavLandedState.UNDEFINED
+                self.discovery.autopilot_landed = on_ground if known else None
             case dialect.Tunnel():
                 self._tunnel(message, peer)
             case dialect.FileTransferProtocol():

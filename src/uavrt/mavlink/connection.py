@@ -236,6 +236,8 @@ class Connection:
         discovery = self.component.discovery
         if discovery.autopilot_present(self._clock_ns()):
             counters["autopilot_armed"] = float(discovery.autopilot_armed)
+            if discovery.autopilot_landed is not None:
+                counters["autopilot_landed"] = float(discovery.autopilot_landed)
         clock = self.component.time_sync.counters(self._clock_ns())
         return {**counters, **clock, **self.tunnel.counters()}
 

@@ -80,6 +80,8 @@ class Discovery:
         """MAV_AUTOPILOT of its heartbeat."""
         self.autopilot_armed = False
         """Whether its motors may turn, by its last heartbeat."""
+        self.autopilot_landed: bool | None = None
+        """Whether it stands on the ground; None while it does not say."""
         self._autopilot_heard_ns = 0
         self._stations: dict[Peer, int] = {}
         self._others: set[Peer] = set()

@@ -1,10 +1,12 @@
 """Which health reports are recorded: every change, and one in thirty of the rest.
 
 Each process speaks once a second, some 450 bytes, and its counters only rise: thirty of them
-say hardly more than the last.
+say hardly more than the last. That the autopilot armed or landed is a change: turns are told
+from carrying by it.
 """
 
 from uavrt.messages import Health
+from uavrt.recording.on_ground import told_of_ground
 from uavrt.units import ns_from_s
 
 PERIOD_NS = ns_from_s(30.0)
@@ -24,7 +26,7 @@ class ToldHealth:
         """Get what is to be recorded now: with a change, also the last before it."""
         process = health.process
         before, last = self._recorded.get(process), self._last.pop(process, None)
-        same = before is not None and (before.status, before.ok) == (health.status, health.ok)
+        same = before is not None and _told(before) == _told(health)
         if before is not None and same and abs(health.time_ns - before.time_ns) < PERIOD_NS:
             self.left_out += last is not None
             self._last[process] = health
@@ -41,3 +43,7 @@ class ToldHealth:
         self._last.clear()
         self._recorded.clear()
         return last
+
+
+def _told(health: Health) -> tuple[object, ...]:
+    return (health.status, health.ok, *told_of_ground(health))

@@ -21,6 +21,7 @@ from uavrt.messages import (
 )
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
+from uavrt.recording.on_ground import spans_on_ground, told_of_ground
 from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
 
@@ -45,10 +46,13 @@ class Flight:
     """With time [ns, UTC]."""
     notes: tuple[tuple[int, str], ...]
     """With time [ns, UTC]."""
+    on_ground_ns: tuple[tuple[int, int], ...] = ()
+    """First and last times of what was not flown, as the autopilot told; empty where it told
+    nothing, or where nothing flew."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read everything of a flight but the health records.
+    """Read everything of a flight but the health records, of which only what tells flight.
 
     A flight that is still being written can be read too.
 
@@ -81,7 +85,21 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
             notes=tuple(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
             ),
+            on_ground_ns=_on_ground(database),
         )
+
+
+def _on_ground(database: sqlite3.Connection) -> tuple[tuple[int, int], ...]:
+    """When the vehicle stood on the ground, by what the connection heard of the autopilot."""
+    rows = database.execute(
+        "SELECT time_ns, process, status, ok, counters FROM health"
+        " WHERE process = 'connection' ORDER BY time_ns"
+    )
+    told = [(one.time_ns, *told_of_ground(one)) for one in map(schema.health_from_row, rows)]
+    return spans_on_ground(
+        [(time_ns, bool(armed)) for time_ns, armed, _ in told if armed is not None],
+        [(time_ns, bool(landed)) for time_ns, _, landed in told if landed is not None],
+    )
 
 
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:

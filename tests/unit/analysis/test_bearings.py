@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -323,3 +324,14 @@ def test_bearings_that_are_made_already_are_not_turned_again(tmp_path: Path) -> 
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
     with pytest.raises(UsageError, match="antenna offset"):
         read_positions(path, offset_deg=90.0)
+
+
+def test_a_turn_that_the_autopilot_says_was_landed_has_no_bearing() -> None:
+    """The barometer still says 40 m."""
+    flight = flown()
+    third_ns = START_NS + round(2 * (TURN_S + LEG_S) * 1e9)
+    landed = replace(flight, on_ground_ns=((third_ns, 2**62),))
+    assert len(bearings_of_flight(flight)) == 3
+    found = bearings_of_flight(landed)
+    assert len(found) == 2
+    assert all(one.start_time_ns < third_ns for one in found)

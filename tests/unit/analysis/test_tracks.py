@@ -28,7 +28,7 @@ from uavrt.attitude import euler_deg, yaw_deg
 from uavrt.clock import iso_utc
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
-from uavrt.mavlink import FrameWriter, dialect
+from uavrt.mavlink import FrameWriter, Message, dialect
 from uavrt.messages import Pose, PulsePose
 from uavrt.recording import Flight, read_flight
 from uavrt.simulation.telemetry import telemetry_message
@@ -48,8 +48,8 @@ def boot_us(pose: Pose, poses: list[Pose]) -> int:
     return (BOOT_NS + pose.time_ns - poses[0].time_ns) // 1000
 
 
-def write_ulog(poses: list[Pose], path: Path) -> Path:
-    """As the ULog specification of PX4 has it."""
+def write_ulog(poses: list[Pose], path: Path, landed: int | None = None) -> Path:
+    """As the ULog specification of PX4 has it; from pose `landed` on it stands disarmed."""
 
     def message(kind: bytes, body: bytes) -> bytes:
         return struct.pack("<Hc", len(body), kind) + body
@@ -58,14 +58,20 @@ def write_ulog(poses: list[Pose], path: Path) -> Path:
         b"vehicle_attitude:uint64_t timestamp;float[4] q;",
         b"vehicle_global_position:uint64_t timestamp;double lat;double lon;float alt;",
         b"sensor_gps:uint64_t timestamp;uint64_t time_utc_usec;",
-    )
+        b"vehicle_land_detected:uint64_t timestamp;bool landed;",
+        b"vehicle_status:uint64_t timestamp;uint8_t arming_state;",
+    )[: 3 if landed is None else 5]
     out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message(b"B", bytes(40))
     for text in formats:
         out += message(b"F", text)
     for number, text in enumerate(formats):
         out += message(b"A", struct.pack("<BH", 0, number) + text.partition(b":")[0])
-    for pose in poses:
+    for number, pose in enumerate(poses):
         time = boot_us(pose, poses)
+        if landed is not None and number % 10 == 0:
+            down = number >= landed
+            out += message(b"D", struct.pack("<HQ?", 3, time, down))
+            out += message(b"D", struct.pack("<HQB", 4, time, 1 if down else 2))
         out += message(b"D", struct.pack("<HQ4f", 0, time, *pose.quaternion_wxyz))
         place = (pose.latitude_deg, pose.longitude_deg, pose.altitude_amsl_m)
         out += message(b"D", struct.pack("<HQddf", 1, time, *place))
@@ -75,7 +81,7 @@ def write_ulog(poses: list[Pose], path: Path) -> Path:
     return path
 
 
-def write_dataflash(poses: list[Pose], path: Path) -> Path:
+def write_dataflash(poses: list[Pose], path: Path, landed: int | None = None) -> Path:
     def fmt(kind: int, name: str, code: str, columns: str) -> bytes:
         sizes = {"Q": 8, "L": 4, "f": 4, "B": 1, "I": 4, "H": 2, "c": 2}
         length = 3 + sum(sizes[letter] for letter in code)
@@ -88,8 +94,12 @@ def write_dataflash(poses: list[Pose], path: Path) -> Path:
     out += fmt(130, "ATT", "Qfff", "TimeUS,Roll,Pitch,Yaw")
     out += fmt(131, "POS", "QLLf", "TimeUS,Lat,Lng,Alt")
     out += fmt(132, "GPS", "QBIH", "TimeUS,Status,GMS,GWk")
-    for pose in poses:
+    out += b"" if landed is None else fmt(133, "EV", "QB", "TimeUS,Id")
+    events = {} if landed is None else {0: (10, 28), landed: (18, 11)}
+    for number, pose in enumerate(poses):
         time = boot_us(pose, poses)
+        for event in events.get(number, ()):
+            out += b"\xa3\x95\x85" + struct.pack("<QB", time, event)
         out += b"\xa3\x95\x82" + struct.pack(
             "<Qfff", time, *reversed(euler_deg(pose.quaternion_wxyz))
         )
@@ -102,22 +112,40 @@ def write_dataflash(poses: list[Pose], path: Path) -> Path:
     return path
 
 
-def write_tlog(poses: list[Pose], path: Path) -> Path:
+def write_tlog(poses: list[Pose], path: Path, landed: int | None = None) -> Path:
     writer = FrameWriter(1, 1)
     ids = (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID, dialect.SystemTime.ID)
 
     def records() -> Iterator[bytes]:
-        for pose in poses:
+        for number, pose in enumerate(poses):
             boot_ms = boot_us(pose, poses) // 1000
-            for message_id in ids:
-                frame = writer.encode(
-                    telemetry_message(message_id, pose, boot_ms, pose.time_ns)
-                )
+            told = [telemetry_message(one, pose, boot_ms, pose.time_ns) for one in ids]
+            if landed is not None and number % 10 == 0:
+                told += ground_messages(on_ground=number >= landed)
+            for message in told:
                 # The ground station's clock is 3 s off; GPS time is in the messages.
-                yield struct.pack(">Q", pose.time_ns // 1000 + 3_000_000) + frame
+                stamp = struct.pack(">Q", pose.time_ns // 1000 + 3_000_000)
+                yield stamp + writer.encode(message)
 
     path.write_bytes(b"".join(records()))
     return path
+
+
+def ground_messages(*, on_ground: bool) -> list[Message]:
+    state = dialect.MavLandedState
+    return [
+        dialect.Heartbeat(
+            type=dialect.MavType.QUADROTOR,
+            autopilot=dialect.MavAutopilot.PX4,
+            base_mode=0 if on_ground else dialect.MavModeFlag.SAFETY_ARMED,
+            custom_mode=0,
+            system_status=4,
+            mavlink_version=3,
+        ),
+        dialect.ExtendedSysState(
+            vtol_state=0, landed_state=state.ON_GROUND if on_ground else state.IN_AIR
+        ),
+    ]
 
 
 def write_nmea(poses: list[Pose], path: Path) -> Path:
@@ -231,6 +259,24 @@ def test_pulses_get_the_poses_that_they_had_in_flight(
         assert abs(difference_deg(*yaws)) < yaw_bound_deg
         assert one.pose.latitude_deg == pytest.approx(other.pose.latitude_deg, abs=1e-5)
         assert one.pose.altitude_amsl_m == pytest.approx(other.pose.altitude_amsl_m, abs=0.7)
+
+
+@pytest.mark.parametrize("write", [write_ulog, write_dataflash, write_tlog])
+def test_what_a_log_says_was_landed_is_on_the_ground_for_its_pulses(
+    flight: Flight, tmp_path: Path, write: Callable[[list[Pose], Path, int | None], Path]
+) -> None:
+    poses = list(flight.poses)
+    landed = len(poses) // 20 * 10
+    landed_ns = poses[landed].time_ns
+    track = read_track(write(poses, tmp_path / "log", landed))
+    attached = attach_poses(flight.pulse_poses, track, 0.0)
+    heights = [(one.pulse.start_time_ns, one.pose) for one in attached]
+    after = [pose.altitude_relative_m for time, pose in heights if pose and time > landed_ns]
+    before = [pose.altitude_relative_m for time, pose in heights if pose and time < landed_ns]
+    assert len(before) > 20 < len(after)
+    assert set(after) == {0.0}
+    assert 0.0 not in before
+    assert read_track(write(poses, tmp_path / "plain", None)).on_ground_ns == ()
 
 
 def test_our_dataflash_file_is_one_to_pymavlink_too(flight: Flight, tmp_path: Path) -> None:

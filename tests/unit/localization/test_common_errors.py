@@ -163,3 +163,61 @@ def test_a_tag_that_may_have_walked_has_its_circle_widened_by_that() -> None:
     assert np.mean([widened_m(one, "walk") for one in positions]) > 2.0
     widest = max(positions, key=lambda one: widened_m(one, "walk"))
     assert "an animal that may walk (0.5 m/s) widens it by" in widest.remarks[-1]
+
+
+def at(
+    east_m: list[float], bearing_deg: Floats, *, sigma_deg: float | None = SIGMA_DEG
+) -> Position:
+    """The position from bearings along a line, which leave a common error unchecked."""
+    count = len(east_m)
+    latitude, longitude = PLANE.to_geodetic(np.array(east_m), np.zeros(count))
+    stations = Stations(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        bearing_deg=bearing_deg,
+        sigma_deg=None if sigma_deg is None else np.full(count, sigma_deg),
+        time_s=np.arange(count, dtype=np.float64) * 100.0,
+    )
+    return estimate_position(stations, follow=True)
+
+
+def test_three_bearings_of_which_one_is_opposite_contradict_each_other_by_number() -> None:
+    position = at([-200.0, 0.0, 200.0], np.array([20.0, 180.0, 340.0]))
+    (contradiction,) = [one for one in position.cautions if one.name == "contradiction"]
+    assert "bearing 2 contradicts" in contradiction.text
+    assert "unchecked" in names(position)
+    assert any("bearing 2 contradicts" in text for text in position.remarks)
+    assert position.track == ()  # nobody can tell a walk by three bearings
+
+
+def test_a_bearing_that_is_odd_is_named_also_where_nobody_says_how_far_each_may_err() -> None:
+    position = at([-200.0, 0.0, 200.0], np.array([20.0, 180.0, 340.0]), sigma_deg=None)
+    assert any("bearing 2 contradicts" in text for text in position.remarks)
+
+
+def test_two_gross_bearings_of_five_in_a_line_are_named() -> None:
+    east = np.linspace(-250.0, 250.0, 5)
+    true = np.degrees(np.arctan2(-east, 400.0))
+    rng = np.random.default_rng(68)
+    told = 0
+    for _ in range(20):
+        bearing = true + rng.normal(0.0, SIGMA_DEG, 5)
+        bearing[1] += 60.0
+        bearing[3] -= 50.0
+        position = at(list(east), bearing)
+        texts = [one.text for one in position.cautions if one.name == "contradiction"]
+        told += any("bearings 2 and 4 contradict" in text for text in texts)
+    assert told >= 18
+
+
+def test_bearings_of_a_line_that_agree_are_seldom_said_to_contradict_each_other() -> None:
+    rng = np.random.default_rng(69)
+    east = np.linspace(-250.0, 250.0, 5)
+    true = np.degrees(np.arctan2(-east, 400.0))
+    warned = 0
+    for count in (2, 3, 5):
+        for _ in range(20):
+            bearing = true + rng.normal(0.0, SIGMA_DEG, 5) + rng.normal(0.0, 1.5)
+            position = at(list(east[:count]), bearing[:count])
+            warned += names(position) != {"unchecked"}
+    assert warned <= 2

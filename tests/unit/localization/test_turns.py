@@ -54,7 +54,7 @@ class Flight:
     def seconds(self) -> float:
         return len(self.yaw) / RATE_HZ
 
-    def turns(self) -> list[Turn]:
+    def turns(self, on_ground: NDArray[np.bool_] | None = None) -> list[Turn]:
         rng = np.random.default_rng(len(self.yaw))
         count = len(self.yaw)
         time_ns: NDArray[np.int64] = START_NS + (np.arange(count) * 1e9 / RATE_HZ).astype(
@@ -65,7 +65,13 @@ class Flight:
         north = drift[1] + rng.normal(0, 0.1, count)
         yaw = np.remainder(np.array(self.yaw) + rng.normal(0, 0.5, count), 360.0)
         height = np.array(self.height) + rng.normal(0, 0.1, count)
-        return find_turns(time_ns, yaw, *PLANE.to_geodetic(east, north), height_m=height)
+        return find_turns(
+            time_ns,
+            yaw,
+            *PLANE.to_geodetic(east, north),
+            height_m=height,
+            on_ground=on_ground,
+        )
 
 
 def seconds_of(turn: Turn) -> list[float]:
@@ -179,3 +185,22 @@ def test_poses_out_of_order_are_refused() -> None:
         find_turns(np.zeros(5, np.int64), zero, zero, zero)
     with pytest.raises(UsageError, match="number"):
         find_turns(np.arange(6), zero, zero, zero)
+
+
+@pytest.mark.parametrize(
+    "sunk_m", [33.0, 40.0], ids=["a barometer 7 m off at landing", "carried 8 m higher"]
+)
+def test_a_carry_is_no_turn_where_the_autopilot_says_landed(sunk_m: float) -> None:
+    flight = Flight().climb(40.0).hover(3).turn(360, 60).hover(3).climb(-sunk_m).hover(20)
+    landed = len(flight.yaw)
+    if sunk_m == 40.0:
+        flight.climb(8.0, speed=0.25)
+    flight.turn(340, 30).hover(10)
+    on_ground = np.arange(len(flight.yaw)) >= landed - 50
+    (turn,) = flight.turns(on_ground)
+    assert turn.turned_deg == pytest.approx(360.0, abs=8.0)
+
+
+def test_turns_where_nothing_flew_count_also_where_the_autopilot_says_landed() -> None:
+    flight = Flight().hover(5).turn(360, 60).hover(5)
+    assert len(flight.turns(np.ones(len(flight.yaw), bool))) == 1

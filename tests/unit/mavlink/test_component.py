@@ -422,3 +422,15 @@ def test_a_message_is_as_late_as_timesync_says(bench: Bench) -> None:
     assert bench.component.late_s(told, late_ns) == pytest.approx(0.7, abs=0.06)
     heartbeat_of_it = heartbeat(d.MavType.QUADROTOR, d.MavAutopilot.PX4)
     assert bench.component.late_s(heartbeat_of_it, late_ns) is None
+
+
+def test_what_the_autopilot_says_of_landing_is_kept_and_what_others_say_is_not() -> None:
+    bench = Bench()
+    state = d.MavLandedState
+    bench.autopilot_heartbeat()
+    assert bench.component.discovery.autopilot_landed is None
+    for said, kept in ((state.ON_GROUND, True), (state.IN_AIR, False), (state.UNDEFINED, None)):
+        bench.hear(d.ExtendedSysState(vtol_state=0, landed_state=said))
+        assert bench.component.discovery.autopilot_landed is kept
+    bench.hear(d.ExtendedSysState(vtol_state=0, landed_state=state.ON_GROUND), system_id=7)
+    assert bench.component.discovery.autopilot_landed is None

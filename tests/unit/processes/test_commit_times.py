@@ -1,5 +1,6 @@
 import itertools
 import random
+from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -86,3 +87,14 @@ def test_every_change_of_a_process_is_recorded_to_the_second_and_its_last_word(
             ]
             assert all(time_ns - before.time_ns < PERIOD_NS for time_ns in steps[:-1])
     assert told.left_out == len(everything) - len(recorded)
+
+
+def test_arming_and_landing_are_recorded_to_the_second() -> None:
+    told = ToldHealth()
+    said = []
+    for number in range(60):
+        counters = {"autopilot_armed": float(10 <= number < 50), "autopilot_landed": 0.0}
+        counters["autopilot_landed"] = float(not 14 <= number < 45)
+        said.append(replace(health(number, "ready"), counters=counters))
+    recorded = [one for given in said for one in told.worth_telling(given)] + told.last()
+    assert {0, 9, 10, 13, 14, 44, 45, 49, 50, 59} <= {said.index(one) for one in recorded}

@@ -8,7 +8,7 @@ bearing; starts, stops and several places tell them apart.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -68,6 +68,9 @@ def attach_poses(
 ) -> list[PulsePose]:
     """Give each pulse the antenna's pose by the track; None where the track has none.
 
+    What the log says was landed or disarmed is at height 0, wherever its barometer had drifted
+    to: so turns are told from what was carried.
+
     Parameters
     ----------
     pulse_poses : sequence of PulsePose
@@ -88,7 +91,14 @@ def attach_poses(
     attacher = PoseAttacher(ring, wait_s=0.0)
     for one in sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns):
         attacher.add(one.pulse, one.pulse.end_time_ns)
-    return sorted(attacher.flush(), key=lambda one: one.pulse.start_time_ns)
+    found = sorted(attacher.flush(), key=lambda one: one.pulse.start_time_ns)
+    return [_grounded(one, shifted) for one in found]
+
+
+def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
+    if one.pose is None or not track.on_ground(one.pulse.start_time_ns):
+        return one
+    return replace(one, pose=replace(one.pose, altitude_relative_m=0.0))
 
 
 def estimate_offset(

@@ -5,14 +5,14 @@
     0xA3 0x95 | type | values of that type's format …      little endian
     type 128, FMT: type u8, length u8, name 4, format 16, columns 64 (with commas)
 
-Read are FMT, ATT (roll, pitch, yaw), POS (fused place; else GPS) and GPS (week and
-milliseconds, for UTC). Times are microseconds since boot; GPS time is ahead of UTC by 18 leap
-seconds since 2017.
+Read are FMT, ATT (roll, pitch, yaw), POS (fused place; else GPS), GPS (week and
+milliseconds, for UTC), and EV (armed, landed) where it is. Times are microseconds since boot;
+GPS time is ahead of UTC by 18 leap seconds since 2017.
 """
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from uavrt.analysis.tracks.track import (
@@ -25,6 +25,7 @@ from uavrt.analysis.tracks.track import (
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.recording.on_ground import spans_on_ground
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MARK = b"\xa3\x95"
@@ -46,7 +47,10 @@ _CODES = {
 _SCALES = {"c": 1e-2, "C": 1e-2, "e": 1e-2, "E": 1e-2, "L": 1e-7}
 _GPS_EPOCH_S = 315_964_800
 _LEAP_S = 18
-_WANTED = frozenset({"ATT", "POS", "GPS"})
+_WANTED = frozenset({"ATT", "POS", "GPS", "EV"})
+_ARMED = {10: True, 11: False}
+_LANDED = {18: True, 28: False}
+"""`LogEvent` of ArduPilot."""
 
 _Row = dict[str, float]
 
@@ -76,7 +80,21 @@ def read_dataflash(path: Path) -> VehicleTrack:
         kind="DataFlash",
         attitudes=in_order(one for one in turns if one),
         positions=over_the_first(one for one in places if one),
+        on_ground_ns=spans_on_ground(
+            _told(rows["EV"], _ARMED, offset_ns), _told(rows["EV"], _LANDED, offset_ns)
+        ),
     )
+
+
+def _told(
+    rows: list[_Row], states: Mapping[int, bool], offset_ns: int
+) -> list[tuple[int, bool]]:
+    """Times [ns] and states of some events."""
+    return [
+        (offset_ns + round(row["TimeUS"] * 1e3), states[int(row["Id"])])
+        for row in rows
+        if "TimeUS" in row and row.get("Id") in states
+    ]
 
 
 def _rows(content: bytes) -> Iterator[tuple[str, _Row]]:

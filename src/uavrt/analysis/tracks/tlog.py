@@ -27,6 +27,7 @@ from uavrt.mavlink import (
     position_sample,
 )
 from uavrt.messages import AttitudeSample, PositionSample
+from uavrt.recording.on_ground import spans_on_ground
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """ATTITUDE is in no message set of ours: our systems ask for ATTITUDE_QUATERNION."""
@@ -40,6 +41,10 @@ class _Log:
         self.system_id: int | None = None
         self.attitudes: dict[str, list[AttitudeSample]] = {"quaternion": [], "euler": []}
         self.positions: list[PositionSample] = []
+        self.armed: list[tuple[int, bool]] = []
+        self.landed: list[tuple[int, bool]] = []
+        self._boot_ns: int | None = None
+        """Of the newest sample: what tells no boot time itself came then."""
         self.ground_offset_ns: int | None = None
         self.gps_offset_ns: int | None = None
 
@@ -50,6 +55,7 @@ class _Log:
             self.system_id = self.system_id or frame.system_id
         if frame.component_id != 1 or self.system_id not in (None, frame.system_id):
             return
+        self._keep_ground(message)
         if isinstance(message, dialect.SystemTime):
             if message.time_unix_usec > _SANE_UNIX_US:
                 offset = message.time_unix_usec * 1000 - message.time_boot_ms * 1_000_000
@@ -66,9 +72,22 @@ class _Log:
             sample = _euler(frame)
             self._keep(sample, self.attitudes["euler"])
         if sample is not None:
+            self._boot_ns = sample.time_ns
             offset = stamp_us * 1000 - sample.time_ns
             old = self.ground_offset_ns
             self.ground_offset_ns = offset if old is None else min(old, offset)
+
+    def _keep_ground(self, message: object) -> None:
+        if self._boot_ns is None:
+            return
+        if isinstance(message, dialect.Heartbeat):
+            armed = bool(message.base_mode & dialect.MavModeFlag.SAFETY_ARMED)
+            self.armed.append((self._boot_ns, armed))
+        elif isinstance(message, dialect.ExtendedSysState):
+            state = message.landed_state
+            if state != dialect.MavLandedState.UNDEFINED:
+                landed = state == dialect.MavLandedState.ON_GROUND
+                self.landed.append((self._boot_ns, landed))
 
     @staticmethod
     def _keep(sample: object, kept: "list[AttitudeSample] | list[PositionSample]") -> None:
@@ -108,7 +127,10 @@ def read_tlog(path: Path) -> VehicleTrack:
     offset_ns = log.gps_offset_ns or log.ground_offset_ns or 0
     attitudes = log.attitudes["quaternion"] or log.attitudes["euler"]
     track = VehicleTrack(
-        kind="tlog", attitudes=in_order(attitudes), positions=in_order(log.positions)
+        kind="tlog",
+        attitudes=in_order(attitudes),
+        positions=in_order(log.positions),
+        on_ground_ns=spans_on_ground(log.armed, log.landed),
     )
     return track.shifted(offset_ns)
 

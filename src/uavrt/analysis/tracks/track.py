@@ -29,6 +29,8 @@ class VehicleTrack:
     attitudes: tuple[AttitudeSample, ...]
     positions: tuple[PositionSample, ...]
     warnings: tuple[str, ...] = ()
+    on_ground_ns: tuple[tuple[int, int], ...] = ()
+    """First and last times on the ground, as the log tells; empty where it does not."""
 
     def shifted(self, offset_ns: int) -> "VehicleTrack":
         """Move all times by so much."""
@@ -36,7 +38,12 @@ class VehicleTrack:
             self,
             attitudes=tuple(replace(a, time_ns=a.time_ns + offset_ns) for a in self.attitudes),
             positions=tuple(replace(p, time_ns=p.time_ns + offset_ns) for p in self.positions),
+            on_ground_ns=tuple((a + offset_ns, b + offset_ns) for a, b in self.on_ground_ns),
         )
+
+    def on_ground(self, time_ns: int) -> bool:
+        """Whether the log says that the vehicle stood on the ground then."""
+        return any(first <= time_ns <= last for first, last in self.on_ground_ns)
 
 
 def attitude(

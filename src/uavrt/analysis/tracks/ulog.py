@@ -1,11 +1,13 @@
 """PX4's onboard log (``.ulg``), read by the package pyulog.
 
-Topics ``vehicle_attitude`` (quaternion), ``vehicle_global_position``, and for UTC the GPS
-topics. Times are microseconds since boot.
+Topics ``vehicle_attitude`` (quaternion), ``vehicle_global_position``, for UTC the GPS topics,
+and ``vehicle_land_detected`` and ``vehicle_status`` (arming) where they are. Times are
+microseconds since boot.
 """
 
 import contextlib
 import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,13 @@ from uavrt.analysis.tracks.track import (
     position,
 )
 from uavrt.errors import FormatError, needs_extra
+from uavrt.recording.on_ground import spans_on_ground
 
 _GPS = ("vehicle_gps_position", "sensor_gps")
-_TOPICS = ["vehicle_attitude", "vehicle_global_position", *_GPS]
+_LANDED, _STATUS = "vehicle_land_detected", "vehicle_status"
+_TOPICS = ["vehicle_attitude", "vehicle_global_position", _LANDED, _STATUS, *_GPS]
+_ARMED = 2
+"""`vehicle_status.arming_state`."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 
@@ -74,7 +80,21 @@ def read_ulog(path: Path) -> VehicleTrack:
         kind="ULog",
         attitudes=in_order(one for one in attitudes if one),
         positions=over_the_first(one for one in positions if one),
+        on_ground_ns=spans_on_ground(
+            _told(topics.get(_STATUS), "arming_state", _ARMED, offset_us),
+            _told(topics.get(_LANDED), "landed", 1, offset_us),
+        ),
     )
+
+
+def _told(
+    data: Mapping[str, Sequence[Any]] | None, name: str, yes: int, offset_us: int
+) -> list[tuple[int, bool]]:
+    """Times [ns] and states of a topic; none of one that is not logged."""
+    if data is None or name not in data:
+        return []
+    pairs = zip(data["timestamp"], data[name], strict=True)
+    return [((int(time) + offset_us) * 1000, int(state) == yes) for time, state in pairs]
 
 
 def _utc_of_boot_us(topics: dict[str, Any]) -> int | None:

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
     from uavrt.localization.bearing.live_bearings import LiveBearings
     from uavrt.localization.bearing.posterior import LOBE_DEG
-    from uavrt.localization.bearing.turns import Turn, find_turns
+    from uavrt.localization.bearing.turns import CLIMB_M, Turn, find_turns
 
 __all__ = [
     "ADDED_METHODS",
+    "CLIMB_M",
     "LOBE_DEG",
     "LiveBearings",
     "Steering",
@@ -33,6 +34,7 @@ __getattr__ = lazily(
     __name__,
     {
         "ADDED_METHODS": "estimate",
+        "CLIMB_M": "turns",
         "LOBE_DEG": "posterior",
         "LiveBearings": "live_bearings",
         "Steering": "array_bearings",

@@ -32,7 +32,7 @@ _SHARE_OF_RATE = 0.1
 _RATE_WINDOW_S = 4.0
 """Over which a compass that errs by 0.5° tells rates to 0.15°/s."""
 _CLIMB_M_S = 0.4
-_CLIMB_M = 4.0
+CLIMB_M = 4.0
 """A climb or descent is this high at the least; a gust does less."""
 _GROUND_SHARE = 0.15
 _GROUND_M = (2.0, 6.0)
@@ -67,6 +67,7 @@ def find_turns(
     longitude_deg: _Floats,
     *,
     height_m: _Floats | None = None,
+    on_ground: NDArray[np.bool_] | None = None,
     least_turn_deg: float = 270.0,
     speed_m_s: float = 1.5,
     radius_m: float = 15.0,
@@ -86,6 +87,8 @@ def find_turns(
         Above the take-off, NaN where it is not known. With it, only what is turned in flight is
         a turn: no standing, no climb, no carrying after the landing. Where nothing flew, as on
         a turntable, all turns count.
+    on_ground : (n,) bool array, optional
+        What the autopilot says was not flown; no turn, wherever the barometer has drifted to.
     least_turn_deg : float
         Smaller turns are none. 270° is what the original asks for; 8 stops turn by 315°.
     speed_m_s : float
@@ -112,6 +115,8 @@ def find_turns(
     hovering = _speed(seconds, east, north) < speed_m_s
     if height_m is not None:
         hovering &= _in_flight(east, north, height_m) & ~_climbing(seconds, height_m)
+    if on_ground is not None and not np.all(on_ground):
+        hovering &= ~on_ground
     turns = []
     for first, last in _runs(hovering):
         yaw = np.unwrap(yaw_deg[first:last], period=360.0)
@@ -284,5 +289,5 @@ def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
     climbing = np.zeros(len(height), bool)
     for way in (1.0, -1.0):
         for first, last in _runs(way * rate > _CLIMB_M_S):
-            climbing[first:last] |= abs(height[last - 1] - height[first]) >= _CLIMB_M
+            climbing[first:last] |= abs(height[last - 1] - height[first]) >= CLIMB_M
     return climbing

@@ -29,6 +29,7 @@ from uavrt.localization.position.common_errors import (
     Fit,
     FlightBearings,
     cautions_of,
+    cautions_of_outliers,
     explanations,
     stations_around,
 )
@@ -121,7 +122,7 @@ def bayes_position(
         ),
         heading_error_deg=error,
         heading_error_sigma_deg=sigma,
-        cautions=agreement.cautions
+        cautions=agreement.cautions_of(doubts)
         + (() if model.track is None else cautions_of_survey(model.track))
         + _cautions_of_ground(known),
         widenings=_widenings(model, solved) if widenings else (),
@@ -206,7 +207,10 @@ class _Agreement:
 
     found: tuple[tuple[float, Fit], ...] = ()
     """All explanations with their probabilities, that of a resting tag first."""
-    cautions: tuple[Caution, ...] = ()
+    told: Fit | None = None
+    """The explanation that the operator is told of; None where there is none."""
+    unchecked: tuple[Caution, ...] = ()
+    """Why a common error cannot be checked."""
 
     @property
     def others(self) -> tuple[tuple[float, Fit], ...]:
@@ -218,36 +222,61 @@ class _Agreement:
         """The most probable explanation; None when none was sought."""
         return max(self.found, key=lambda one: one[0])[1] if self.found else None
 
+    def cautions_of(self, doubts: Doubts | None) -> tuple[Caution, ...]:
+        """What the operator must know of the bearings."""
+        outliers = () if doubts is None else doubts.outlier_probabilities
+        if self.told is None:
+            return cautions_of_outliers(outliers) + self.unchecked
+        return cautions_of(self.told, outliers or None) + self.unchecked
+
     def without(self, explanation: Explanation) -> "_Agreement":
         """The belief that remains if an explanation is ruled out."""
         kept = [one for one in self.found if one[1].explanation != explanation]
         total = sum(probability for probability, _ in kept)
         return _Agreement(
             found=tuple((probability / max(total, 1e-300), fit) for probability, fit in kept),
-            cautions=self.cautions,
+            told=self.told,
+            unchecked=self.unchecked,
         )
 
 
 def _agreement(model: Model, point: tuple[float, float]) -> _Agreement:
     bearings = _flight_bearings(model)
     if bearings is None:
-        return _Agreement(cautions=(UNKNOWN_SIGMAS,))
+        return _Agreement(unchecked=(UNKNOWN_SIGMAS,))
     if not stations_around(bearings.east_m, bearings.north_m, point):
         middle = (float(np.mean(bearings.east_m)), float(np.mean(bearings.north_m)))
         if not stations_around(bearings.east_m, bearings.north_m, middle):
-            return _Agreement(cautions=(UNCHECKED,))
+            return _Agreement(told=_resting(model, bearings, point), unchecked=(UNCHECKED,))
+    found = _explanations(model, bearings, point, model.known.unusual)
+    _, best = max(found, key=lambda one: one[0])
+    if stations_around(bearings.east_m, bearings.north_m, best.middle_of(bearings)):
+        return _Agreement(found=found, told=best)
+    return _Agreement(found=found, told=found[0][1], unchecked=(UNCHECKED,))
+
+
+def _explanations(
+    model: Model,
+    bearings: FlightBearings,
+    point: tuple[float, float],
+    unusual: frozenset[Explanation],
+) -> tuple[tuple[float, Fit], ...]:
     found = explanations(
         bearings,
         point,
         heading_sigma_deg=model.known.heading_sigma_deg,
         outlier_share=model.known.outlier_share,
-        unusual=model.known.unusual,
+        unusual=unusual,
     )
-    _, best = max(found, key=lambda one: one[0])
-    around = stations_around(bearings.east_m, bearings.north_m, best.middle_of(bearings))
-    return _Agreement(
-        found=tuple(found), cautions=cautions_of(best) if around else (UNCHECKED,)
-    )
+    return tuple(found)
+
+
+def _resting(model: Model, bearings: FlightBearings, point: tuple[float, float]) -> Fit | None:
+    """The fit of a tag that rests, which tells bearings that contradict each other apart."""
+    if len(bearings.bearing_deg) < 2:
+        return None
+    ((_, fit),) = _explanations(model, bearings, point, frozenset())
+    return fit
 
 
 def _flight_bearings(model: Model) -> FlightBearings | None:

@@ -31,6 +31,9 @@ WALKING_M_S = 0.5
 _LEAST_SPAN_S = 20.0
 _CONTRADICTION = 0.01
 """Bearings that scatter so only once in a hundred flights contradict each other."""
+_SURELY_GOOD = 0.1
+"""Less probably an outlier than that, a bearing is a good one."""
+_LEAST_AGREEING = 3
 _ROUNDS = 25
 _LOOSE_ROUNDS = 8
 
@@ -254,8 +257,18 @@ UNKNOWN_SIGMAS = Caution(
 )
 
 
-def cautions_of(fit: Fit) -> tuple[Caution, ...]:
-    """What the operator must know of the most probable explanation."""
+def cautions_of(
+    fit: Fit, outlier_probabilities: tuple[float, ...] | None = None
+) -> tuple[Caution, ...]:
+    """What the operator must know of the most probable explanation.
+
+    Parameters
+    ----------
+    fit : Fit
+        That explanation.
+    outlier_probabilities : tuple of float, optional
+        For each bearing of a tag that rests, over all places where it may be.
+    """
     found = []
     if fit.explanation == "compass":
         text = (
@@ -271,22 +284,50 @@ def cautions_of(fit: Fit) -> tuple[Caution, ...]:
             "the place is that of the last bearing"
         )
         found.append(Caution(name="walk", text=text))
-    odd = [str(number) for number in np.flatnonzero(fit.inlier < 0.5) + 1]
-    if contradicts(fit):
-        which = (
-            f"bearings {' and '.join(odd)} contradict the others"
-            if odd
-            else ("the bearings contradict each other more than their errors allow")
-        )
-        found.append(Caution(name="contradiction", text=f"{which}: the place may be wrong"))
-    elif odd:
-        text = f"bearing {odd[0]} contradicts the others and is left out"
-        found.append(Caution(name="outlier", text=text))
-    return tuple(found)
+    odd = _odd(fit, outlier_probabilities)
+    scatter = bool(np.all(fit.inlier >= 0.5)) and fit.misfit < _CONTRADICTION
+    return (*found, *_cautions_of_odd(odd, scatter=scatter))
 
 
-def contradicts(fit: Fit) -> bool:
-    """Whether an explanation leaves bearings that contradict each other."""
-    several = int(np.sum(fit.inlier < 0.5)) >= 2
-    scatter = int(np.sum(fit.inlier < 0.5)) == 0 and fit.misfit < _CONTRADICTION
-    return several or scatter
+def cautions_of_outliers(outlier_probabilities: tuple[float, ...]) -> tuple[Caution, ...]:
+    """What the operator must know of bearings that nobody says the errors of."""
+    return _cautions_of_odd(np.array(outlier_probabilities) > 0.5, scatter=False)
+
+
+def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution, ...]:
+    """What bearings that are odd mean, and others that scatter too far.
+
+    Two lines always cross somewhere: with a bearing that is odd, two others confirm nothing.
+    """
+    numbers = np.flatnonzero(odd) + 1
+    few = len(odd) - len(numbers) < _LEAST_AGREEING
+    if scatter or len(numbers) >= 2 or (len(numbers) == 1 and few):
+        text = f"{_contradicting(numbers)}: the place may be wrong"
+        return (Caution(name="contradiction", text=text),)
+    if len(numbers):
+        text = f"{_contradicting(numbers)} and is left out"
+        return (Caution(name="outlier", text=text),)
+    return ()
+
+
+def _contradicting(numbers: NDArray[np.int64]) -> str:
+    """Which bearings contradict the others, in words."""
+    if not len(numbers):
+        return "the bearings contradict each other more than their errors allow"
+    if len(numbers) == 1:
+        return f"bearing {numbers[0]} contradicts the others"
+    first = ", ".join(str(one) for one in numbers[:-1])
+    return f"bearings {first} and {numbers[-1]} contradict the others"
+
+
+def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[np.bool_]:
+    """(n,) bearings that have rather nothing to do with the tag.
+
+    A bearing with two lobes that agrees by the second one is a good one of the posterior,
+    while the fit knows the first alone.
+    """
+    odd = fit.inlier < 0.5
+    if fit.explanation != "rest" or outlier_probabilities is None:
+        return odd
+    probability = np.array(outlier_probabilities)
+    return np.asarray((probability > 0.5) | (odd & (probability > _SURELY_GOOD)))

@@ -52,7 +52,9 @@ def followed(position: Position, model: Model, follow: Follow) -> Position:
 def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
     stations, grid = model.stations, position.grid
     assert stations is not None
-    contradicted = any(one.name in _CONTRADICTS for one in position.cautions)
+    named = {one.name for one in position.cautions}
+    # Bearings from one side, or three, contradict each other in more ways than by a walk.
+    contradicted = bool(named & _CONTRADICTS) and "unchecked" not in named
     told = stations.time_s is not None and len(stations.time_s) >= LEAST_TIMES
     if follow == "contradicted" and not (contradicted and told):
         return position
