@@ -181,6 +181,8 @@ def map_around(
             "the elevation files count from the ellipsoid: heights are taken from the take-off "
             "on, for which only differences count"
         )
+    if elevation.differing_datums is not None:
+        limitations.append(elevation.differing_datums)
     return MapArea(ground=ground, hills=True, limitations=tuple(limitations))
 
 

@@ -45,7 +45,11 @@ if TYPE_CHECKING:
         flown,
         reachable,
     )
-    from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
+    from uavrt.planning.whole_flight import (
+        LEAST_PULSES,
+        WholeFlightSum,
+        whole_flight_enr_db,
+    )
 
 __all__ = [
     "DEFAULT_PLANNER",
@@ -106,12 +110,14 @@ __all__ = [
     "reachable",
     "shared_out",
     "survey_lines",
+    "whole_flight_enr_db",
 ]
 __getattr__ = lazily(
     __name__,
     {
         "LEAST_PULSES": "whole_flight",
         "WholeFlightSum": "whole_flight",
+        "whole_flight_enr_db": "whole_flight",
         "listening_way": "coverage",
         "coverage_of": "coverage",
         "absence": "coverage",

@@ -5,6 +5,7 @@ shifted gamma distribution, as the search itself counts it (docs/explanation/who
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -98,6 +99,35 @@ class WholeFlightSum:
         tops = (tops - shape) / np.sqrt(shape)
         needed = np.interp(skewness, _SKEWNESSES, tops) * deviation
         return np.asarray(special.ndtr((self._shift - needed) / np.sqrt(self._spread)))
+
+
+def whole_flight_enr_db(
+    tag: Tag,
+    gain_db: _Floats,
+    probabilities: Sequence[float],
+    *,
+    frequency_window_hz: float = 500.0,
+) -> list[float]:
+    """ENR [dB] of the strongest pulse with which a whole flight finds a tag.
+
+    Parameters
+    ----------
+    tag : Tag
+    gain_db : ndarray of float64, shape (pulses,)
+        Level of each pulse of the flight, from any reference.
+    probabilities : sequence of float
+        Of finding it.
+    frequency_window_hz : float
+        Half-width of the search around the tag's frequency.
+    """
+    levels_db = np.arange(-15.0, 30.25, 0.25)
+    judged = WholeFlightSum(tag, len(gain_db), frequency_window_hz, levels_db)
+    energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)
+    for step in (judged.look, judged.add):
+        for energy in energies:
+            step(energy.reshape(1))
+    found = np.maximum.accumulate(judged.found()[:, 0])
+    return [float(np.interp(probability, found, levels_db)) for probability in probabilities]
 
 
 def _log_probability(
