@@ -107,7 +107,9 @@ def _pulses(course: Course) -> np.ndarray:
     """Levels of a tag's pulses, relative to the strongest, on a course."""
     east, north = course.tag_at(np.random.default_rng(13))
     at_s = np.arange(0.0, course.duration_s, 1.254)
-    return 10.0 ** (0.1 * np.interp(at_s, course.time_s, course.gain_db(east, north)))
+    return np.asarray(
+        10.0 ** (0.1 * np.interp(at_s, course.time_s, course.gain_db(east, north)))
+    )
 
 
 def test_the_tag_of_the_barred_lanes_lies_250_metres_beside_two_of_five() -> None:
