@@ -26,10 +26,15 @@ if TYPE_CHECKING:
         write_maps,
     )
     from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
-    from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
+    from uavrt.analysis.flown_with import USUAL_ANTENNA, antenna_is_told, flight_antenna
     from uavrt.analysis.fold_pictures import write_fold_pictures
     from uavrt.analysis.found_bursts import bursts_of_pulses
     from uavrt.analysis.hindsight import save_integrated, slots_of, verdict_of
+    from uavrt.analysis.integrated_records import (
+        IntegratedRecord,
+        PlaceRecord,
+        integrated_record,
+    )
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
     from uavrt.analysis.map_files import RASTERS, MapFile, maps_in, read_map
     from uavrt.analysis.plots import DetectionPlots
@@ -69,16 +74,19 @@ __all__ = [
     "DetectionPlots",
     "FlightNoise",
     "HeardStrength",
+    "IntegratedRecord",
     "IntegratedTag",
     "ListenedFlight",
     "MapFile",
     "MapSize",
+    "PlaceRecord",
     "Season",
     "SilentMap",
     "Survey",
     "TagBearing",
     "TagOfFlights",
     "TagPosition",
+    "antenna_is_told",
     "bearings_of_flight",
     "bearings_of_pulses",
     "best_of",
@@ -94,6 +102,7 @@ __all__ = [
     "inside",
     "integrate_flight",
     "integrate_kept",
+    "integrated_record",
     "judge_together",
     "kept_channels",
     "learnt_antenna",
@@ -124,7 +133,11 @@ __getattr__ = lazily(
     __name__,
     {
         "USUAL_ANTENNA": "flown_with",
+        "antenna_is_told": "flown_with",
         "flight_antenna": "flown_with",
+        "IntegratedRecord": "integrated_records",
+        "PlaceRecord": "integrated_records",
+        "integrated_record": "integrated_records",
         "AnimalOfSeason": "season",
         "Season": "season",
         "read_season": "season",

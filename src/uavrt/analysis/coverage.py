@@ -33,7 +33,7 @@ from uavrt.planning import (
     survey_lines,
 )
 from uavrt.pose import Mounting
-from uavrt.recording import Flight
+from uavrt.recording import Flight, SearchedFor
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain import Elevation, GroundGrid, ground_grid
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -181,6 +181,8 @@ def map_around(
             "the elevation files count from the ellipsoid: heights are taken from the take-off "
             "on, for which only differences count"
         )
+    if elevation.differing_datums is not None:
+        limitations.append(elevation.differing_datums)
     return MapArea(ground=ground, hills=True, limitations=tuple(limitations))
 
 
@@ -223,12 +225,14 @@ def flight_coverage(
     pattern: AntennaPattern | None,
     level_sigma_db: float,
     whole_flight: bool = False,
+    searched: SearchedFor | None = None,
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
     """Compute what a flight would have heard of a tag, in groups of pulses or in all together.
 
-    Pulses outside of `listened`, where that is told, were heard by nobody.
+    Pulses outside of `listened`, where that is told, were heard by nobody. All together are
+    judged as they were `searched`, where that is told.
 
     Raises
     ------
@@ -236,8 +240,9 @@ def flight_coverage(
         The flight is too long.
     """
     way, limitations = flown_way(area, flight, tag, noise, listened)
-    settings = flight_settings(flight)
-    window_hz = 500.0 if settings is None else settings.detection.frequency_window_hz
+    window_hz = frequency_window_hz(flight)
+    if whole_flight and searched is not None:
+        window_hz = searched.frequency_window_hz
     if pattern is None:
         way = replace(way, headings=None)
     found = _covered(
@@ -250,8 +255,15 @@ def flight_coverage(
         window_hz,
         on_pulse,
         whole_flight=whole_flight,
+        most_drift=0.0 if searched is None else searched.most_drift,
     )
     return replace(found, limitations=(*found.limitations, *limitations))
+
+
+def frequency_window_hz(flight: Flight) -> float:
+    """Half-width of the search that the flight's detectors made around a tag's frequency."""
+    settings = flight_settings(flight)
+    return 500.0 if settings is None else settings.detection.frequency_window_hz
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
@@ -350,6 +362,7 @@ def _covered(
     on_pulse: Callable[[int, int], None] | None,
     *,
     whole_flight: bool = False,
+    most_drift: float = 0.0,
 ) -> Coverage:
     if len(way.time_s) > MOST_PULSES:
         raise UsageError(
@@ -367,6 +380,7 @@ def _covered(
         frequency_window_hz=window_hz,
         hills=area.hills,
         whole_flight=whole_flight,
+        most_drift=most_drift,
         on_pulse=on_pulse,
     )
     limitations = area.limitations

@@ -22,6 +22,7 @@ from uavrt.analysis.whole_flight import (
     channel_samples,
     hills_under,
     judged_tag,
+    searched_for,
 )
 from uavrt.dsp import FrontEnd
 from uavrt.errors import FormatError
@@ -94,8 +95,8 @@ class FlightSoFar:
             heard.energies(),
             antenna_poses(flight),
             self._pattern,
+            searched_for(tag, self._pattern, self._window_hz, 0.0),
             FALSE_ALARM_PROBABILITY / (heard.looks * (heard.looks + 1)),
-            0.0,
             None if hills is None else hills.at(tag.frequency_hz),
         )
 

@@ -31,6 +31,11 @@ def flight_settings(flight: Flight) -> Settings | None:
     return settings
 
 
+def antenna_is_told(flight: Flight) -> bool:
+    """Whether a flight recorded which antenna the drone was set up with."""
+    return flight.settings_json is not None
+
+
 def flight_antenna(flight: Flight) -> str:
     """Name of the pattern that the drone was set up with; RA-23K where it recorded none.
 

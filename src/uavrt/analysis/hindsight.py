@@ -16,9 +16,17 @@ from uavrt.config import AntennaSettings
 from uavrt.integration import HeardTrain, PlaceBelief, SlotEvidence, slot_evidence
 from uavrt.messages import Pulse, PulsePose
 from uavrt.processes import REACH_NS, made_up
-from uavrt.recording import Flight, IntegratedVerdict, write_integrated
+from uavrt.recording import (
+    Flight,
+    IntegratedPart,
+    IntegratedVerdict,
+    Ring,
+    write_integrated,
+)
 from uavrt.units import db_from_power, ns_from_s
 
+_DECIMALS = 7
+"""Of a degree: a centimetre."""
 _SAME = 0.25
 """Of the interval: so near a slot, a pulse heard in flight is the slot's, as a tag sends one in
 an interval. Where samples were lost, times told in flight are off by tens of milliseconds."""
@@ -155,13 +163,17 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
         longitude_deg=None if place is None else float(place.longitude_deg),
         radius50_m=None if place is None else float(place.radius50_m),
         radius95_m=None if place is None else float(place.radius95_m),
-        places=1 if place is None else _places(place),
+        places=1 if place is None else max(1, len(parts_of(place))),
         pulses=pulses,
         flights=one.flights,
         heard_live=live,
         remarks="; ".join((*_ambiguity(one), *one.limitations)),
         ambiguous=one.ambiguous is not None,
         listened=iso_intervals(listened_in(one.energies)),
+        parts=() if place is None else parts_of(place),
+        region50=() if place is None else rings_of(place, 0.5),
+        region95=() if place is None else rings_of(place, 0.95),
+        searched=one.searched,
     )
 
 
@@ -177,9 +189,31 @@ def _ambiguity(one: IntegratedTag) -> tuple[str, ...]:
     )
 
 
-def _places(place: PlaceBelief) -> int:
-    """How many places the flight cannot tell apart."""
-    return max(1, sum(part.probability >= LEAST_PART for part in place.cells.parts()))
+def parts_of(
+    place: PlaceBelief, least_probability: float = LEAST_PART
+) -> tuple[IntegratedPart, ...]:
+    """Places that the flight cannot tell apart, the likeliest first."""
+    return tuple(
+        IntegratedPart(
+            latitude_deg=part.latitude_deg,
+            longitude_deg=part.longitude_deg,
+            radius95_m=part.radius95_m,
+            probability=part.probability,
+        )
+        for part in place.cells.parts()
+        if part.probability >= least_probability
+    )
+
+
+def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
+    """Outlines of the region that holds a tag with a probability."""
+    return tuple(
+        tuple(
+            (round(latitude, _DECIMALS), round(longitude, _DECIMALS))
+            for latitude, longitude in ring
+        )
+        for ring in place.cells.outlines(share)
+    )
 
 
 def _live_ns(flight: Flight, tag_id: int) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":

@@ -82,6 +82,7 @@ def integrate_kept(
     frequency_window_hz: float = 500.0,
     false_alarm_probability: float = 0.01,
     most_drift: float = 0.0,
+    antenna_assumed: bool = False,
     elevation: Elevation | None = None,
     on_progress: Callable[[int, int | None], None] | None = None,
     on_tag: Callable[[int], None] | None = None,
@@ -96,8 +97,10 @@ def integrate_kept(
     ----------
     flight : Flight
         With `info.directory` where it lies now.
-    tags, pattern, frequency_window_hz, false_alarm_probability, most_drift, elevation
+    tags, pattern, frequency_window_hz, false_alarm_probability, most_drift
         As `integrate_flight`.
+    antenna_assumed, elevation
+        As there.
     on_progress, on_tag : callable, optional
         As there.
     on_fault : callable, optional
@@ -135,6 +138,7 @@ def integrate_kept(
                 frequency_window_hz=frequency_window_hz,
                 false_alarm_probability=false_alarm_probability,
                 most_drift=most_drift,
+                antenna_assumed=antenna_assumed,
                 elevation=elevation,
                 on_progress=on_progress,
                 on_tag=_further(on_tag, len(results)),

@@ -55,6 +55,20 @@ def missing_in_words(share: float) -> tuple[str, ...]:
     return (f"there are samples of {share:.0%} of the flight: of the rest nothing is known",)
 
 
+def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
+    """Leave out what was heard more than 2 s from any pose: nobody knows from where."""
+    time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
+    away = _away_from_poses(time_ns, poses)
+    return energies.where(~away) if away.any() else energies
+
+
+def _away_from_poses(time_ns: NDArray[np.int64], poses: PoseColumns) -> NDArray[np.bool_]:
+    at = np.clip(np.searchsorted(poses.time_ns, time_ns), 1, len(poses.time_ns) - 1)
+    before, after = poses.time_ns[at - 1], poses.time_ns[at]
+    apart = np.minimum(np.abs(after - time_ns), np.abs(time_ns - before))
+    return np.asarray(apart > _POSE_REACH_NS)
+
+
 def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
     """What samples and poses do not hold of each other, in words."""
     seconds = np.concatenate(
@@ -63,14 +77,12 @@ def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
     first_ns, last_ns = int(poses.time_ns[0]), int(poses.time_ns[-1])
     inside = np.count_nonzero((seconds >= first_ns) & (seconds <= last_ns))
     told = missing_in_words(float(inside) * _SECOND / max(last_ns - first_ns, _SECOND))
-    at = np.clip(np.searchsorted(poses.time_ns, seconds), 1, len(poses.time_ns) - 1)
-    before, after = poses.time_ns[at - 1], poses.time_ns[at]
-    away = np.minimum(np.abs(after - seconds), np.abs(seconds - before)) > _POSE_REACH_NS
+    away = _away_from_poses(seconds, poses)
     poseless = float(away.mean()) if len(seconds) else 0.0
     if poseless <= _POSELESS_SHARE:
         return told
     return (
         *told,
-        f"{poseless:.0%} of the samples have no pose: there the drone is taken to be on a "
-        "straight way between the poses beside, or at the nearest",
+        f"{poseless:.0%} of the samples have no pose within "
+        f"{_POSE_REACH_NS // _SECOND} s: they are left out",
     )

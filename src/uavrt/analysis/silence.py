@@ -15,16 +15,17 @@ from uavrt.analysis.coverage import (
     MapSize,
     flight_coverage,
     flight_plane,
+    frequency_window_hz,
     map_around,
 )
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
-from uavrt.analysis.flown_with import flight_antenna
+from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
 from uavrt.clock import parse_iso_intervals
 from uavrt.errors import RecordingError, UsageError
-from uavrt.localization import MONOPOLE, AntennaPattern, pattern_named
+from uavrt.localization import MONOPOLE, PATTERNS, AntennaPattern, pattern_named
 from uavrt.messages import Tag
 from uavrt.planning import Coverage, LinkBudget
-from uavrt.recording import Flight, IntegratedVerdict, read_integrated
+from uavrt.recording import Flight, IntegratedVerdict, SearchedFor, read_integrated
 from uavrt.terrain import Elevation
 
 LEVEL_SIGMA_DB = 3.0
@@ -39,6 +40,15 @@ _NOT_JUDGED = (
     "nobody has looked for it over the whole flight yet (uavrt integrate), which hears weaker "
     "tags"
 )
+_NOT_TOLD = (
+    "an earlier version looked for it over the whole flight, and did not write down with which "
+    "frequencies and antenna: they are taken to be the flight's own"
+)
+_NOT_SILENT = (
+    "the search of the whole flight (uavrt integrate) says nothing here, as it was for {}: "
+    "groups of pulses are told of; integrate again"
+)
+_ANTENNA_ASSUMED = "nobody told which antenna the drone carried: it is taken for an {}"
 _AMBIGUOUS = (
     "a train on its frequency may be its own (uavrt integrate names it): it cannot be said to "
     "be silent"
@@ -134,9 +144,12 @@ class ListenedFlight:
         UsageError
             The flight is too long, or there is no such antenna.
         """
-        named = antenna or flight_antenna(self.flight)
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
+        searched = None if verdict is None else verdict.searched
+        named = antenna or _own_antenna(self.flight, searched)
         in_hindsight = verdict is not None and _shown(verdict)
+        doubts = () if verdict is None else self._doubts(tag, named, searched)
+        judged = verdict is not None and not in_hindsight and not doubts
         coverage = flight_coverage(
             self.area,
             self.flight,
@@ -145,16 +158,21 @@ class ListenedFlight:
             noise=self.noise,
             pattern=_pattern(named),
             level_sigma_db=level_sigma_db,
-            whole_flight=verdict is not None and not in_hindsight,
-            listened=()
-            if verdict is None or in_hindsight
-            else parse_iso_intervals(verdict.listened),
+            whole_flight=judged,
+            searched=searched,
+            listened=parse_iso_intervals(verdict.listened) if verdict and judged else (),
             on_pulse=on_pulse,
         )
+        said = [*coverage.limitations, *doubts]
         if verdict is None:
-            coverage = replace(coverage, limitations=(*coverage.limitations, _NOT_JUDGED))
-        elif verdict.ambiguous:
-            coverage = replace(coverage, limitations=(*coverage.limitations, _AMBIGUOUS))
+            said.append(_NOT_JUDGED)
+        elif searched is None and judged:
+            said.append(_NOT_TOLD)
+        if verdict is not None and verdict.ambiguous:
+            said.append(_AMBIGUOUS)
+        if antenna is None and not antenna_is_told(self.flight):
+            said.append(_ANTENNA_ASSUMED.format(named))
+        coverage = replace(coverage, limitations=tuple(said))
         return SilentMap(
             tag_id=tag.tag_id,
             tag_power_dbm=budget.tag_eirp_dbm,
@@ -168,6 +186,52 @@ class ListenedFlight:
             noise=self.noise_said,
             antenna=named,
         )
+
+    def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
+        """Why a search in vain does not tell of this tag; nothing where it does."""
+        if searched is None:
+            return ()
+        found = _otherwise(tag, searched)
+        window_hz = frequency_window_hz(self.flight)
+        if searched.frequency_window_hz < window_hz:
+            found.append(
+                f"frequencies within {searched.frequency_window_hz:g} Hz of the listed one, "
+                f"and the flight's detectors listened within {window_hz:g} Hz "
+                f"(--frequency-window {window_hz:g})"
+            )
+        if searched.antenna != antenna:
+            found.append(f"the antenna {searched.antenna}, and the map is of {antenna}")
+        return (_NOT_SILENT.format("; for ".join(found)),) if found else ()
+
+
+def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
+    """The antenna that a flight was judged with, where this computer knows it, else its own."""
+    if searched is not None and searched.antenna in PATTERNS:
+        return searched.antenna
+    return flight_antenna(flight)
+
+
+def _otherwise(tag: Tag, searched: SearchedFor) -> list[str]:
+    """What a search looked for otherwise, or less of, than the list has now."""
+    found = []
+    listed = (tag.frequency_hz, tag.pulse_width_s, tag.pulse_intervals_s, tag.gaps_s)
+    sought = (
+        *(searched.frequency_hz, searched.pulse_width_s, searched.pulse_intervals_s),
+        searched.gaps_s,
+    )
+    if listed != sought:
+        found.append("another frequency, pulse width, interval or code than it is listed with")
+    if searched.interval_uncertainty_s < tag.interval_uncertainty_s:
+        found.append(
+            f"intervals within {1e3 * searched.interval_uncertainty_s:g} ms of the listed one, "
+            f"which may be {1e3 * tag.interval_uncertainty_s:g} ms off"
+        )
+    if searched.interval_jitter_s < tag.interval_jitter_s:
+        found.append(
+            f"pulses within {1e3 * searched.interval_jitter_s:g} ms of their beat, which may "
+            f"be {1e3 * tag.interval_jitter_s:g} ms off"
+        )
+    return found
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:

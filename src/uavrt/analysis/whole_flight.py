@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.flown_with import flight_settings
-from uavrt.analysis.listening import limits_of
+from uavrt.analysis.listening import limits_of, with_poses
 from uavrt.analysis.positions import over_ground
 from uavrt.config import AntennaSettings
 from uavrt.dsp import FrontEnd
@@ -40,7 +40,7 @@ from uavrt.messages import Tag
 from uavrt.planning import LEAST_PULSES
 from uavrt.pose import Mounting
 from uavrt.radio import SampleSource
-from uavrt.recording import Flight
+from uavrt.recording import Flight, SearchedFor
 from uavrt.terrain import Elevation, HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -77,6 +77,8 @@ class IntegratedTag:
     """That were judged together."""
     limitations: tuple[str, ...] = ()
     """What the figures do not hold for, in words."""
+    searched: SearchedFor
+    """With what was looked for it."""
 
     @property
     def ambiguous(self) -> OtherTrain | None:
@@ -101,6 +103,7 @@ def integrate_flight(
     frequency_window_hz: float = 500.0,
     false_alarm_probability: float = 0.01,
     most_drift: float = 0.0,
+    antenna_assumed: bool = False,
     elevation: Elevation | None = None,
     on_progress: Callable[[int, int | None], None] | None = None,
     on_tag: Callable[[int], None] | None = None,
@@ -122,6 +125,8 @@ def integrate_flight(
         For a flight and tag.
     most_drift : float
         Largest relative change of the interval over the flight, up or down.
+    antenna_assumed : bool
+        Nobody told which antenna it was: the results then say so.
     elevation : Elevation, optional
         Heights of the ground: hills weaken pulses, and explain silence.
     on_progress, on_tag : callable, optional
@@ -141,7 +146,8 @@ def integrate_flight(
     if len(flight.poses) < 2:
         raise RecordingError(
             f"{flight.info.directory} has no poses",
-            remedy="Attach those of an autopilot's log with uavrt attach",
+            remedy="Name its samples and an autopilot's log or GPS track instead of it: uavrt "
+            "integrate --recording FILE --track FILE --tags FILE",
         )
     poses = antenna_poses(flight)
     hills = hills_under(flight, elevation)
@@ -185,8 +191,10 @@ def integrate_flight(
                 energies,
                 poses,
                 pattern,
+                searched_for(
+                    tag, pattern, frequency_window_hz, most_drift, assumed=antenna_assumed
+                ),
                 false_alarm_probability,
-                most_drift,
                 None if hills is None else hills.at(tag.frequency_hz),
             )
         )
@@ -195,20 +203,49 @@ def integrate_flight(
     return results
 
 
+def searched_for(
+    tag: Tag,
+    pattern: AntennaPattern,
+    frequency_window_hz: float,
+    most_drift: float,
+    *,
+    assumed: bool = False,
+) -> SearchedFor:
+    """What a search looks for: kept with its verdict."""
+    return SearchedFor(
+        frequency_hz=tag.frequency_hz,
+        pulse_width_s=tag.pulse_width_s,
+        pulse_intervals_s=tag.pulse_intervals_s,
+        interval_uncertainty_s=tag.interval_uncertainty_s,
+        interval_jitter_s=tag.interval_jitter_s,
+        gaps_s=tag.gaps_s,
+        frequency_window_hz=frequency_window_hz,
+        most_drift=most_drift,
+        antenna=pattern.name,
+        antenna_assumed=assumed,
+    )
+
+
 def judged_tag(
     flight: Flight,
     tag: Tag,
     energies: SlotEnergies,
     poses: PoseColumns,
     pattern: AntennaPattern,
+    searched: SearchedFor,
     false_alarm_probability: float,
-    most_drift: float,
     hills: HillLosses | None,
 ) -> IntegratedTag:
     """Search one tag's train, and place it if it is one."""
     places = places_around(
         poses, pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
     )
+    limitations = (
+        *limits_of(energies, poses),
+        *(() if hills is None else hills.told()),
+        *assumed_in_words(searched),
+    )
+    energies = with_poses(energies, poses)
     chosen = distinct(pulse_weights(places.gain))
     judgement = judge(
         energies,
@@ -216,7 +253,7 @@ def judged_tag(
         places.time_s,
         tag,
         false_alarm_probability=false_alarm_probability,
-        most_drift=most_drift,
+        most_drift=searched.most_drift,
     )
     train, energies = judgement.train, judgement.energies
     pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
@@ -237,10 +274,18 @@ def judged_tag(
         heard_alone=sum(
             one.pulse.tag_id == tag.tag_id and one.pulse.confirmed for one in flight.pulse_poses
         ),
-        limitations=(
-            *limits_of(judgement.energies, poses),
-            *(() if hills is None else hills.told()),
-        ),
+        limitations=limitations,
+        searched=searched,
+    )
+
+
+def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
+    """Say that an antenna was assumed; nothing where it was told."""
+    if not searched.antenna_assumed:
+        return ()
+    return (
+        f"nobody told which antenna the drone carried: it is taken for an {searched.antenna}; "
+        "another one weighs pulses differently (name it with --antenna)",
     )
 
 

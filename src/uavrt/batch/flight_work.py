@@ -177,10 +177,15 @@ def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
     """Judge each tag whose channel was kept by the whole flight; and what could not be."""
-    from uavrt.analysis import channel_of, integrate_kept, kept_channels, verdict_of
+    from uavrt.analysis import (
+        antenna_is_told,
+        channel_of,
+        integrate_kept,
+        kept_channels,
+        verdict_of,
+    )
 
-    if antenna == MONOPOLE:
-        return (), "integrate: a whole flight is judged by an antenna's pattern: name one"
+    assumed = task.settings.antenna is None and not antenna_is_told(flight)
     pattern = pattern_named(antenna)
     elevation = _elevation(task.settings.dem, task.settings.sea)
     channels = kept_channels(Path(flight.info.directory))
@@ -189,7 +194,9 @@ def _integrated(
         if channel_of(channels, tag) is None:
             continue
         try:
-            (result,) = integrate_kept(flight, [tag], pattern, elevation=elevation)
+            (result,) = integrate_kept(
+                flight, [tag], pattern, antenna_assumed=assumed, elevation=elevation
+            )
         except UavrtError as error:
             faults.append(f"integrate tag {tag.tag_id}: {error}")
         else:

@@ -2,7 +2,7 @@
 
 # isort: off
 from uavrt.cli.elevation import elevation_of
-from uavrt.cli.kinds import Between, Hertz, HertzOrZero, TagIds
+from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, SecondsApart, TagIds
 from uavrt.cli.outputs import make_directory
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
@@ -10,7 +10,7 @@ import uavrt.cli.one_thread  # noqa: F401  before numpy
 import json
 import sys
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,9 +30,12 @@ if TYPE_CHECKING:
 
 
 def integrate(
-    flight: Path,
+    flight: Path | None = None,
     *others: Path,
     recording: Path | None = None,
+    track: Path | None = None,
+    clock_offset: SecondsApart | None = None,
+    yaw_offset: Degrees = 0.0,
     tags: Path | None = None,
     tag: TagIds = (),
     antenna: str | None = None,
@@ -60,13 +63,22 @@ def integrate(
     Parameters
     ----------
     flight
-        The flight directory: its poses, and its tags unless --tags names others.
+        The flight directory: its poses, and its tags unless --tags names others. Without one,
+        --recording, --track and --tags tell of a flight that another program recorded.
     others
         Further flights of the same tags: what is too weak in each is found in all together.
     recording
         Samples recorded in that flight: of the band or of a channel, in any format of uavrt
         detect. By default the channels that the flight kept (iq/channels), or what it recorded
         of the band.
+    track
+        Where the drone was while --recording was made: PX4's .ulg, ArduPilot's .BIN or .tlog,
+        NMEA sentences, GPX, or a telemetry.csv of uavrt simulate. Nothing is saved.
+    clock_offset
+        Seconds by which the recording's clock is ahead of the track's; 0 by default.
+    yaw_offset
+        Antenna's boresight clockwise from the vehicle's nose, degrees, with --track; a flight
+        has its own.
     tags
         Tag file; by default the flight's tags.
     tag
@@ -107,7 +119,6 @@ def integrate(
     """
     from uavrt.analysis.measure import read_tag_source
     from uavrt.localization import pattern_named
-    from uavrt.recording import read_flight
 
     if others and recording is not None:
         raise ConfigError(
@@ -118,27 +129,39 @@ def integrate(
         raise ConfigError(
             "--moves is of several flights", remedy="Name further flights, or leave it out"
         )
-    flown = [read_flight(one) for one in (flight, *others)]
+    listed = read_tag_source(tags).tags if tags else None
+    opened: dict[str, Any] = {
+        "format_name": format,
+        "sample_rate_hz": sample_rate,
+        "center_frequency_hz": center_frequency,
+        "start_time_ns": None if start_time is None else _time_ns(start_time),
+    }
+    if track is None:
+        flown = _flights(flight, others, clock_offset=clock_offset, yaw_offset=yaw_offset)
+        remarks: tuple[str, ...] = ()
+    else:
+        flown, remarks = _tracked(
+            *(track, flight, recording, listed),
+            clock_offset=clock_offset,
+            yaw_offset=yaw_offset,
+        )
     if plot is not None:
         make_directory(plot, "--plot")
+    named, assumed = _antenna(flown, antenna)
     asked = _Asked(
         recording=recording,
-        opened={
-            "format_name": format,
-            "sample_rate_hz": sample_rate,
-            "center_frequency_hz": center_frequency,
-            "start_time_ns": None if start_time is None else _time_ns(start_time),
-        },
-        pattern=pattern_named(_antenna(flown, antenna)),
+        opened=opened,
+        remarks=remarks,
+        pattern=pattern_named(named),
+        antenna_assumed=assumed,
         frequency_window_hz=frequency_window,
         false_alarm=false_alarm,
         most_drift=drift,
         elevation=elevation_of(dem, sea=sea),
         moves=moves,
         plot=plot,
-        save=save,
+        save=save and track is None,
     )
-    listed = read_tag_source(tags).tags if tags else None
     if others:
         found, told = _together(asked, flown, listed, tag)
     else:
@@ -153,26 +176,85 @@ def integrate(
         sys.exit(1)
 
 
-def _antenna(flown: "list[Flight]", asked: str | None) -> str:
-    """Name of the pattern: the one asked for, else that of all these flights."""
-    from uavrt.analysis import flight_antenna
+def _flights(
+    first: Path | None,
+    others: tuple[Path, ...],
+    *,
+    clock_offset: float | None,
+    yaw_offset: float,
+) -> "list[Flight]":
+    """Read the flights that are named."""
+    from uavrt.recording import read_flight
+
+    if first is None:
+        raise ConfigError(
+            "there is no flight",
+            remedy="Name its directory; or a recording of another program with --recording, "
+            "--track and --tags",
+        )
+    if clock_offset is not None or yaw_offset:
+        raise ConfigError(
+            "--clock-offset and --yaw-offset are of a --track",
+            remedy="Leave them out: a flight has its own",
+        )
+    for one in (first, *others):
+        if one.is_file():
+            raise ConfigError(
+                f"{one} is not the directory of a flight",
+                remedy="What another program recorded is judged with its track: --recording "
+                "FILE --track FILE --tags FILE",
+            )
+    return [read_flight(one) for one in (first, *others)]
+
+
+def _tracked(
+    track: Path,
+    flight: Path | None,
+    recording: Path | None,
+    listed: "Sequence[Tag] | None",
+    *,
+    clock_offset: float | None,
+    yaw_offset: float,
+) -> "tuple[list[Flight], tuple[str, ...]]":
+    """Make a flight of a track; and what it does not tell."""
+    from uavrt.analysis.tracks import flight_of_track, read_track
+
+    if flight is not None:
+        raise ConfigError(
+            f"{flight} has poses of its own", remedy="Leave out --track, or the flight"
+        )
+    if recording is None or listed is None:
+        missing = "--recording" if recording is None else "--tags"
+        raise ConfigError(
+            f"--track needs {missing}",
+            remedy="Name the samples, the track and the tags: --recording FILE --track FILE "
+            "--tags FILE",
+        )
+    way = read_track(track)
+    flown = flight_of_track(
+        way, listed, name=str(track), offset_s=clock_offset or 0.0, yaw_offset_deg=yaw_offset
+    )
+    agree = "the clocks of recording and track are taken to agree (--clock-offset)"
+    return [flown], (*way.warnings, *([agree] if clock_offset is None else []))
+
+
+def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
+    """Name of the pattern: the one asked for, else that of all these flights.
+
+    And whether it is assumed, as nobody told.
+    """
+    from uavrt.analysis import antenna_is_told, flight_antenna
     from uavrt.analysis.measure import antenna_named
-    from uavrt.localization import MONOPOLE
 
     if asked is not None:
-        return antenna_named(asked)
+        return antenna_named(asked), False
     own = sorted({flight_antenna(one) for one in flown})
     if len(own) > 1:
         raise ConfigError(
             f"the flights had different antennas: {', '.join(own)}",
             remedy="Judge those of one antenna together, or name one --antenna for all",
         )
-    if own == [MONOPOLE]:
-        raise ConfigError(
-            "the drone was set up with an upright whip, which tells no directions",
-            remedy="Name the --antenna that it carried",
-        )
-    return own[0]
+    return own[0], not all(map(antenna_is_told, flown))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,7 +264,10 @@ class _Asked:
     recording: Path | None
     opened: dict[str, Any]
     """How a recording is to be read."""
+    remarks: tuple[str, ...]
+    """What a track does not tell."""
     pattern: "AntennaPattern"
+    antenna_assumed: bool
     frequency_window_hz: float
     false_alarm: float
     most_drift: float
@@ -261,6 +346,7 @@ def _judged(
         "frequency_window_hz": asked.frequency_window_hz,
         "false_alarm_probability": false_alarm,
         "most_drift": asked.most_drift,
+        "antenna_assumed": asked.antenna_assumed,
         "elevation": asked.elevation,
         "on_progress": on_progress,
         "on_tag": on_tag,
@@ -269,7 +355,8 @@ def _judged(
     if path is None:
         return integrate_kept(flight, wanted, asked.pattern, on_fault=_tell, **how)
     with closing(open_recording(path, **asked.opened)) as source:
-        return integrate_flight(flight, source, wanted, asked.pattern, **how)
+        found = integrate_flight(flight, source, wanted, asked.pattern, **how)
+    return [replace(one, limitations=(*one.limitations, *asked.remarks)) for one in found]
 
 
 def _keep(

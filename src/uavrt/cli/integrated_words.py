@@ -1,12 +1,15 @@
 """What ``uavrt integrate`` says, in words and as JSON."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
-
-from uavrt.clock import iso_utc
 
 if TYPE_CHECKING:
     from uavrt.analysis import IntegratedTag, TagOfFlights
     from uavrt.integration import OtherTrain, PlaceBelief
+
+
+ALL_ROUND_DEG = 330.0
+"""An arc of so much is no direction."""
 
 
 def sentence(one: "IntegratedTag") -> str:
@@ -17,7 +20,7 @@ def sentence(one: "IntegratedTag") -> str:
     what = "bursts" if one.tag.coded else "pulses"
     alone = f"; {one.heard_alone} {what} were confirmed alone" if one.heard_alone else ""
     others = "".join(f"\n  {_other(other)}" for other in one.others)
-    others += "".join(f"\n  {text}" for text in one.limitations)
+    others += "".join(f"\n  {text}" for text in (_antenna(one), *one.limitations))
     if one.ambiguous is not None:
         return f"tag {one.tag.tag_id}: ambiguous, {chance} without that train{alone}{others}"
     if one.place is None:
@@ -63,6 +66,8 @@ def where(place: "PlaceBelief", flown: str = "the flight") -> list[str]:
             for one in parts
         )
         return [f"in one of {len(parts)} places that {flown} cannot tell apart: {told}"]
+    if place.arc95_deg > ALL_ROUND_DEG and place.radius95_m > POSITION_M:
+        return [f"neither place nor direction are known: {flown} tells them too roughly"]
     direction = (
         f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
         f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"
@@ -74,6 +79,10 @@ def where(place: "PlaceBelief", flown: str = "the flight") -> list[str]:
         f"at {place.latitude_deg:.5f}, {place.longitude_deg:.5f}, within "
         f"{place.radius50_m:.0f} m (50 %), {place.radius95_m:.0f} m (95 %)",
     ]
+
+
+def _antenna(one: "IntegratedTag") -> str:
+    return f"antenna: {one.searched.antenna}"
 
 
 def _other(other: "OtherTrain") -> str:
@@ -89,78 +98,9 @@ def _other(other: "OtherTrain") -> str:
 
 def record(one: "IntegratedTag") -> dict[str, Any]:
     """Make JSON of what a flight says of a tag."""
-    return {
-        "tag_id": one.tag.tag_id,
-        "found": one.found,
-        "false_alarm_probability": one.train.false_alarm_probability,
-        "score": one.train.score,
-        "rate": one.train.rate,
-        "drift": one.train.drift,
-        "ambiguous": one.ambiguous is not None,
-        "other_trains": [
-            {
-                "interval_s": other.interval_s,
-                "frequency_hz": one.tag.frequency_hz + other.offset_hz,
-                "ratio": None if other.ratio is None else "{}/{}".format(*other.ratio),
-                **({"other_code": True} if other.other_code else {}),
-            }
-            for other in one.others
-        ],
-        "interval_s": one.pulses.interval_s,
-        "frequency_hz": one.tag.frequency_hz + one.pulses.offset_hz,
-        "confirmed_alone": one.heard_alone,
-        **_place_record(one.place),
-        "limitations": list(one.limitations),
-        "integrated_pulses": _slot_records(one) if one.found else [],
-    }
+    from uavrt.analysis import integrated_record
 
-
-def _slot_records(one: "IntegratedTag") -> list[dict[str, Any]]:
-    from uavrt.analysis import slots_of
-
-    slots = slots_of(one)
-    return [
-        {
-            "time": iso_utc(int(time_ns)),
-            "time_ns": int(time_ns),
-            "energy": float(energy),
-            "at_rate": bool(at_rate),
-            "stands_out": bool(supported),
-        }
-        for time_ns, energy, at_rate, supported in zip(
-            one.pulse_times_ns, one.pulses.energy, slots.at_rate, slots.supported, strict=True
-        )
-    ]
-
-
-def _place_record(place: "PlaceBelief | None") -> dict[str, Any]:
-    if place is None:
-        nothing = (
-            *("level_db", "bearing_deg", "arc50_deg", "arc95_deg", "latitude_deg"),
-            *("longitude_deg", "radius50_m", "radius95_m", "region50", "region95"),
-        )
-        return {**dict.fromkeys(nothing), "places": []}
-    return {
-        "level_db": place.level_db,
-        "bearing_deg": place.bearing_deg,
-        "arc50_deg": place.arc50_deg,
-        "arc95_deg": place.arc95_deg,
-        "latitude_deg": place.latitude_deg,
-        "longitude_deg": place.longitude_deg,
-        "radius50_m": place.radius50_m,
-        "radius95_m": place.radius95_m,
-        "places": [
-            {
-                "latitude_deg": part.latitude_deg,
-                "longitude_deg": part.longitude_deg,
-                "radius95_m": part.radius95_m,
-                "probability": part.probability,
-            }
-            for part in place.cells.parts()
-        ],
-        "region50": place.cells.outlines(0.5),
-        "region95": place.cells.outlines(0.95),
-    }
+    return asdict(integrated_record(one))
 
 
 def sentence_of_flights(one: "TagOfFlights") -> str:
@@ -189,20 +129,38 @@ def sentence_of_flights(one: "TagOfFlights") -> str:
         )
         if one.place is None and flight.place is not None:
             lines += [f"  {text}" for text in where(flight.place)]
+    lines += [_antenna(flight) for flight in one.flights]
     lines += [text for flight in one.flights for text in flight.limitations]
     return "\n  ".join(dict.fromkeys(lines))
 
 
 def record_of_flights(one: "TagOfFlights") -> dict[str, Any]:
-    """Make JSON of what several flights say of a tag."""
+    """Make JSON of what several flights say of a tag.
+
+    Interval and frequency are of the flight that shows it most clearly; pulses are of all.
+    """
+    from uavrt.analysis import PlaceRecord
+
+    each = [record(flight) for flight in one.flights]
+    telling = [n for n, flight in enumerate(each) if flight["found"]] or range(len(each))
+    clearest = each[min(telling, key=lambda number: one.alone[number])]
+    place = asdict(PlaceRecord.of(one.place))
+    if one.place is None:
+        place["enr_db"] = place["level_db"] = clearest["enr_db"]
     return {
         "tag_id": one.tag.tag_id,
         "found": one.found,
         "together": one.together,
         "false_alarm_probability": one.false_alarm_probability,
-        **_place_record(one.place),
+        "interval_s": clearest["interval_s"],
+        "frequency_hz": clearest["frequency_hz"],
+        "pulses": sum(flight["pulses"] for flight in each),
+        **place,
+        "antenna": clearest["antenna"],
+        "antenna_assumed": any(flight["antenna_assumed"] for flight in each),
+        "limitations": list(dict.fromkeys(t for flight in each for t in flight["limitations"])),
         "flights": [
-            {"flight": name, "false_alarm_probability_alone": alone, **record(flight)}
-            for name, alone, flight in zip(one.names, one.alone, one.flights, strict=True)
+            {"flight": name, "false_alarm_probability_alone": alone, **flight}
+            for name, alone, flight in zip(one.names, one.alone, each, strict=True)
         ],
     }

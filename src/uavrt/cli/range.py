@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from uavrt.cli.kinds import (
+    Count,
     Counts,
     Decibels,
     Metres,
@@ -16,15 +17,15 @@ from uavrt.cli.kinds import (
     PulseWidth,
     TagFrequency,
 )
+from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
     from uavrt.messages import Tag
     from uavrt.planning import LinkBudget
 
 PROBABILITIES = (0.5, 0.9)
-WHOLE_FLIGHT_DB = (3.2, 4.2)
-"""ENR of the strongest of 400 pulses for Pd .5 and .9 when a whole flight is judged at once
-(`uavrt integrate`): the bar of `uavrt experiment integrate` where the antenna turns."""
+_TURN_DEG_S = 6.0
+"""Of a drone that turns on the spot, when a whole flight is judged."""
 
 
 def range(
@@ -39,8 +40,10 @@ def range(
     antenna_gain: Decibels = 4.0,
     mismatch: Decibels = 3.0,
     noise_figure: NoiseFigure = 8.0,
-    flight: Path | None = None,
+    flight: tuple[Path, ...] = (),
     whole_flight: Annotated[bool, Parameter(negative="")] = False,
+    antenna: str = "RA-23K",
+    flight_pulses: Count = 400,
     free_space: Annotated[bool, Parameter(negative="")] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -74,9 +77,16 @@ def range(
     noise_figure
         Noise that receiver, drone and sky add to the thermal noise [dB].
     flight
-        A past flight: what the drone's noise rose to in the air is added to the noise.
+        A past flight: what the drone's noise rose to in the air is added to the noise. Of
+        several, the median counts.
     whole_flight
-        Add a row for each tag of a flight that is judged at once, by uavrt integrate.
+        Add a row for each tag of a flight that is judged at once, by uavrt integrate: the drone
+        turns on the spot at 6°/s, and the gain is that of its strongest pulse.
+    antenna
+        Name of the antenna's pattern, or a CSV file of angles and gains, for --whole-flight.
+        monopole hears alike on all sides.
+    flight_pulses
+        How many pulses the tag sends in a --whole-flight.
     free_space
         Ignore the ray reflected by the ground.
     as_json
@@ -84,6 +94,7 @@ def range(
     """
     from uavrt.planning import LinkBudget
 
+    noise = [_noise(one) for one in flight]
     budget = LinkBudget(
         frequency_hz=frequency,
         pulse_width_s=pulse_width,
@@ -94,7 +105,7 @@ def range(
         mismatch_db=mismatch,
         noise_figure_db=noise_figure,
         ground="free" if free_space else "two-ray",
-        drone_noise_db=0.0 if flight is None else _drone_noise_db(flight),
+        drone_noise_db=_median_db(noise),
     )
     listed = _tags(tags, pulses, frequency, pulse_width)
     own = [
@@ -103,15 +114,21 @@ def range(
     ]
     rows = [_row(tag, its) for tag, its in zip(listed, own, strict=True)]
     if whole_flight:
-        each = {tag.tag_id: its for tag, its in zip(listed, own, strict=True)}
+        each = {tag.tag_id: (tag, its) for tag, its in zip(listed, own, strict=True)}
         rows += [
-            {"tag_id": tag_id, "k": None, **_reach(WHOLE_FLIGHT_DB, its)}
-            for tag_id, its in each.items()
+            {
+                "tag_id": tag.tag_id,
+                "k": None,
+                **_reach(_whole_flight_db(tag, antenna, flight_pulses), its),
+                "antenna": antenna,
+                "flight_pulses": flight_pulses,
+            }
+            for tag, its in each.values()
         ]
     if as_json:
-        print(json.dumps(rows, allow_nan=False))
+        print(json.dumps([one | {"noise_from": noise} for one in rows], allow_nan=False))
     else:
-        _print(rows, budget)
+        _print(rows, budget, noise)
 
 
 def _tags(
@@ -144,10 +161,42 @@ def _row(tag: "Tag", budget: "LinkBudget") -> dict[str, Any]:
     return {"tag_id": tag.tag_id, "k": tag.k, **_reach((half, most), budget)}
 
 
-def _drone_noise_db(flight: Path) -> float:
+def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, float]:
+    """ENR of the strongest pulse that a whole flight turning on the spot needs."""
+    import numpy as np
+
+    from uavrt.analysis.measure import antenna_named
+    from uavrt.localization import pattern_named
+    from uavrt.planning import LEAST_PULSES, whole_flight_enr_db
+
+    if pulses < LEAST_PULSES:
+        raise ConfigError(
+            f"a whole flight of {pulses} pulses gains nothing",
+            remedy=f"Give --flight-pulses {LEAST_PULSES} or more",
+        )
+    pattern = pattern_named(antenna_named(antenna))
+    heading = np.arange(pulses) * tag.pulse_intervals_s[0] * _TURN_DEG_S
+    gain_db = np.asarray(pattern.gain_db(heading), np.float64)
+    half, most = whole_flight_enr_db(tag, gain_db, PROBABILITIES)
+    return half, most
+
+
+def _noise(flight: Path) -> dict[str, Any]:
+    """What a past flight tells of the drone's noise."""
     from uavrt.analysis import flight_noise_of
 
-    return round(flight_noise_of(flight).median_db, 2)
+    found = flight_noise_of(flight)
+    return {
+        "flight": flight.resolve().name,
+        "rise_db": round(found.median_db, 2),
+        "over": found.quiet,
+    }
+
+
+def _median_db(noise: list[dict[str, Any]]) -> float:
+    from statistics import median
+
+    return round(median(one["rise_db"] for one in noise), 2) if noise else 0.0
 
 
 def _reach(needed: tuple[float, float], budget: "LinkBudget") -> dict[str, Any]:
@@ -165,7 +214,9 @@ def _reach(needed: tuple[float, float], budget: "LinkBudget") -> dict[str, Any]:
     }
 
 
-def _print(rows: list[dict[str, Any]], budget: "LinkBudget") -> None:
+def _print(
+    rows: list[dict[str, Any]], budget: "LinkBudget", noise: list[dict[str, Any]]
+) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -183,13 +234,21 @@ def _print(rows: list[dict[str, Any]], budget: "LinkBudget") -> None:
             _far(row["distance90_m"]),
         )
     console.print(table)
-    first = rows[0]
-    lines = Table(title=f"Budget of tag {first['tag_id']}, K = {first['k']}, for Pd .9")
-    lines.add_column("term")
-    lines.add_column("value", justify="right")
-    for one in first["budget"]:
-        lines.add_row(one["term"], f"{one['value']:.1f} {one['unit']}")
-    console.print(lines)
+    for row in rows:
+        what = f"K = {row['k']}"
+        if row["k"] is None:
+            what = f"whole flight of {row['flight_pulses']} pulses, {row['antenna']}"
+        lines = Table(title=f"Budget of tag {row['tag_id']}, {what}, for Pd .9")
+        lines.add_column("term")
+        lines.add_column("value", justify="right")
+        for one in row["budget"]:
+            lines.add_row(one["term"], f"{one['value']:.1f} {one['unit']}")
+        console.print(lines)
+    for one in noise:
+        text = f"noise of the drone in {one['flight']}: +{one['rise_db']:.1f} dB in the air"
+        console.print(f"{text} over {one['over']}", highlight=False, soft_wrap=True)
+    if len(noise) > 1:
+        console.print(f"their median counts: +{budget.drone_noise_db:.1f} dB", highlight=False)
 
 
 def _far(distance_m: float | None) -> str:

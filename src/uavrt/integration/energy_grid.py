@@ -117,7 +117,10 @@ class SlotEnergies:
         time_s : ndarray of float64, shape (n,)
             From `start_ns`.
         """
-        kept = self._beyond(time_s)
+        return self.where(self._beyond(time_s))
+
+    def where(self, kept: NDArray[np.bool_]) -> "SlotEnergies":
+        """The same as if only some slots (slots,) had been listened to."""
         return replace(
             self,
             energy=np.where(kept, self.energy, np.float32(0.0)),

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.localization import AntennaPattern, Headings, PoseColumns
+from uavrt.localization import (
+    MONOPOLE,
+    AntennaPattern,
+    Headings,
+    PoseColumns,
+    monopole_gain_db,
+)
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
@@ -78,12 +84,19 @@ class Track:
             )
             distance = np.maximum(np.linalg.norm(towards, axis=1), 1.0)
             towards /= distance[:, np.newaxis]
-            forward, right, down = np.einsum("tij,tj->it", self.axes, towards)
-            gain_db[place] = self.pattern.gain_towards_db(forward, right, down)
+            gain_db[place] = self._towards_db(towards)
             gain_db[place] -= 10.0 * EXPONENT * np.log10(distance)
             if self.hills is not None:
                 gain_db[place] -= lost_db[place]
         return gain_db
+
+    def _towards_db(self, towards: _Floats) -> _Floats:
+        """Gain in directions (times, 3): north, east, down, of length 1."""
+        if self.pattern.name == MONOPOLE:
+            # It stands upright however the drone leans, and is deaf to what is below.
+            return monopole_gain_db(np.degrees(np.arcsin(np.clip(towards[:, 2], -1.0, 1.0))))
+        forward, right, down = np.einsum("tij,tj->it", self.axes, towards)
+        return self.pattern.gain_towards_db(forward, right, down)
 
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
         """How far places were: (places, parts), 10 dB for each factor of ten.

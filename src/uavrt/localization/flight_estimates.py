@@ -245,6 +245,8 @@ class OverGround:
             )
         if takeoff_amsl_m is not None:
             said += apart_in_words(hills.start_amsl_m, takeoff_amsl_m)
+        if elevation.differing_datums is not None:
+            said.append(elevation.differing_datums)
         return cls(hills=hills.noting(*said), poses=poses)
 
     def noting(self, *limitations: str) -> "OverGround":

@@ -46,7 +46,11 @@ if TYPE_CHECKING:
         headwind,
         reachable,
     )
-    from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
+    from uavrt.planning.whole_flight import (
+        LEAST_PULSES,
+        WholeFlightSum,
+        whole_flight_enr_db,
+    )
 
 __all__ = [
     "DEFAULT_PLANNER",
@@ -108,12 +112,14 @@ __all__ = [
     "reachable",
     "shared_out",
     "survey_lines",
+    "whole_flight_enr_db",
 ]
 __getattr__ = lazily(
     __name__,
     {
         "LEAST_PULSES": "whole_flight",
         "WholeFlightSum": "whole_flight",
+        "whole_flight_enr_db": "whole_flight",
         "listening_way": "coverage",
         "coverage_of": "coverage",
         "absence": "coverage",

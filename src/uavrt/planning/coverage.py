@@ -133,6 +133,7 @@ def coverage_of(
     frequency_window_hz: float = 500.0,
     hills: bool = True,
     whole_flight: bool = False,
+    most_drift: float = 0.0,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
     """Compute with which probability at least one group of a tag's pulses is found.
@@ -157,6 +158,8 @@ def coverage_of(
         Whether the ground is anything but level.
     whole_flight : bool
         Judge all pulses together, as `uavrt integrate` does, and not in groups.
+    most_drift : float
+        Of the interval over the flight, that it was searched with.
     on_pulse : callable, optional
         Takes how many pulses are done, and of how many.
     """
@@ -166,7 +169,12 @@ def coverage_of(
     if whole_flight:
         levels_db = level_sigma_db * errors_db
         each = _by_whole_flight(
-            view, tag, len(way.time_s), frequency_window_hz, levels_db, on_pulse
+            view,
+            WholeFlightSum(
+                tag, len(way.time_s), frequency_window_hz, levels_db, most_drift=most_drift
+            ),
+            len(way.time_s),
+            on_pulse,
         )
         heard = np.einsum("e,eyx->yx", weights, each)
         return Coverage(
@@ -197,14 +205,11 @@ def coverage_of(
 
 def _by_whole_flight(
     view: "_View",
-    tag: Tag,
+    judged: WholeFlightSum,
     pulses: int,
-    frequency_window_hz: float,
-    errors_db: _Floats,
     on_pulse: Callable[[int, int], None] | None,
 ) -> _Floats:
     """Probability to find a tag by all pulses together: (errors, rows, columns)."""
-    judged = WholeFlightSum(tag, pulses, frequency_window_hz, errors_db)
     for number in range(2 * pulses):
         step = judged.look if number < pulses else judged.add
         step(view.energies(number % pulses))

@@ -5,6 +5,7 @@ shifted gamma distribution, as the search itself counts it (docs/explanation/who
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -27,6 +28,8 @@ _SLOT = 0.5
 """Of a pulse."""
 _ROW_BINS = 0.5
 """Of one over the pulse width, from one frequency to the next."""
+_DRIFT_SLOTS = 2.0
+"""Of the middle of the flight, between two drifts that have little in common."""
 _LOSS_DB = -0.8
 """Of slots, frequencies and intervals between cells, less what neighbouring windows hold of a
 pulse: brings 400 pulses of a turning antenna to 2.3 dB, as measured (I2)."""
@@ -38,10 +41,16 @@ class WholeFlightSum:
     """What the weighted sum is expected to be for each cell of a map; two passes."""
 
     def __init__(
-        self, tag: Tag, pulses: int, frequency_window_hz: float, errors_db: _Floats
+        self,
+        tag: Tag,
+        pulses: int,
+        frequency_window_hz: float,
+        errors_db: _Floats,
+        *,
+        most_drift: float = 0.0,
     ) -> None:
         self._errors_db = errors_db
-        self._log_probability = _log_probability(tag, pulses, frequency_window_hz)
+        self._log_probability = _log_probability(tag, pulses, frequency_window_hz, most_drift)
         self._noise, self._mean, self._variance = _slot_moments(round(_exponentials(tag), 2))
         self._strongest: _Singles | None = None
         self._squares: _Singles | None = None
@@ -92,7 +101,38 @@ class WholeFlightSum:
         return np.asarray(special.ndtr((self._shift - needed) / np.sqrt(self._spread)))
 
 
-def _log_probability(tag: Tag, pulses: int, frequency_window_hz: float) -> float:
+def whole_flight_enr_db(
+    tag: Tag,
+    gain_db: _Floats,
+    probabilities: Sequence[float],
+    *,
+    frequency_window_hz: float = 500.0,
+) -> list[float]:
+    """ENR [dB] of the strongest pulse with which a whole flight finds a tag.
+
+    Parameters
+    ----------
+    tag : Tag
+    gain_db : ndarray of float64, shape (pulses,)
+        Level of each pulse of the flight, from any reference.
+    probabilities : sequence of float
+        Of finding it.
+    frequency_window_hz : float
+        Half-width of the search around the tag's frequency.
+    """
+    levels_db = np.arange(-15.0, 30.25, 0.25)
+    judged = WholeFlightSum(tag, len(gain_db), frequency_window_hz, levels_db)
+    energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)
+    for step in (judged.look, judged.add):
+        for energy in energies:
+            step(energy.reshape(1))
+    found = np.maximum.accumulate(judged.found()[:, 0])
+    return [float(np.interp(probability, found, levels_db)) for probability in probabilities]
+
+
+def _log_probability(
+    tag: Tag, pulses: int, frequency_window_hz: float, most_drift: float
+) -> float:
     """Logarithm of the chance of one hypothesis at which a tag counts as found."""
     interval_s = tag.pulse_intervals_s[0]
     slot_s = _SLOT * tag.pulse_width_s
@@ -102,6 +142,9 @@ def _log_probability(tag: Tag, pulses: int, frequency_window_hz: float) -> float
     alike = 1.55 + 2.42 * tag.interval_jitter_s / tag.pulse_width_s
     rates = len(tag.pulse_intervals_s)
     count = _HYPOTHESES * _PATTERNS * phases * intervals * rows * rates / alike**2
+    sag_slots = most_drift * pulses * interval_s / 4.0 / slot_s
+    if sag_slots >= 1.0:
+        count *= 1.0 + sag_slots / _DRIFT_SLOTS
     return math.log(_FALSE_ALARM) - math.log(count)
 
 

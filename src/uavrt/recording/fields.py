@@ -12,6 +12,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals"]
 
+IN_NO_TABLE = "in no table"
+"""Metadata of a field that is no plain value, and is left out of tables."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",
@@ -101,6 +103,7 @@ def fields_of(record: type) -> tuple[RecordField, ...]:
     return tuple(
         _field(item.name, hints[item.name], defaulted=item.default is not MISSING)
         for item in fields(record)
+        if not item.metadata.get(IN_NO_TABLE)
     )
 
 

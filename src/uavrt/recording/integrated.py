@@ -11,16 +11,56 @@ import math
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
 
 from uavrt.clock import parse_iso_intervals
 from uavrt.config import write_text_atomically
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import PulsePose
+from uavrt.recording.fields import IN_NO_TABLE
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_files import pulse_record, read_pulse_file
+
+_BESIDE = {IN_NO_TABLE: True}
+Ring = tuple[tuple[float, float], ...]
+"""Latitudes and longitudes around a part of a region; the last place is the first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntegratedPart:
+    """One of the places that a flight cannot tell apart."""
+
+    latitude_deg: float
+    longitude_deg: float
+    radius95_m: float
+    """Holds 95 % of this part's probability."""
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchedFor:
+    """What was looked for: only of that does a search in vain say that it is not there."""
+
+    frequency_hz: float
+    """Of the tag list, as all of the tag below."""
+    pulse_width_s: float
+    pulse_intervals_s: tuple[float, ...]
+    interval_uncertainty_s: float
+    interval_jitter_s: float
+    gaps_s: tuple[float, ...]
+    """Between the pulses of a coded tag's burst."""
+    frequency_window_hz: float
+    """Half-width of the search around it."""
+    most_drift: float
+    """Largest relative change of the interval over the flight."""
+    antenna: str
+    """Name of the pattern."""
+    antenna_assumed: bool
+    """Nobody told which antenna the drone carried."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +98,13 @@ class IntegratedVerdict:
     listened: str = ""
     """When there were samples of its channel: intervals of ISO 8601, spaces between. Empty
     where nobody knows: earlier versions did not tell."""
+    parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_BESIDE)
+    """Those places, the likeliest first. Of several, `latitude_deg` is of their middle."""
+    region50: tuple[Ring, ...] = field(default=(), metadata=_BESIDE)
+    """Holds the tag with 50 %."""
+    region95: tuple[Ring, ...] = field(default=(), metadata=_BESIDE)
+    searched: SearchedFor | None = field(default=None, metadata=_BESIDE)
+    """None where earlier versions did not tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +123,8 @@ class FlightFold:
 
 _OPTIONAL = {one.name for one in fields(IntegratedVerdict) if one.default is None}
 _FIELDS = {one.name for one in fields(IntegratedVerdict)}
+_NESTED = {one.name for one in fields(IntegratedVerdict) if one.metadata}
+T = TypeVar("T")
 
 
 def write_integrated(
@@ -203,8 +252,15 @@ def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
     """
     if not isinstance(record, dict):
         raise TypeError("not a list of tables")
-    verdict = IntegratedVerdict(**{k: v for k, v in record.items() if k in _FIELDS})
-    for name, value in asdict(verdict).items():
+    told = {k: v for k, v in record.items() if k in _FIELDS}
+    told |= {name: _rings(told[name]) for name in ("region50", "region95") if name in told}
+    if "parts" in told:
+        told["parts"] = tuple(_numbers(IntegratedPart, one) for one in told["parts"])
+    if told.get("searched") is not None:
+        told["searched"] = _numbers(SearchedFor, told["searched"])
+    verdict = IntegratedVerdict(**told)
+    for name in sorted(_FIELDS - _NESTED):
+        value = getattr(verdict, name)
         if value is None and name in _OPTIONAL:
             continue
         if name == "remarks" and isinstance(value, str):
@@ -216,3 +272,21 @@ def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
         if not (known and abs(value) <= sys.float_info.max):
             raise ValueError(f"{name} is {value!r}")
     return verdict
+
+
+def _numbers(kind: type[T], record: object) -> T:
+    """Make a record of JSON; each number finite, what is beyond it passed over."""
+    if not isinstance(record, dict):
+        raise TypeError("not a table")
+    for name, value in record.items():
+        each = value if isinstance(value, list) else [value]
+        if not all(math.isfinite(one) for one in each if isinstance(one, float)):
+            raise ValueError(f"{name} is {value!r}")
+    return msgspec.convert(record, kind)
+
+
+def _rings(record: object) -> tuple[Ring, ...]:
+    rings = msgspec.convert(record, tuple[Ring, ...])
+    if not all(math.isfinite(one) for ring in rings for place in ring for one in place):
+        raise ValueError("a place is not finite")
+    return rings

@@ -75,6 +75,16 @@ class Elevation:
         """What the heights count from, each once; "not said" where a file does not tell."""
         return tuple(sorted({one.datum or "not said" for one in self.rasters}))
 
+    @property
+    def differing_datums(self) -> str | None:
+        """Say that heights of one map count from several datums; None where they do not."""
+        if len(self.datums) < 2:
+            return None
+        return (
+            f"the elevation files count from several datums ({', '.join(self.datums)}): where "
+            "they meet the ground may have a step of some metres"
+        )
+
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
         """Heights of places, of any shape; NaN where nothing is known.
 

@@ -7,6 +7,7 @@ from uavrt.errors import FormatError
 from uavrt.terrain import geotiff, srtm
 from uavrt.terrain.elevation import Elevation, Raster
 
+_ELLIPSOID = "ellipsoid"
 _REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder of these"
 
 
@@ -23,11 +24,30 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
     Raises
     ------
     FormatError
-        There are none, or one of them is cut off, damaged, or of a kind that is not read.
+        There are none, one of them is cut off, damaged, or of a kind that is not read, or some
+        count from the ellipsoid and others do not.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)
-    return Elevation(rasters=tuple(_rasters(path)), sea=sea)
+    rasters = tuple(_rasters(path))
+    _check_datums(path, rasters)
+    return Elevation(rasters=rasters, sea=sea)
+
+
+def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
+    """Refuse heights over the ellipsoid beside others: a cliff of up to 100 m between them."""
+    above = next((one for one in rasters if one.datum == _ELLIPSOID), None)
+    other = next((one for one in rasters if one.datum != _ELLIPSOID), None)
+    if above is not None and other is not None:
+        says = "does not say what its heights count from"
+        if other.datum is not None:
+            says = f"from {other.datum}"
+        raise FormatError(
+            f"{path} mixes datums: {Path(above.name).name} counts from the ellipsoid, "
+            f"{Path(other.name).name} {says}: up to 100 m apart",
+            remedy="Keep files of one datum in a folder, or turn one into the other's: "
+            "gdalwarp -s_srs EPSG:4979 -t_srs EPSG:4326+5773",
+        )
 
 
 def _rasters(path: Path) -> Iterator[Raster]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ INTERVAL_S = THESIS_TAG.pulse_intervals_s[0]
 HEIGHT_M = 50.0
 PLANE = TangentPlane(latitude_deg=35.0, longitude_deg=-111.0)
 _STEP_S = 0.2
+_OUTSIDE_M = 1500.0
 _Floats = NDArray[np.float64]
 Samples = NDArray[np.complex64]
 Place = Callable[[np.random.Generator], tuple[float, float]]
@@ -169,15 +171,26 @@ def passing(
 def lawnmower(
     *,
     exponent: float = 2.0,
-    outside_m: float | None = 1500.0,
+    tag: Literal["outside", "midway", "inside"] = "outside",
     side_m: float = 2000.0,
-    legs: int = 6,
+    legs: int = 5,
     speed_m_s: float = 10.0,
 ) -> Course:
-    """Fly lanes over a square with an antenna that hears all round."""
-    half_m = 0.5 * side_m
+    """Fly lanes over a square with an antenna that hears all round.
+
+    Parameters
+    ----------
+    exponent : float
+    tag : {"outside", "midway", "inside"}
+        1.5 km beyond the ends of the lanes, midway between two of them, or anywhere in the
+        middle of the square.
+    side_m : float
+    legs : int
+    speed_m_s : float
+    """
+    half_m, apart_m = 0.5 * side_m, side_m / (legs - 1)
     ends = [
-        (half_m * (1 if (leg + end) % 2 else -1), side_m * leg / (legs - 1) - half_m)
+        (half_m * (1 if (leg + end) % 2 else -1), apart_m * leg - half_m)
         for leg in range(legs)
         for end in (0, 1)
     ]
@@ -186,22 +199,28 @@ def lawnmower(
     count = int(length[-1] / speed_m_s / _STEP_S)
     gone = _steps(count) * speed_m_s
 
-    def inside(rng: np.random.Generator) -> tuple[float, float]:
-        return float(rng.uniform(-0.4, 0.4) * side_m), float(rng.uniform(-0.4, 0.4) * side_m)
+    def place(rng: np.random.Generator) -> tuple[float, float]:
+        if tag == "outside":
+            return half_m + _OUTSIDE_M, float(rng.uniform(-0.4, 0.4) * side_m)
+        along_m = float(rng.uniform(-0.4, 0.4) * side_m)
+        if tag == "inside":
+            return along_m, float(rng.uniform(-0.4, 0.4) * side_m)
+        return along_m, apart_m * (int(rng.integers(legs - 1)) + 0.5) - half_m
 
-    def beyond(rng: np.random.Generator) -> tuple[float, float]:
-        return half_m + (outside_m or 0.0), float(rng.uniform(-0.4, 0.4) * side_m)
-
-    where = "inside" if outside_m is None else f"{outside_m / 1000:g} km outside"
+    where = {
+        "outside": f"{_OUTSIDE_M / 1000:g} km outside",
+        "midway": f"midway between two, {0.5 * apart_m:g} m beside",
+        "inside": "anywhere inside",
+    }[tag]
     return Course(
-        name=f"lanes over {side_m / 1000:g} km square, tag {where}, n = {exponent:g}",
+        name=f"{legs} lanes over {side_m / 1000:g} km square, tag {where}, n = {exponent:g}",
         antenna="isotropic",
         exponent=exponent,
         duration_s=count * _STEP_S,
         east_m=np.interp(gone, length, points[:, 0]),
         north_m=np.interp(gone, length, points[:, 1]),
         yaw_deg=np.zeros(count),
-        tag_at=inside if outside_m is None else beyond,
+        tag_at=place,
     )
 
 

@@ -154,6 +154,7 @@ def _curve(
     most_db: float,
     *,
     name: str = "",
+    barred: bool = True,
     seconds: float = 0.5,
     below_db: Sequence[float] = _BELOW_DB,
     known: bool = False,
@@ -168,7 +169,8 @@ def _curve(
 
     def rows(outcomes: Sequence[Heard]) -> list[Row]:
         found = [(one.enr_db, one.found) for one in outcomes]
-        made = [level_row("I3" if kinds else "I2", case, most_db, found)]
+        bar_db = most_db if barred else None
+        made = [level_row("I3" if kinds else "I2", case, bar_db, found)]
         if known:
             told = [(one.enr_db, bool(one.known)) for one in outcomes]
             made.append(level_row("I2", f"{case}, by who knows the place", None, told))
@@ -256,9 +258,11 @@ I2 = Experiment(
         _curve(passing(exponent=4.0), 2.9),
         _curve(lawnmower(exponent=2.0), 0.9, seconds=0.7),
         _curve(lawnmower(exponent=4.0), 2.4, seconds=0.7),
+        _curve(lawnmower(exponent=4.0, tag="midway"), 4.6, seconds=1.5, known=True),
         _curve(
-            lawnmower(exponent=4.0, outside_m=None),
+            lawnmower(exponent=4.0, tag="inside", legs=6),
             4.6,
+            barred=False,
             seconds=1.5,
             below_db=_ABOVE_DB,
             known=True,

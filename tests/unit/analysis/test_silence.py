@@ -4,18 +4,22 @@ import base64
 import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from uavrt.analysis.whole_flight import searched_for
 from uavrt.cli.coverage import coverage
 from uavrt.cli.report import report
 from uavrt.clock import iso_intervals
+from uavrt.config import write_tags
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store import AntennaChoice
 from uavrt.ground.web.hindsight import Silence, SilenceDesk
+from uavrt.localization import pattern_named
 from uavrt.recording import IntegratedVerdict, read_flight, write_integrated
 from uavrt.tangent_plane import plane_around
 
@@ -112,6 +116,7 @@ def hindsight(
     chance: float = 0.6,
     listened: str = "",
     ambiguous: bool = False,
+    searched: dict[str, Any] | None = None,
 ) -> None:
     """What a whole flight said of a tag."""
     tag = next(one for one in read_flight(flight).info.tags if one.tag_id == tag_id)
@@ -123,6 +128,12 @@ def hindsight(
         frequency_hz=tag.frequency_hz,
         listened=listened,
         ambiguous=ambiguous,
+        searched=None
+        if searched is None
+        else replace(
+            searched_for(tag, pattern_named("RA-23K"), 500.0, 0.0),
+            **searched,
+        ),
     )
     write_integrated(flight, [verdict], [])
 
@@ -220,3 +231,95 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
     assert answered(desk, asked)["state"] == "done"
     with pytest.raises(UsageError, match="cannot be said to be silent"):
         desk.absence(asked, wanted | {"outline": corners})
+
+
+@pytest.fixture
+def area(write_flight: WriteFlight, tmp_path: Path) -> Path:
+    corners = around(write_flight(tags=2, heard=1), 600.0)
+    path = tmp_path / "area.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("searched", "why"),
+    [
+        ({"frequency_window_hz": 2.0}, "frequencies within 2 Hz of the listed one"),
+        ({"frequency_hz": 148.6e6}, "another frequency"),
+        ({"antenna": "of another computer"}, "the map is of RA-23K"),
+    ],
+)
+def test_a_search_of_less_than_the_tag_may_be_is_no_silence(
+    write_flight: WriteFlight,
+    area: Path,
+    capsys: pytest.CaptureFixture[str],
+    searched: dict[str, Any],
+    why: str,
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    silent = read_flight(flight).info.tags[1].tag_id
+    by_groups = covered(flight, area, capsys)[silent]
+    hindsight(flight, silent, found=False, searched=searched)
+    told = covered(flight, area, capsys)[silent]
+    assert not told["whole_flight"]
+    assert told["mean_probability"] == by_groups["mean_probability"]
+    assert why in " ".join(told["limitations"])
+    assert "integrate again" in " ".join(told["limitations"])
+
+
+def test_a_list_that_allows_more_than_was_searched_is_no_silence(
+    write_flight: WriteFlight,
+    area: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    tag = read_flight(flight).info.tags[1]
+    hindsight(flight, tag.tag_id, found=False, searched={})
+    wider = replace(tag, interval_uncertainty_s=0.06, interval_jitter_s=0.02)
+    write_tags(tmp_path / "tags.toml", [wider])
+    coverage(
+        flight,
+        tag_power=-62.0,
+        area=area,
+        cell=100.0,
+        tags=tmp_path / "tags.toml",
+        as_json=True,
+    )
+    (told,) = json.loads(capsys.readouterr().out)
+    assert not told["whole_flight"]
+    assert "which may be 60 ms off" in " ".join(told["limitations"])
+    assert "which may be 20 ms off" in " ".join(told["limitations"])
+
+
+def test_silence_is_that_of_the_search_that_was_made(
+    write_flight: WriteFlight, area: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    silent = read_flight(flight).info.tags[1].tag_id
+    not_here = []
+    for searched in ({}, {"frequency_window_hz": 1800.0}, {"most_drift": 0.05}):
+        hindsight(flight, silent, found=False, searched=searched)
+        told = covered(flight, area, capsys)[silent]
+        assert told["whole_flight"]
+        assert told["antenna"] == "RA-23K"
+        not_here.append(told["not_here"])
+    # The more is looked for, the more of it noise shows by chance: weak tags are heard less.
+    assert not_here[0] > max(not_here[1:])
+    hindsight(flight, silent, found=False, searched={"antenna": "RA-2A"})
+    told = covered(flight, area, capsys)[silent]
+    assert told["whole_flight"]
+    assert told["antenna"] == "RA-2A"
+    hindsight(flight, silent, found=False)
+    told = covered(flight, area, capsys)[silent]
+    assert "did not write down" in " ".join(told["limitations"])
+
+
+def test_an_antenna_that_nobody_told_is_told_as_assumed(
+    write_flight: WriteFlight, area: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight = write_flight(tags=2, heard=1)
+    told = covered(flight, area, capsys)
+    assert read_flight(flight).settings_json is None
+    for one in told.values():
+        assert "taken for an RA-23K" in " ".join(one["limitations"])

@@ -13,7 +13,7 @@ from uavrt_experiments.integrate.catalogue import EXPERIMENTS
 from uavrt_experiments.integrate.false_alarms import gumbel_share
 from uavrt_experiments.integrate.flights import Course, lawnmower, passing, stops, turning
 from uavrt_experiments.integrate.place import placed
-from uavrt_experiments.integrate.sensitivity import fly
+from uavrt_experiments.integrate.sensitivity import Heard, fly
 from uavrt_experiments.integrate.several import fly_past, worlds
 
 
@@ -101,3 +101,38 @@ def test_flights_a_kilometre_apart_find_together_where_a_tag_rests() -> None:
     flown = [fly_past(np.random.default_rng((12, n)), each, 8.0) for n in range(3)]
     assert all(one.found for one in flown)
     assert sum(bool(one.held) for one in flown) >= 2
+
+
+def _pulses(course: Course) -> np.ndarray:
+    """Levels of a tag's pulses, relative to the strongest, on a course."""
+    east, north = course.tag_at(np.random.default_rng(13))
+    at_s = np.arange(0.0, course.duration_s, 1.254)
+    return np.asarray(
+        10.0 ** (0.1 * np.interp(at_s, course.time_s, course.gain_db(east, north)))
+    )
+
+
+def test_the_tag_of_the_barred_lanes_lies_250_metres_beside_two_of_five() -> None:
+    course = lawnmower(exponent=4.0, tag="midway")
+    for seed in range(8):
+        _, north = course.tag_at(np.random.default_rng(seed))
+        lanes = np.unique(course.north_m[np.abs(course.east_m) < 900.0].round())
+        assert np.diff(lanes) == pytest.approx([500.0] * 4)
+        assert np.sort(np.abs(lanes - north))[:2] == pytest.approx([250.0, 250.0])
+    # Two passes: 60 pulses within 6 dB, the strongest seen from two lanes alike.
+    assert 40 < int((_pulses(course) > 0.25).sum()) < 90
+
+
+def test_only_rows_of_the_stated_geometry_have_a_bar() -> None:
+    rows = [
+        row
+        for case in EXPERIMENTS["I2"].cases
+        if "lanes" in case.name
+        for row in case.rows(
+            [Heard(enr_db=1.0, found=bool(n % 2), known=True) for n in range(8)]
+        )
+    ]
+    barred = {row.case: row.most for row in rows if row.most is not None}
+    assert {case.split(",")[0] for case in barred} == {"5 lanes over 2 km square"}
+    assert sorted(barred.values()) == [0.9, 2.4, 4.6]
+    assert any("anywhere inside" in row.case and row.most is None for row in rows)

@@ -456,3 +456,20 @@ def test_a_picture_in_memory_of_the_exporter_is_read_back(tmp_path: Path) -> Non
         *plane.to_geodetic(np.array([123.0]), np.array([-77.0]))
     )
     assert found[0] == pytest.approx(100.0 - 7.7 + 3.69, abs=0.1)
+
+
+@pytest.mark.parametrize("keys", [(4096, 0, 1, 5030), (4096, 0, 1, 3855), ()])
+def test_tiles_of_one_datum_beside_a_picture_of_another_are_no_silent_cliff(
+    tmp_path: Path, keys: tuple[int, ...]
+) -> None:
+    write_tile(tmp_path, 47, 8)
+    more = (1, 1, 0, 4, *GEOGRAPHIC[4:], *keys) if keys else GEOGRAPHIC
+    write_tiff(tmp_path / "a.tif", geographic().astype("f4"), keys=more)
+    if 5030 in keys:
+        with pytest.raises(FormatError, match=r"mixes datums: a[.]tif counts from the ellips"):
+            open_elevation(tmp_path)
+        return
+    elevation = open_elevation(tmp_path)
+    assert elevation.differing_datums is not None
+    assert "EGM96" in elevation.differing_datums
+    assert open_elevation(tmp_path / "N47E008.hgt").differing_datums is None

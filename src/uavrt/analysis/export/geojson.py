@@ -20,6 +20,7 @@ from uavrt.analysis.power_survey import HeightBand, TagSignal
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
 from uavrt.localization import StrongestSignal
+from uavrt.recording import Ring
 
 _PLACES = 8
 """Decimals of a degree: 1 mm."""
@@ -28,7 +29,7 @@ _PLACES = 8
 def geojson_text(survey: Survey) -> str:
     """Write track, pulses, bearings with wedges, positions with regions and ways, and marks."""
     features = [*_track(survey), *_pulses(survey), *_bearings(survey), *_positions(survey)]
-    features += [*_strongest(survey), *_marks(survey)]
+    features += [*_strongest(survey), *_integrated(survey), *_marks(survey)]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
 
 
@@ -219,6 +220,43 @@ def _positions(survey: Survey) -> list[dict[str, Any]]:
                 rings = [[_rounded(point) for point in line] for line in lines]
                 features.append(_feature("MultiLineString", rings, region))
     return features + _ways(survey)
+
+
+def _integrated(survey: Survey) -> list[dict[str, Any]]:
+    """Where whole flights place tags: each of the places, and the regions."""
+    features = []
+    for verdict in survey.verdicts:
+        tag = {"tag_id": verdict.tag_id, "places": verdict.places}
+        for part in verdict.parts:
+            place = _rounded((part.longitude_deg, part.latitude_deg))
+            properties = {
+                "layer": "integrated place",
+                **tag,
+                "probability": known(part.probability),
+                "radius95_m": known(part.radius95_m),
+            }
+            features.append(_feature("Point", place, properties))
+        for share, region in ((50, verdict.region50), (95, verdict.region95)):
+            areas = [
+                [_rounded(point) for point in part]
+                for ring in region
+                for part in split_area_at_date_line(_counter_clockwise(ring))
+            ]
+            if areas:
+                properties = {"layer": f"integrated {share} %", "share": share, **tag}
+                features.append(_feature("MultiPolygon", [[one] for one in areas], properties))
+    return features
+
+
+def _counter_clockwise(ring: Ring) -> list[Point]:
+    """Longitudes and latitudes of a ring, turning as RFC 7946 wants it."""
+    points = [(longitude, latitude) for latitude, longitude in ring]
+    first = points[0][0]
+    x = [math.remainder(longitude - first, 360.0) for longitude, _ in points]
+    twice = sum(
+        x[n] * points[n + 1][1] - x[n + 1] * points[n][1] for n in range(len(points) - 1)
+    )
+    return points if twice > 0.0 else points[::-1]
 
 
 def _ways(survey: Survey) -> list[dict[str, Any]]:

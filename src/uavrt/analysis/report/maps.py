@@ -12,6 +12,7 @@ from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.ground import draw_ground
 from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, outlined, tag_color
 from uavrt.analysis.survey import Survey, thinned
+from uavrt.analysis.whole_flight import POSITION_M
 from uavrt.localization import (
     Position,
     SignalSurface,
@@ -53,6 +54,7 @@ class LocalMap:
                 places.append((found.position.longitude_deg, found.position.latitude_deg))
                 places += [place for ring in rings95(found) for place in ring]
                 places += way_of(found.position)
+            places += _hindsight_places(survey, tag_id)
         self.plane = TangentPlane(latitude_deg=places[0][1], longitude_deg=places[0][0])
         self._frame(places, margin)
         draw_ground(axes, self.plane, survey.maps)
@@ -134,6 +136,7 @@ def draw_overview(target: "FigureBase", survey: Survey) -> None:
         color = tag_color(survey.tag_ids, tag_id)
         _bearings(chart, survey, tag_id, color, wedges=len(survey.tag_ids) <= 4)
         _position(chart, survey, tag_id, color)
+        _hindsight(chart, survey, tag_id, color)
     finish_legend(axes)
 
 
@@ -172,6 +175,7 @@ def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
     if known.any() and signal is None:
         target.colorbar(dots, ax=axes, label="SNR [dB]", shrink=0.6)
     _position(chart, survey, tag_id, color)
+    _hindsight(chart, survey, tag_id, color)
     finish_legend(axes)
 
 
@@ -229,6 +233,31 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
     )
     chart.axes.set_xlim(limits[0])
     chart.axes.set_ylim(limits[1])
+
+
+def _hindsight(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
+    """Draw the places of a whole flight, all of those that it cannot tell apart."""
+    verdict, places = survey.verdict_of(tag_id), _hindsight_places(survey, tag_id)
+    if verdict is None or not places:
+        return
+    limits = chart.axes.get_xlim(), chart.axes.get_ylim()
+    for ring in verdict.region95:
+        x, y = chart.line((longitude, latitude) for latitude, longitude in ring)
+        chart.axes.fill(x, y, color=color, alpha=0.15, lw=0, zorder=1)
+    x, y = chart.line(places)
+    label = f"tag {tag_id}, whole flight, and 95 %"
+    chart.axes.plot(x, y, "D", color=color, ms=6, mfc="none", zorder=6, ls="", label=label)
+    chart.axes.set_xlim(limits[0])
+    chart.axes.set_ylim(limits[1])
+
+
+def _hindsight_places(survey: Survey, tag_id: int) -> list[Point]:
+    """Places of a whole flight; none where only a direction is known."""
+    verdict = survey.verdict_of(tag_id)
+    parts = () if verdict is None else verdict.parts
+    return [
+        (one.longitude_deg, one.latitude_deg) for one in parts if one.radius95_m <= POSITION_M
+    ]
 
 
 def _heat(chart: LocalMap, position: Position) -> None:

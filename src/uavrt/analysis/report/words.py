@@ -131,9 +131,14 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
         f"in slots {verdict.interval_s:.4f} s apart"
     ]
     if verdict.places > 1:
+        each = "; ".join(
+            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
+            f"{one.radius95_m:.0f}\u00a0m ({100.0 * one.probability:.0f}\u00a0%)"
+            for one in verdict.parts
+        )
         parts.append(
-            f"in one of {verdict.places} places that the flight cannot tell apart "
-            "(`uavrt integrate` lists them)"
+            f"in one of {verdict.places} places that the flight cannot tell apart"
+            + (f": {each}" if each else " (`uavrt integrate` lists them)")
         )
         return ["; ".join(parts) + ".", *_remarks(verdict)]
     if verdict.bearing_deg is not None and verdict.arc95_deg is not None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from uavrt.analysis.tracks.attach import ClockOffset, attach_poses, estimate_offset
 from uavrt.analysis.tracks.dataflash import MARK, read_dataflash
+from uavrt.analysis.tracks.flown import flight_of_track
 from uavrt.analysis.tracks.points import read_gpx, read_nmea
 from uavrt.analysis.tracks.simulated import FIRST_COLUMN, read_simulated
 from uavrt.analysis.tracks.tlog import read_tlog
@@ -16,6 +17,7 @@ __all__ = [
     "VehicleTrack",
     "attach_poses",
     "estimate_offset",
+    "flight_of_track",
     "read_dataflash",
     "read_gpx",
     "read_nmea",

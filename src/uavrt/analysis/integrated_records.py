@@ -1,0 +1,155 @@
+"""What a whole flight says of a tag, as ``uavrt integrate --json`` prints it."""
+
+from dataclasses import dataclass
+
+from uavrt.analysis.hindsight import parts_of, rings_of, slots_of
+from uavrt.analysis.whole_flight import IntegratedTag
+from uavrt.clock import iso_utc
+from uavrt.integration import OtherTrain, PlaceBelief
+from uavrt.recording import IntegratedPart, Ring
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherTrainRecord:
+    """Another train on a tag's frequency."""
+
+    interval_s: float
+    frequency_hz: float
+    ratio: str | None
+    """Of its interval to the tag's, such as ``3/2``."""
+    other_code: bool
+    """Bursts of another code."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotRecord:
+    """One slot of a train."""
+
+    time: str
+    """ISO 8601, UTC."""
+    time_ns: int
+    energy: float
+    """Over the noise."""
+    at_rate: bool
+    """The tag was at this rate then."""
+    stands_out: bool
+    """Noise has as much in at most one slot of twenty."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceRecord:
+    """Where a tag that was found is; all None where it was not, or has no common place."""
+
+    enr_db: float | None = None
+    """Energy over noise density of its strongest pulse."""
+    latitude_deg: float | None = None
+    """Of several places, the middle: `places` has each."""
+    longitude_deg: float | None = None
+    radius50_m: float | None = None
+    radius95_m: float | None = None
+    level_db: float | None = None
+    """As `enr_db`, by its name in earlier versions."""
+    bearing_deg: float | None = None
+    """From the middle of the flight."""
+    arc50_deg: float | None = None
+    arc95_deg: float | None = None
+    places: tuple[IntegratedPart, ...] = ()
+    region50: tuple[Ring, ...] = ()
+    region95: tuple[Ring, ...] = ()
+
+    @classmethod
+    def of(cls, place: PlaceBelief | None) -> "PlaceRecord":
+        """Sum up what is believed of a place."""
+        if place is None:
+            return cls()
+        return cls(
+            enr_db=place.level_db,
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
+            radius50_m=place.radius50_m,
+            radius95_m=place.radius95_m,
+            level_db=place.level_db,
+            bearing_deg=place.bearing_deg,
+            arc50_deg=place.arc50_deg,
+            arc95_deg=place.arc95_deg,
+            places=parts_of(place, 0.0),
+            region50=rings_of(place, 0.5),
+            region95=rings_of(place, 0.95),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntegratedRecord(PlaceRecord):
+    """What a whole flight says of one tag."""
+
+    tag_id: int
+    found: bool
+    false_alarm_probability: float
+    """That noise alone shows as much in a flight."""
+    interval_s: float
+    """Of what was found, or of what looked most like a tag."""
+    frequency_hz: float
+    pulses: int
+    """Of the train, at its rate; 0 where it was not found."""
+    score: float
+    rate: int
+    drift: float
+    ambiguous: bool
+    other_trains: tuple[OtherTrainRecord, ...]
+    confirmed_alone: int
+    """Pulses that the flight's own log has."""
+    antenna: str
+    antenna_assumed: bool
+    """Nobody told which antenna the drone carried."""
+    limitations: tuple[str, ...]
+    integrated_pulses: tuple[SlotRecord, ...]
+
+
+def integrated_record(one: IntegratedTag) -> IntegratedRecord:
+    """Sum up what a flight says of a tag."""
+    slots = _slots(one) if one.found else ()
+    place = PlaceRecord.of(one.place)
+    return IntegratedRecord(
+        **{name: getattr(place, name) for name in PlaceRecord.__dataclass_fields__},
+        tag_id=one.tag.tag_id,
+        found=one.found,
+        false_alarm_probability=one.train.false_alarm_probability,
+        interval_s=one.pulses.interval_s,
+        frequency_hz=one.tag.frequency_hz + one.pulses.offset_hz,
+        pulses=sum(slot.at_rate for slot in slots),
+        score=one.train.score,
+        rate=one.train.rate,
+        drift=one.train.drift,
+        ambiguous=one.ambiguous is not None,
+        other_trains=tuple(_other(one, other) for other in one.others),
+        confirmed_alone=one.heard_alone,
+        antenna=one.searched.antenna,
+        antenna_assumed=one.searched.antenna_assumed,
+        limitations=one.limitations,
+        integrated_pulses=slots,
+    )
+
+
+def _other(one: IntegratedTag, other: OtherTrain) -> OtherTrainRecord:
+    return OtherTrainRecord(
+        interval_s=other.interval_s,
+        frequency_hz=one.tag.frequency_hz + other.offset_hz,
+        ratio=None if other.ratio is None else "{}/{}".format(*other.ratio),
+        other_code=other.other_code,
+    )
+
+
+def _slots(one: IntegratedTag) -> tuple[SlotRecord, ...]:
+    slots = slots_of(one)
+    return tuple(
+        SlotRecord(
+            time=iso_utc(int(time_ns)),
+            time_ns=int(time_ns),
+            energy=float(energy),
+            at_rate=bool(at_rate),
+            stands_out=bool(supported),
+        )
+        for time_ns, energy, at_rate, supported in zip(
+            one.pulse_times_ns, one.pulses.energy, slots.at_rate, slots.supported, strict=True
+        )
+    )

@@ -1,0 +1,160 @@
+"""A whole flight judged from arrays: ``uavrt.localization.integrate``."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.integrated_records import IntegratedRecord, integrated_record
+from uavrt.analysis.whole_flight import integrate_flight
+from uavrt.errors import UsageError
+from uavrt.localization import AntennaPattern, pattern_named
+from uavrt.messages import FlightInfo, IQBlock, Pose, Tag
+from uavrt.recording import Flight
+from uavrt.terrain import Elevation
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_BLOCK = 262_144
+
+
+class _Array:
+    """Samples in memory as a source; what is not finite is missing."""
+
+    def __init__(
+        self,
+        samples: NDArray[np.complex64],
+        *,
+        time_ns: int,
+        sample_rate_hz: float,
+        center_frequency_hz: float,
+    ) -> None:
+        self._samples, self._time_ns = samples, time_ns
+        self.sample_rate_hz = sample_rate_hz
+        self.center_frequency_hz = center_frequency_hz
+        there = np.isfinite(samples)
+        edges = np.diff(np.concatenate(([False], there, [False])).astype(np.int8))
+        self._runs = [
+            (begin, min(begin + _BLOCK, end))
+            for first, end in zip(
+                np.flatnonzero(edges > 0).tolist(),
+                np.flatnonzero(edges < 0).tolist(),
+                strict=True,
+            )
+            for begin in range(first, end, _BLOCK)
+        ][::-1]
+        self._at = 0
+
+    @property
+    def total_samples(self) -> int:
+        return len(self._samples)
+
+    def read(self, timeout_s: float | None = None) -> IQBlock | None:
+        if not self._runs:
+            raise EOFError
+        begin, end = self._runs.pop()
+        lost, self._at = begin - self._at, end
+        after_ns = round(begin / self.sample_rate_hz * NANOSECONDS_PER_SECOND)
+        return IQBlock(
+            samples=self._samples[begin:end],
+            sample_index=begin,
+            time_ns=self._time_ns + after_ns,
+            sample_rate_hz=self.sample_rate_hz,
+            lost_before=lost,
+        )
+
+    def close(self) -> None:
+        self._runs.clear()
+
+
+def integrate(
+    samples: NDArray[np.complex64],
+    poses: Sequence[Pose],
+    tag: Tag,
+    antenna: AntennaPattern | str,
+    *,
+    time_ns: int,
+    sample_rate_hz: float,
+    center_frequency_hz: float,
+    frequency_window_hz: float = 500.0,
+    false_alarm_probability: float = 0.01,
+    most_drift: float = 0.0,
+    elevation: Elevation | None = None,
+) -> IntegratedRecord:
+    """Judge a whole flight at once for a tag below the noise of any group of pulses.
+
+    All pulses are judged together: interval, phase, frequency and place at once, as
+    ``uavrt integrate`` does.
+
+    Parameters
+    ----------
+    samples : ndarray of complex64, shape (samples,)
+        Of the band or of the tag's channel. Lost ones are NaN.
+    poses : sequence of Pose
+        Of the antenna, in the order of time. What was heard more than 2 s from any is left out.
+    tag : Tag
+        As it is listed: its interval and how well that is known.
+    antenna : AntennaPattern or str
+        Pattern, or the name of a known one; ``"monopole"`` is an upright whip.
+    time_ns : int
+        Of the first sample [ns, UTC].
+    sample_rate_hz, center_frequency_hz : float
+        Of the samples.
+    frequency_window_hz : float
+        Half-width of the search around the tag's frequency.
+    false_alarm_probability : float
+        With which noise alone shows the tag in a flight.
+    most_drift : float
+        Largest relative change of the interval over the flight, up or down.
+    elevation : Elevation, optional
+        Heights of the ground (`uavrt.terrain.open_elevation`); None is level.
+
+    Returns
+    -------
+    IntegratedRecord
+        What ``uavrt integrate --json`` prints of a tag.
+
+    Raises
+    ------
+    UsageError
+        There is no such antenna, the samples are no row, or not of the time of the poses.
+    RecordingError
+        There are too few samples or poses.
+    """
+    pattern = pattern_named(antenna)
+    row = np.asarray(samples, np.complex64)
+    if row.ndim != 1:
+        raise UsageError(
+            f"the samples have the shape {row.shape}", remedy="Give one row of complex64"
+        )
+    flight = Flight(
+        info=FlightInfo(
+            directory="the flight",
+            start_time_ns=time_ns,
+            clock_offset_ns=0,
+            tags=(tag,),
+            center_frequency_hz=center_frequency_hz,
+            sample_rate_hz=sample_rate_hz,
+        ),
+        settings_json=None,
+        pulse_poses=(),
+        poses=tuple(poses),
+        status_texts=(),
+        notes=(),
+    )
+    source = _Array(
+        row,
+        time_ns=time_ns,
+        sample_rate_hz=sample_rate_hz,
+        center_frequency_hz=center_frequency_hz,
+    )
+    (judged,) = integrate_flight(
+        flight,
+        source,
+        [tag],
+        pattern,
+        frequency_window_hz=frequency_window_hz,
+        false_alarm_probability=false_alarm_probability,
+        most_drift=most_drift,
+        elevation=elevation,
+    )
+    return integrated_record(judged)

@@ -1,0 +1,85 @@
+"""A flight made of another program's track, for samples that another program recorded."""
+
+from collections.abc import Sequence
+
+from uavrt.analysis.tracks.track import VehicleTrack
+from uavrt.config import AntennaSettings
+from uavrt.errors import PoseUnavailable, UsageError
+from uavrt.messages import FlightInfo, Pose, Tag
+from uavrt.pose import PoseRing
+from uavrt.recording import Flight
+from uavrt.units import ns_from_s
+
+_STEP_NS = 200_000_000
+"""Between poses: at 30°/s 6° of heading."""
+
+
+def flight_of_track(
+    track: VehicleTrack,
+    tags: Sequence[Tag],
+    *,
+    name: str,
+    offset_s: float = 0.0,
+    yaw_offset_deg: float = 0.0,
+) -> Flight:
+    """Make a flight of a track: its poses are those of the antenna, five a second.
+
+    Parameters
+    ----------
+    track : VehicleTrack
+    tags : sequence of Tag
+        That were looked for.
+    name : str
+        Of the flight, for messages.
+    offset_s : float
+        Added to the track's times: by so much the samples' clock is ahead.
+    yaw_offset_deg : float
+        Antenna's boresight clockwise from the vehicle's nose.
+
+    Raises
+    ------
+    UsageError
+        The track has no poses.
+    """
+    if len(track.attitudes) < 2 or len(track.positions) < 2:
+        raise UsageError(f"{name} is an empty track", remedy="Give another log")
+    poses = _poses(track.shifted(ns_from_s(offset_s)), yaw_offset_deg)
+    if not poses:
+        raise UsageError(
+            f"{name} has at no time both a place and a heading", remedy="Give another log"
+        )
+    return Flight(
+        info=FlightInfo(
+            directory=name,
+            start_time_ns=poses[0].time_ns,
+            clock_offset_ns=0,
+            tags=tuple(tags),
+            center_frequency_hz=tags[0].frequency_hz if tags else 0.0,
+            sample_rate_hz=0.0,
+        ),
+        settings_json=None,
+        pulse_poses=(),
+        poses=poses,
+        status_texts=(),
+        notes=(),
+    )
+
+
+def _poses(track: VehicleTrack, yaw_offset_deg: float) -> tuple[Pose, ...]:
+    ring = PoseRing(
+        AntennaSettings(yaw_offset_deg=yaw_offset_deg),
+        capacity=max(len(track.attitudes), len(track.positions)),
+    )
+    for attitude in track.attitudes:
+        ring.add_attitude(attitude)
+    for position in track.positions:
+        ring.add_position(position)
+    begin = max(track.attitudes[0].time_ns, track.positions[0].time_ns)
+    end = min(track.attitudes[-1].time_ns, track.positions[-1].time_ns)
+    found = []
+    for time_ns in range(begin, end + 1, _STEP_NS):
+        try:
+            found.append(ring.antenna_pose(time_ns))
+        except PoseUnavailable:  # a gap of the track
+            continue
+    return tuple(found)

@@ -1,0 +1,182 @@
+"""What other programs recorded is judged as well: arrays in Python, recordings with a track."""
+
+import json
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import uavrt
+from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
+
+from uavrt.config import write_tags
+from uavrt.errors import UsageError
+from uavrt.localization import difference_deg, integrate
+from uavrt.messages import Pose
+from uavrt_experiments.detection.signals import START_NS
+
+FIXED = [
+    *("tag_id", "found", "false_alarm_probability", "enr_db", "interval_s", "frequency_hz"),
+    *("pulses", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m"),
+]
+"""Names that programs outside of this project read."""
+
+
+def judged(flown: Rotation, samples: np.ndarray, poses: tuple[Pose, ...] | None = None):  # type: ignore[no-untyped-def]
+    return integrate(
+        samples,
+        flown.flight.poses if poses is None else poses,
+        flown.tag,
+        "RA-23K",
+        time_ns=START_NS,
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=flown.tag.frequency_hz,
+        frequency_window_hz=WINDOW_HZ,
+    )
+
+
+def test_samples_and_poses_in_python_are_judged_as_by_the_command(weak: Rotation) -> None:
+    found = judged(weak, weak.samples)
+    assert found.found
+    assert (found.tag_id, found.antenna, found.antenna_assumed) == (2, "RA-23K", False)
+    assert found.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
+    assert found.enr_db == pytest.approx(6.0, abs=2.5)
+    assert abs(difference_deg(found.bearing_deg, weak.bearing_deg)) < 20.0
+    assert found.pulses == len(found.integrated_pulses) == pytest.approx(160, abs=6)
+    assert not found.limitations
+    assert set(FIXED) <= set(asdict(found))
+    with pytest.raises(UsageError, match="no antenna 'made-up'"):
+        integrate(
+            weak.samples,
+            weak.flight.poses,
+            weak.tag,
+            "made-up",
+            time_ns=START_NS,
+            sample_rate_hz=RATE_HZ,
+            center_frequency_hz=weak.tag.frequency_hz,
+        )
+
+
+def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) -> None:
+    samples = weak.samples.copy()
+    samples[len(samples) // 2 :] = np.nan
+    found = judged(weak, samples)
+    assert any("samples of 50% of the flight" in text for text in found.limitations)
+    half_ns = START_NS + round(0.5e9 * len(samples) / RATE_HZ)
+    assert all(one.time_ns < half_ns for one in found.integrated_pulses)
+
+
+def test_what_was_heard_without_a_pose_counts_nothing(weak: Rotation) -> None:
+    half_ns = START_NS + round(0.5e9 * len(weak.samples) / RATE_HZ)
+    before = tuple(one for one in weak.flight.poses if one.time_ns < half_ns)
+    found = judged(weak, weak.samples, before)
+    assert any(
+        "of the samples have no pose within 2 s: they are left out" in text
+        for text in found.limitations
+    )
+    # As if nobody had listened then, 2 s after the last pose on.
+    samples = weak.samples.copy()
+    samples[round((before[-1].time_ns - START_NS) * 1e-9 * RATE_HZ + 2.0 * RATE_HZ) :] = np.nan
+    deaf = judged(weak, samples, before)
+    assert found.interval_s == pytest.approx(deaf.interval_s, abs=1e-3)
+    assert found.score == pytest.approx(deaf.score, abs=0.5)
+    assert all(one.time_ns < half_ns + 3e9 for one in found.integrated_pulses)
+
+
+@pytest.fixture
+def recorded(weak: Rotation, tmp_path: Path) -> list[str]:
+    """A recording, the autopilot's track on a clock 40 s behind, and a list of tags."""
+    samples, track, tags = tmp_path / "x.cf32", tmp_path / "track.csv", tmp_path / "tags.toml"
+    weak.samples.tofile(samples)
+    names = "time_ns,latitude_deg,longitude_deg,altitude_amsl_m,altitude_relative_m,qw,qx,qy,qz"
+    lines = [
+        ",".join(
+            map(
+                repr,
+                (
+                    *(one.time_ns - 40_000_000_000, one.latitude_deg, one.longitude_deg),
+                    *(one.altitude_amsl_m, one.altitude_relative_m, *one.quaternion_wxyz),
+                ),
+            )
+        )
+        for one in weak.flight.poses
+    ]
+    track.write_text("\n".join((names, *lines)) + "\n")
+    write_tags(tags, [weak.tag])
+    return [
+        *("integrate", "--recording", str(samples), "--track", str(track)),
+        *("--tags", str(tags), "--sample-rate", str(RATE_HZ), "--start-time"),
+        *("2023-11-14T22:13:20Z", "--center-frequency", str(weak.tag.frequency_hz)),
+        *("--frequency-window", str(WINDOW_HZ), "--json"),
+    ]
+
+
+def test_a_recording_with_a_track_is_judged_without_a_flight(
+    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K") == 0
+    (said,) = json.loads(capsys.readouterr().out)
+    assert said["found"]
+    assert not said["antenna_assumed"]
+    assert said["limitations"] == []
+    assert abs(difference_deg(said["bearing_deg"], weak.bearing_deg)) < 20.0
+    assert set(FIXED) <= set(said)
+    turned = [*recorded, "--clock-offset", "40", "--antenna", "RA-23K", "--yaw-offset", "90"]
+    assert uavrt(*turned) == 0
+    (said,) = json.loads(capsys.readouterr().out)
+    assert abs(difference_deg(said["bearing_deg"], weak.bearing_deg + 90.0)) < 20.0
+
+
+def test_what_nobody_told_of_a_recording_is_a_limitation(
+    recorded: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    uavrt(*recorded)
+    (said,) = json.loads(capsys.readouterr().out)
+    assert said["antenna"] == "RA-23K"
+    assert said["antenna_assumed"]
+    told = " ".join(said["limitations"])
+    assert "nobody told which antenna" in told
+    assert "clocks of recording and track are taken to agree" in told
+    assert "samples have no pose" in told
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ((lambda a, d: [*a[:1], str(d), *a[1:]]), "has poses of its own"),
+        ((lambda a, d: [*a[:5], *a[7:]]), "--track needs --tags"),
+        ((lambda a, d: [*a[:3], *a[5:]]), "there is no flight"),
+        ((lambda a, d: [*a[:1], a[4], *a[1:3], *a[5:]]), "not the directory of a flight"),
+    ],
+)
+def test_a_recording_that_lacks_something_is_told_what(  # type: ignore[no-untyped-def]
+    recorded: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change,
+    fault: str,
+) -> None:
+    assert uavrt(*change(recorded, tmp_path)) != 0
+    assert fault in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_whip_is_deaf_overhead_and_tells_no_direction(weak: Rotation) -> None:
+    from uavrt.integration import places_around
+    from uavrt.localization import PoseColumns, monopole_gain_db, pattern_named
+
+    poses = tuple(replace(one, altitude_relative_m=50.0) for one in weak.flight.poses)
+    places = places_around(
+        PoseColumns.of(poses),
+        pattern_named("monopole"),
+        start_ns=START_NS,
+        end_ns=poses[-1].time_ns,
+    )
+    range_m = np.array([30.0, 3000.0])
+    gain_db = places.track.gain_db(range_m, np.zeros(2))
+    assert np.ptp(gain_db, axis=1) == pytest.approx([0.0, 0.0], abs=1e-9)
+    down = np.degrees(np.arctan2(50.0, range_m))
+    away_db = 25.0 * np.log10(np.hypot(50.0, range_m))
+    expected = monopole_gain_db(down) - away_db
+    assert gain_db[:, 0] == pytest.approx(expected, abs=0.01)
+    assert math.isclose(float(monopole_gain_db(down)[0]), -5.8, abs_tol=0.3)
