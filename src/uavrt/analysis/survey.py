@@ -26,7 +26,8 @@ from uavrt.analysis.positions import (
 )
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import MONOPOLE
+from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, OverGround
+from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import (
     FlightInfo,
     Health,
@@ -57,6 +58,26 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from uavrt.analysis.silence import SilentMap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What somebody says of a flight who wants it read."""
+
+    antenna: str | None
+    height_m: float | None
+    offset_deg: float
+    heading_sigma_deg: float
+    height_sigma_m: float
+    elevation: Elevation | None
+
+    def over(
+        self, poses: Sequence[Pose], pulse_poses: Sequence[PulsePose]
+    ) -> OverGround | None:
+        """The ground of a flight, where heights of it were given."""
+        if self.elevation is None:
+            return None
+        return over_ground(self.elevation, poses, pulse_poses)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -169,6 +190,8 @@ def read_survey(
     antenna: str | None = None,
     height_m: float | None = None,
     offset_deg: float = 0.0,
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    height_sigma_m: float = HEIGHT_SIGMA_M,
     elevation: Elevation | None = None,
 ) -> Survey:
     """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
@@ -186,6 +209,10 @@ def read_survey(
         With a monopole: the drone's height over the tags where the log does not tell it.
     offset_deg : float
         Boresight clockwise from the heading that the pulses carry.
+    heading_sigma_deg : float
+        Error that all headings of the flight share, one standard deviation.
+    height_sigma_m : float
+        With a monopole: error that all heights over a tag share, one standard deviation.
     elevation : Elevation, optional
         Heights of the ground: hills weaken what is heard, and explain silence.
 
@@ -197,28 +224,33 @@ def read_survey(
         There is no such antenna, or the report.toml beside it is damaged.
     """
     place = Path(path)
-    survey = _read(place, antenna, height_m, offset_deg, elevation)
+    asked = _Asked(
+        antenna=antenna,
+        height_m=height_m,
+        offset_deg=offset_deg,
+        heading_sigma_deg=heading_sigma_deg,
+        height_sigma_m=height_sigma_m,
+        elevation=elevation,
+    )
+    survey = _read(place, asked)
     return replace(survey, facts=facts_of(place.resolve()))
 
 
-def _read(
-    place: Path,
-    antenna: str | None,
-    height_m: float | None,
-    offset_deg: float,
-    elevation: Elevation | None,
-) -> Survey:
+def _read(place: Path, asked: _Asked) -> Survey:
     if FlightLayout(place).database.is_file():
-        flight = read_flight(place)
-        named = antenna or flight_antenna(flight)
-        return _of_flight(place, flight, named, height_m, offset_deg, elevation)
+        return _of_flight(place, read_flight(place), asked)
     log = read_pulse_log(place)
-    antenna = antenna or antenna_of(place, log)
+    antenna = asked.antenna or antenna_of(place, log)
     pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
     warnings = list(log.warnings)
-    over = None if elevation is None else over_ground(elevation, (), pulses)
+    over = asked.over((), pulses)
     if antenna == MONOPOLE and ORIGINAL_POSES not in warnings:
-        positions, signals = positions_of_powers(pulses, (), (), height_m=height_m, over=over)
+        positions, signals = positions_of_powers(
+            *(pulses, (), ()),
+            height_m=asked.height_m,
+            height_sigma_m=asked.height_sigma_m,
+            over=over,
+        )
         warnings += _reasons(positions)
         return Survey(
             name=place.name,
@@ -235,9 +267,14 @@ def _read(
         warnings.append(NO_BEARINGS_FROM_THESE)
     else:
         bearings = _attempted(
-            lambda: bearings_of_pulses(_placed(pulses), antenna=antenna, offset_deg=offset_deg),
+            lambda: bearings_of_pulses(
+                _placed(pulses), antenna=antenna, offset_deg=asked.offset_deg
+            ),
             warnings,
         )
+    positions = positions_of_bearings(
+        bearings, heading_sigma_deg=asked.heading_sigma_deg, over=over
+    )
     return Survey(
         name=place.name,
         kind=log.kind,
@@ -245,7 +282,7 @@ def _read(
         pulse_poses=pulses,
         track=_on_earth(one.pose for one in pulses),
         bearings=tuple(bearings),
-        positions=tuple(positions_of_bearings(bearings, over=over)),
+        positions=tuple(positions),
         warnings=tuple(warnings),
     )
 
@@ -270,29 +307,27 @@ def _reasons(positions: Iterable[TagPosition]) -> list[str]:
     ]
 
 
-def _of_flight(
-    directory: Path,
-    flight: Flight,
-    antenna: str,
-    height_m: float | None,
-    offset_deg: float,
-    elevation: Elevation | None,
-) -> Survey:
-    over = None
-    if elevation is not None:
-        over = over_ground(elevation, flight.poses, flight.pulse_poses)
+def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
+    antenna = asked.antenna or flight_antenna(flight)
+    over = asked.over(flight.poses, flight.pulse_poses)
     warnings: list[str] = []
     bearings: list[TagBearing] = []
     signals: list[TagSignal] = []
     if antenna == MONOPOLE:
         positions, signals = positions_of_powers(
-            flight.pulse_poses, flight.info.tags, flight.poses, height_m=height_m, over=over
+            *(flight.pulse_poses, flight.info.tags, flight.poses),
+            height_m=asked.height_m,
+            height_sigma_m=asked.height_sigma_m,
+            over=over,
         )
     else:
         bearings = _attempted(
-            lambda: bearings_of_flight(flight, antenna=antenna, offset_deg=offset_deg), warnings
+            lambda: bearings_of_flight(flight, antenna=antenna, offset_deg=asked.offset_deg),
+            warnings,
         )
-        positions = positions_of_bearings(bearings, over=over)
+        positions = positions_of_bearings(
+            bearings, heading_sigma_deg=asked.heading_sigma_deg, over=over
+        )
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
         warnings.append(f"{without} of {len(flight.pulse_poses)} pulses have no pose.")

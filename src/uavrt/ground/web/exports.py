@@ -21,6 +21,8 @@ def export(name: str, flight: Path, antenna: AntennaChoice) -> bytes:
         flight,
         antenna=antenna.pattern,
         offset_deg=antenna.offset_deg,
+        heading_sigma_deg=antenna.heading_sigma_deg,
+        height_sigma_m=antenna.height_sigma_m,
         elevation=open_elevation(Path(antenna.dem)) if antenna.dem else None,
     )
     content = EXPORTS[name].content(survey)
