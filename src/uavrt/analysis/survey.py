@@ -155,7 +155,13 @@ class Survey:
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """When a tag was at its position: at the end of its last bearing, or last pulse."""
+        """When a tag was at its position: at the end of its last bearing, or last pulse.
+
+        One that walked was there at the last time of its way.
+        """
+        found = self.position_of(tag_id)
+        if found is not None and found.position is not None and found.position.track:
+            return found.position.track[-1].time_ns
         bearings = [one.end_time_ns for one in self.bearings_of(tag_id) if one.bearing.accepted]
         heard = [one.pulse.start_time_ns for one in self.pulses_of(tag_id)]
         return max(bearings or heard, default=None)

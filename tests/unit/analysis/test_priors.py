@@ -4,6 +4,7 @@ import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,10 @@ from uavrt.cli.localize import localize
 from uavrt.cli.report import report
 
 WriteFlight = Callable[..., Path]
-PRIORS = {"RA-23K": {"heading_error": 0.0}, "monopole": {"height_error": 40.0}}
+PRIORS: dict[str, dict[str, Any]] = {
+    "RA-23K": {"heading_error": 0.0},
+    "monopole": {"height_error": 40.0},
+}
 
 
 @pytest.mark.parametrize("antenna", PRIORS)

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 import uavrt
+from uavrt.analysis.measure import straight_walk
 from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
@@ -328,6 +329,8 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         parts.append("it may be farther out")
     if position.stations == 1:
         parts.append("one bearing tells the direction, hardly the distance")
+    if straight := straight_walk(position):
+        parts.append(straight)
     parts += position.remarks
     parts += _way(position)
     return Finding(

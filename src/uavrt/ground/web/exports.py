@@ -3,13 +3,12 @@
 from pathlib import Path
 
 from uavrt.analysis import read_survey
-from uavrt.analysis.export import ONE_FILE, OneFile, kml_text, pulses_csv
+from uavrt.analysis.export import ONE_FILE, OneFile, pulses_csv
 from uavrt.ground.store import AntennaChoice
 from uavrt.terrain import open_elevation
 
 EXPORTS: dict[str, OneFile] = {
     "csv": OneFile("text/csv", pulses_csv),
-    "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
     **ONE_FILE,
 }
 """Formats that the page offers."""
