@@ -4,6 +4,7 @@ import { ApiError, BASE, get, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { doorsSection } from "./doors";
 import { droneSection } from "./drone";
+import { factsSection } from "./facts";
 import { choose, language, LANGUAGES } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
@@ -80,6 +81,7 @@ export function buildSetup(): void {
           h("button", { id: "tag-mine", onclick: () => void keepMine() }, "Keep mine"),
         ),
       ),
+      factsSection(),
       droneSection(),
       doorsSection(),
     ),
