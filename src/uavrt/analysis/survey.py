@@ -13,6 +13,8 @@ from uavrt.analysis.bearings import (
     TagBearing,
     bearings_of_flight,
     bearings_of_pulses,
+    heard_in_turns,
+    learnt_antenna,
 )
 from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.flown_with import flight_antenna
@@ -26,7 +28,13 @@ from uavrt.analysis.positions import (
 )
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, OverGround
+from uavrt.localization import (
+    HEIGHT_SIGMA_M,
+    MONOPOLE,
+    AntennaPattern,
+    OverGround,
+    antenna_as_shown,
+)
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import (
     FlightInfo,
@@ -88,6 +96,10 @@ class Survey:
     kind: LogKind
     antenna: str
     """Name of the pattern that the bearings were estimated with."""
+    pattern: AntennaPattern | None = None
+    """The same as the turns have shown it; None where there are no bearings."""
+    offset_deg: float = 0.0
+    """Boresight clockwise from the heading that the pulses carry."""
     pulse_poses: tuple[PulsePose, ...]
     """In order of time."""
     track: tuple[Pose, ...]
@@ -287,6 +299,8 @@ def _read(place: Path, asked: _Asked) -> Survey:
         antenna=antenna,
         pulse_poses=pulses,
         track=_on_earth(one.pose for one in pulses),
+        pattern=_shown(lambda: learnt_antenna(place, antenna, asked.offset_deg), bearings),
+        offset_deg=asked.offset_deg,
         bearings=tuple(bearings),
         positions=tuple(positions),
         warnings=tuple(warnings),
@@ -350,6 +364,11 @@ def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
         name=directory.resolve().name,
         kind="flight",
         antenna=antenna,
+        pattern=_shown(
+            lambda: antenna_as_shown(heard_in_turns(flight, asked.offset_deg)[0], antenna),
+            bearings,
+        ),
+        offset_deg=asked.offset_deg,
         pulse_poses=flight.pulse_poses,
         track=_on_earth(track),
         bearings=tuple(bearings),
@@ -379,6 +398,16 @@ def _attempted(
             raise
         warnings.append(f"No bearings: {error}.")
         return []
+
+
+def _shown(
+    learn: Callable[[], AntennaPattern], bearings: Sequence[TagBearing]
+) -> AntennaPattern | None:
+    """The antenna as the bearings took it; None where too few turns show it, or none has."""
+    try:
+        return learn() if bearings else None
+    except UsageError:
+        return None
 
 
 def _placed(pulses: Iterable[PulsePose]) -> list[PulsePose]:
