@@ -4,6 +4,7 @@ import { ApiError, BASE, get, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { doorsSection } from "./doors";
 import { droneSection } from "./drone";
+import { factsSection } from "./facts";
 import { choose, language, LANGUAGES } from "./i18n";
 import { toast } from "./notice";
 import { store } from "./store";
@@ -80,6 +81,7 @@ export function buildSetup(): void {
           h("button", { id: "tag-mine", onclick: () => void keepMine() }, "Keep mine"),
         ),
       ),
+      factsSection(),
       droneSection(),
       doorsSection(),
     ),
@@ -415,6 +417,8 @@ function antennaForm(): HTMLElement {
     { onsubmit: (event: Event) => event.preventDefault() },
     h("label", {}, "Antenna", h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
     number("set-offset", "Turned clockwise from the told heading, °", "antenna_offset_deg", "0 when the drone's uavrt.toml holds the mounting"),
+    number("set-heading-error", "Headings err in common by, ° (0: trusted)", "heading_error_deg", "Compass, mounting, declination: one standard deviation for a whole flight"),
+    number("set-height-error", "Heights err in common by, m (monopole)", "height_error_m", "Ground, a tag on a tree, a take-off on a hill: one standard deviation for a whole flight"),
     number("set-gain", "Gain, 0 to 21 (empty: the drone's)", "gain", "Of the Airspy"),
     h("label", { title: "Shown where several vehicles are served, and with its flights" }, "Name of this vehicle", h("input", {
       id: "set-vehicle-name",
@@ -490,6 +494,8 @@ function drawSettings(): void {
   put("set-dem", settings.dem);
   put("set-antenna", settings.antenna);
   put("set-offset", String(settings.antenna_offset_deg));
+  put("set-heading-error", String(settings.heading_error_deg));
+  put("set-height-error", String(settings.height_error_m));
   put("set-vehicle-name", settings.vehicle_name);
   put("set-roaming", String(settings.roaming_m));
   put("set-gain", settings.gain === null ? "" : String(settings.gain));

@@ -133,6 +133,8 @@ export interface Settings {
   gain: number | null;
   center_frequency_mhz: number | null;
   /** How far an animal goes in a minute, in steps that forget each other. */
+  heading_error_deg: number;
+  height_error_m: number;
   roaming_m: number;
   vehicle_name: string;
   /** Where a GPS receiver tells this computer's place; empty: nowhere. */

@@ -11,12 +11,15 @@ serves all flights of a season::
     altitude_datum = "LN02"                         # what altitudes above sea level refer to
 """
 
+import json
 import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 from zoneinfo import ZoneInfo
 
+from uavrt.config import write_text_atomically
 from uavrt.errors import ConfigError
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -51,8 +54,24 @@ class Facts:
         """A time as clocks at the place show it; None without a time zone."""
         if self.time_zone is None:
             return None
-        instant = datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC)
-        return f"{instant.astimezone(ZoneInfo(self.time_zone)):%Y-%m-%d %H:%M:%S %Z}"
+        return f"{_utc(time_ns).astimezone(ZoneInfo(self.time_zone)):%Y-%m-%d %H:%M:%S %Z}"
+
+    def clock(self, time_ns: int) -> str:
+        """A time of day for a table: UTC, and behind it that of clocks at the place."""
+        local = self.local_time(time_ns)
+        told = f"{_utc(time_ns):%H:%M:%S}"
+        return told if local is None else f"{told} ({local.split()[1]})"
+
+    def clock_in_words(self, time_ns: int) -> str:
+        """A time of day for a sentence, with the names of its zones."""
+        local = self.local_time(time_ns)
+        told = f"{_utc(time_ns):%H:%M:%S} UTC"
+        return told if local is None else f"{told} ({local.partition(' ')[2]})"
+
+    def zones(self, time_ns: int) -> str:
+        """Of which zones `clock` tells the time, for the head of a column."""
+        local = self.local_time(time_ns)
+        return "UTC" if local is None else f"UTC ({local.split()[2]})"
 
 
 def facts_path(flight: Path) -> Path | None:
@@ -72,11 +91,40 @@ def facts_of(flight: Path) -> Facts:
     path = facts_path(flight)
     if path is None:
         return Facts()
-    known = [field.name for field in fields(Facts)]
+    return read_facts(path)
+
+
+def read_facts(path: Path) -> Facts:
+    """Read a file of facts; raises as `facts_of` does."""
     try:
         told = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be read: {error}", remedy="Correct it") from error
+    return _judged(told, path)
+
+
+def write_facts(folder: Path, facts: Facts) -> None:
+    """Write the file of all flights in a folder that have none of their own.
+
+    Raises
+    ------
+    ConfigError
+        A field is wrong, or the file cannot be written.
+    """
+    path = folder / NAME
+    told = {name: text for name, text in asdict(facts).items() if text is not None}
+    _judged(told, path)
+    # A string of JSON is one of TOML, too.
+    written = {name: json.dumps(text, ensure_ascii=False) for name, text in told.items()}
+    lines = [f"{name} = {text}\n" for name, text in written.items()]
+    try:
+        write_text_atomically(path, "".join(lines))
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _judged(told: dict[str, Any], path: Path) -> Facts:
+    known = [field.name for field in fields(Facts)]
     for name, text in told.items():
         if name not in known:
             raise ConfigError(
@@ -95,3 +143,7 @@ def facts_of(flight: Path) -> Facts:
             remedy='Name one as "Europe/Zurich"; on Windows, pip install tzdata',
         ) from error
     return found
+
+
+def _utc(time_ns: int) -> datetime:
+    return datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC)

@@ -14,6 +14,7 @@ from uavrt.analysis.bearings import (
     bearings_of_flight,
     bearings_of_pulses,
     heard_in_turns,
+    learnt_antenna,
     past_turns,
     taught_in_words,
 )
@@ -29,7 +30,15 @@ from uavrt.analysis.positions import (
 )
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import MONOPOLE
+from uavrt.localization import (
+    HEIGHT_SIGMA_M,
+    MONOPOLE,
+    AntennaPattern,
+    HeardInTurn,
+    OverGround,
+    antenna_as_shown,
+)
+from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import (
     FlightInfo,
     Health,
@@ -62,6 +71,26 @@ if TYPE_CHECKING:
     from uavrt.analysis.silence import SilentMap
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What somebody says of a flight who wants it read."""
+
+    antenna: str | None
+    height_m: float | None
+    offset_deg: float
+    heading_sigma_deg: float
+    height_sigma_m: float
+    elevation: Elevation | None
+
+    def over(
+        self, poses: Sequence[Pose], pulse_poses: Sequence[PulsePose]
+    ) -> OverGround | None:
+        """The ground of a flight, where heights of it were given."""
+        if self.elevation is None:
+            return None
+        return over_ground(self.elevation, poses, pulse_poses)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Survey:
     """A flight or a pulse log with what follows from it."""
@@ -70,6 +99,10 @@ class Survey:
     kind: LogKind
     antenna: str
     """Name of the pattern that the bearings were estimated with."""
+    pattern: AntennaPattern | None = None
+    """The same as the turns have shown it; None where there are no bearings."""
+    offset_deg: float = 0.0
+    """Boresight clockwise from the heading that the pulses carry."""
     pulse_poses: tuple[PulsePose, ...]
     """In order of time."""
     track: tuple[Pose, ...]
@@ -137,7 +170,13 @@ class Survey:
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """When a tag was at its position: at the end of its last bearing, or last pulse."""
+        """When a tag was at its position: at the end of its last bearing, or last pulse.
+
+        One that walked was there at the last time of its way.
+        """
+        found = self.position_of(tag_id)
+        if found is not None and found.position is not None and found.position.track:
+            return found.position.track[-1].time_ns
         bearings = [one.end_time_ns for one in self.bearings_of(tag_id) if one.bearing.accepted]
         heard = [one.pulse.start_time_ns for one in self.pulses_of(tag_id)]
         return max(bearings or heard, default=None)
@@ -172,6 +211,8 @@ def read_survey(
     antenna: str | None = None,
     height_m: float | None = None,
     offset_deg: float = 0.0,
+    heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    height_sigma_m: float = HEIGHT_SIGMA_M,
     elevation: Elevation | None = None,
 ) -> Survey:
     """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
@@ -189,6 +230,10 @@ def read_survey(
         With a monopole: the drone's height over the tags where the log does not tell it.
     offset_deg : float
         Boresight clockwise from the heading that the pulses carry.
+    heading_sigma_deg : float
+        Error that all headings of the flight share, one standard deviation.
+    height_sigma_m : float
+        With a monopole: error that all heights over a tag share, one standard deviation.
     elevation : Elevation, optional
         Heights of the ground: hills weaken what is heard, and explain silence.
 
@@ -200,28 +245,33 @@ def read_survey(
         There is no such antenna, or the report.toml beside it is damaged.
     """
     place = Path(path)
-    survey = _read(place, antenna, height_m, offset_deg, elevation)
+    asked = _Asked(
+        antenna=antenna,
+        height_m=height_m,
+        offset_deg=offset_deg,
+        heading_sigma_deg=heading_sigma_deg,
+        height_sigma_m=height_sigma_m,
+        elevation=elevation,
+    )
+    survey = _read(place, asked)
     return replace(survey, facts=facts_of(place.resolve()))
 
 
-def _read(
-    place: Path,
-    antenna: str | None,
-    height_m: float | None,
-    offset_deg: float,
-    elevation: Elevation | None,
-) -> Survey:
+def _read(place: Path, asked: _Asked) -> Survey:
     if FlightLayout(place).database.is_file():
-        flight = read_flight(place)
-        named = antenna or flight_antenna(flight)
-        return _of_flight(place, flight, named, height_m, offset_deg, elevation)
+        return _of_flight(place, read_flight(place), asked)
     log = read_pulse_log(place)
-    antenna = antenna or antenna_of(place, log)
+    antenna = asked.antenna or antenna_of(place, log)
     pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
     warnings = list(log.warnings)
-    over = None if elevation is None else over_ground(elevation, (), pulses)
+    over = asked.over((), pulses)
     if antenna == MONOPOLE and ORIGINAL_POSES not in warnings:
-        positions, signals = positions_of_powers(pulses, (), (), height_m=height_m, over=over)
+        positions, signals = positions_of_powers(
+            *(pulses, (), ()),
+            height_m=asked.height_m,
+            height_sigma_m=asked.height_sigma_m,
+            over=over,
+        )
         warnings += _reasons(positions)
         return Survey(
             name=place.name,
@@ -238,17 +288,24 @@ def _read(
         warnings.append(NO_BEARINGS_FROM_THESE)
     else:
         bearings = _attempted(
-            lambda: bearings_of_pulses(_placed(pulses), antenna=antenna, offset_deg=offset_deg),
+            lambda: bearings_of_pulses(
+                _placed(pulses), antenna=antenna, offset_deg=asked.offset_deg
+            ),
             warnings,
         )
+    positions = positions_of_bearings(
+        bearings, heading_sigma_deg=asked.heading_sigma_deg, over=over
+    )
     return Survey(
         name=place.name,
         kind=log.kind,
         antenna=antenna,
         pulse_poses=pulses,
         track=_on_earth(one.pose for one in pulses),
+        pattern=_shown(lambda: learnt_antenna(place, antenna, asked.offset_deg), bearings),
+        offset_deg=asked.offset_deg,
         bearings=tuple(bearings),
-        positions=tuple(positions_of_bearings(bearings, over=over)),
+        positions=tuple(positions),
         warnings=tuple(warnings),
     )
 
@@ -273,11 +330,22 @@ def _reasons(positions: Iterable[TagPosition]) -> list[str]:
     ]
 
 
+def _past_turns(flight: Flight, antenna: str, offset_deg: float) -> list[list[HeardInTurn]]:
+    """What past flights teach of the antenna; nothing where no pulse has a pose."""
+    try:
+        return past_turns(flight, antenna, offset_deg)
+    except UsageError:
+        return []
+
+
 def _taught_bearings(
-    flight: Flight, antenna: str, offset_deg: float, warnings: list[str]
+    flight: Flight,
+    past: list[list[HeardInTurn]],
+    antenna: str,
+    offset_deg: float,
+    warnings: list[str],
 ) -> list[TagBearing]:
     """A flight's bearings by the pattern that past flights teach, too."""
-    past = past_turns(flight, antenna, offset_deg)
     own, _ = heard_in_turns(flight, offset_deg)
     if (text := taught_in_words([own, *past])) is not None:
         warnings.append(f"{text[0].upper()}{text[1:]}.")
@@ -285,29 +353,28 @@ def _taught_bearings(
     return bearings_of_flight(flight, antenna=antenna, offset_deg=offset_deg, past=turns)
 
 
-def _of_flight(
-    directory: Path,
-    flight: Flight,
-    antenna: str,
-    height_m: float | None,
-    offset_deg: float,
-    elevation: Elevation | None,
-) -> Survey:
-    over = None
-    if elevation is not None:
-        over = over_ground(elevation, flight.poses, flight.pulse_poses)
+def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
+    antenna = asked.antenna or flight_antenna(flight)
+    over = asked.over(flight.poses, flight.pulse_poses)
+    past = _past_turns(flight, antenna, asked.offset_deg) if antenna != MONOPOLE else []
     warnings: list[str] = []
     bearings: list[TagBearing] = []
     signals: list[TagSignal] = []
     if antenna == MONOPOLE:
         positions, signals = positions_of_powers(
-            flight.pulse_poses, flight.info.tags, flight.poses, height_m=height_m, over=over
+            *(flight.pulse_poses, flight.info.tags, flight.poses),
+            height_m=asked.height_m,
+            height_sigma_m=asked.height_sigma_m,
+            over=over,
         )
     else:
         bearings = _attempted(
-            lambda: _taught_bearings(flight, antenna, offset_deg, warnings), warnings
+            lambda: _taught_bearings(flight, past, antenna, asked.offset_deg, warnings),
+            warnings,
         )
-        positions = positions_of_bearings(bearings, over=over)
+        positions = positions_of_bearings(
+            bearings, heading_sigma_deg=asked.heading_sigma_deg, over=over
+        )
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
         warnings.append(f"{without} of {len(flight.pulse_poses)} pulses have no pose.")
@@ -324,6 +391,17 @@ def _of_flight(
         name=directory.resolve().name,
         kind="flight",
         antenna=antenna,
+        pattern=_shown(
+            lambda: antenna_as_shown(
+                [
+                    *heard_in_turns(flight, asked.offset_deg)[0],
+                    *(one for turns in past for one in turns),
+                ],
+                antenna,
+            ),
+            bearings,
+        ),
+        offset_deg=asked.offset_deg,
         pulse_poses=flight.pulse_poses,
         track=_on_earth(track),
         bearings=tuple(bearings),
@@ -353,6 +431,16 @@ def _attempted(
             raise
         warnings.append(f"No bearings: {error}.")
         return []
+
+
+def _shown(
+    learn: Callable[[], AntennaPattern], bearings: Sequence[TagBearing]
+) -> AntennaPattern | None:
+    """The antenna as the bearings took it; None where too few turns show it, or none has."""
+    try:
+        return learn() if bearings else None
+    except UsageError:
+        return None
 
 
 def _placed(pulses: Iterable[PulsePose]) -> list[PulsePose]:

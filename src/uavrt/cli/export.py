@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.elevation import elevation_of
-from uavrt.cli.kinds import Degrees, Metres
+from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
 from uavrt.errors import ConfigError
 
 
@@ -22,6 +22,8 @@ def export(
     antenna: str | None = None,
     antenna_offset: Degrees = 0.0,
     height: Metres | None = None,
+    heading_error: DegreesOfError = 1.5,
+    height_error: MetresOfError = 7.0,
     dem: Path | None = None,
     sea: Annotated[bool, Parameter(negative="")] = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -34,8 +36,8 @@ def export(
         A flight directory, or a pulse log in any known format.
     formats
         Any of csv, uavrt (the original's bearings.csv, positions.csv and pulse CSV), geojson,
-        kmz, gpx, geopackage, movebank, geotiff (heat maps), motus (bursts of coded tags, as
-        SensorGnome and find_tags write them); by default all of them.
+        kmz, kml (without pictures), gpx, geopackage, movebank, geotiff (heat maps), motus
+        (bursts of coded tags, as SensorGnome and find_tags write them); by default all of them.
     mcap
         As a ROS 2 recording for `ros2 bag play` and Foxglove: pulses, poses, commands and log
         with the messages of the live topics; tags, start and stop go under /recorded, so that
@@ -54,6 +56,12 @@ def export(
     height
         With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
         pings).
+    heading_error
+        Standard deviation of the heading error common to a whole flight [°]: compass, mounting,
+        declination. 0 trusts the headings.
+    height_error
+        With a monopole: standard deviation of the error common to all heights above a tag [m]:
+        terrain, a tag on a tree, a take-off on a hill. 0 trusts the heights.
     dem
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
         and explain silence. Without it the ground is taken as level.
@@ -89,6 +97,8 @@ def export(
         antenna=None if antenna is None else antenna_named(antenna),
         height_m=height,
         offset_deg=antenna_offset,
+        heading_sigma_deg=heading_error,
+        height_sigma_m=height_error,
         elevation=elevation_of(dem, sea=sea),
     )
     for warning in survey.warnings:

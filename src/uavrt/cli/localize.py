@@ -141,6 +141,8 @@ def _record(one: "TagPosition") -> dict[str, Any]:
 
 
 def _sentence(one: "TagPosition") -> str:
+    from uavrt.analysis.measure import straight_walk
+
     found = one.position
     if found is None:
         return f"tag {one.tag_id}: no position: {one.reason}"
@@ -155,7 +157,9 @@ def _sentence(one: "TagPosition") -> str:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
-    return "\n  ".join([text, *found.remarks, *_way(found)])
+    straight = straight_walk(found)
+    remarks = found.remarks if straight is None else (straight, *found.remarks)
+    return "\n  ".join([text, *remarks, *_way(found)])
 
 
 def _way(found: "Position") -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.elevation import elevation_of
-from uavrt.cli.kinds import Degrees, Metres, Power
+from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError, Power
 from uavrt.errors import FormatError, UsageError
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ def report(
     antenna: str | None = None,
     antenna_offset: Degrees = 0.0,
     height: Metres | None = None,
+    heading_error: DegreesOfError = 1.5,
+    height_error: MetresOfError = 7.0,
     dem: Path | None = None,
     sea: Annotated[bool, Parameter(negative="")] = False,
     tag_power: Power | None = None,
@@ -50,6 +52,12 @@ def report(
     height
         With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
         pings).
+    heading_error
+        Standard deviation of the heading error common to a whole flight [°]: compass, mounting,
+        declination. 0 trusts the headings.
+    height_error
+        With a monopole: standard deviation of the error common to all heights above a tag [m]:
+        terrain, a tag on a tree, a take-off on a hill. 0 trusts the heights.
     dem
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
         and explain silence. Without it the ground is taken as level.
@@ -84,6 +92,8 @@ def report(
         antenna=None if antenna is None else antenna_named(antenna),
         height_m=height,
         offset_deg=antenna_offset,
+        heading_sigma_deg=heading_error,
+        height_sigma_m=height_error,
         elevation=elevation,
     )
     beside = flight.absolute().parent / "maps"

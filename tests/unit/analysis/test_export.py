@@ -25,13 +25,15 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.analysis.export.geotiff import geotiff_bytes
-from uavrt.analysis.export.tables import movebank_reference_csv
+from uavrt.analysis.export.tables import movebank_csv, movebank_reference_csv
 from uavrt.analysis.measure.shapes import split_area_at_date_line, split_at_date_line
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid
+from uavrt.localization.results import Caution
 from uavrt.recording import read_pulse_file
 from uavrt.recording.formats import read_bearing_file, read_position_file, read_pulses
+from uavrt.recording.places import mark_note
 from uavrt.simulation import Scenario
 
 WriteFlight = Callable[..., Path]
@@ -361,6 +363,77 @@ def test_movebank_rows_have_its_columns(survey: Survey, tmp_path: Path) -> None:
     worn = list(csv.DictReader(io.StringIO(movebank_reference_csv(survey))))
     assert [one["tag-id"] for one in worn] == ["2", "3"]
     assert worn[0]["animal-id"] == row["individual-local-identifier"]
+
+
+CONTRADICTED = (
+    Caution(name="contradiction", text="bearing 2 contradicts the others"),
+    Caution(name="compass", text="the headings seem 12° off"),
+)
+
+
+def cautioned(survey: Survey, cautions: tuple[Caution, ...]) -> Survey:
+    """The same flight, whose tag 2 has a position of which something must be told."""
+    positions = [
+        replace(one, position=replace(one.position, cautions=cautions))
+        if one.position is not None
+        else one
+        for one in survey.positions
+    ]
+    return replace(survey, positions=tuple(positions))
+
+
+def test_every_export_tells_what_makes_a_position_less_sure(
+    survey: Survey, tmp_path: Path
+) -> None:
+    doubted = cautioned(survey, CONTRADICTED)
+    files = exported(doubted, tmp_path)
+    fix = next(csv.DictReader(io.StringIO(files["fixes.csv"].decode())))
+    features = json.loads(files["flight.geojson"])["features"]
+    (place,) = (f["properties"] for f in features if f["properties"]["layer"] == "position")
+    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
+        database.row_factory = sqlite3.Row
+        row = dict(database.execute("SELECT * FROM positions").fetchone())
+    for told in (fix, place, row):
+        assert told["cautions"] == "contradiction, compass"
+        assert told["cautions_in_words"] == "; ".join(one.text for one in CONTRADICTED)
+    with zipfile.ZipFile(io.BytesIO(files["flight.kmz"])) as kmz:
+        for text in (files["flight.gpx"], kmz.read("doc.kml"), files["movebank.csv"]):
+            assert CONTRADICTED[0].text.encode() in text
+    (event,) = csv.DictReader(io.StringIO(files["movebank.csv"].decode()))
+    assert event["algorithm-marked-outlier"] == "true"
+    (event,) = csv.DictReader(io.StringIO(movebank_csv(cautioned(survey, CONTRADICTED[1:]))))
+    assert event["algorithm-marked-outlier"] == "false"
+
+
+def test_marks_are_a_layer_and_a_table(survey: Survey, tmp_path: Path) -> None:
+    at_ns = survey.track[5].time_ns
+    note = (at_ns, mark_note(47.1, 8.2, "nest, 飛行"))
+    files = exported(replace(survey, notes=(note,)), tmp_path)
+    (mark,) = csv.DictReader(io.StringIO(files["marks.csv"].decode()))
+    assert mark["text"] == "nest, 飛行"
+    assert mark["time_utc"] == iso_utc(at_ns)
+    assert (float(mark["latitude_deg"]), float(mark["longitude_deg"])) == (47.1, 8.2)
+    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
+        ((blob, time, text),) = database.execute("SELECT geom, time, text FROM marks")
+    assert struct.unpack_from("<dd", blob, 13) == (8.2, 47.1)
+    assert time[:19] == iso_utc(at_ns)[:19]
+    assert text == "nest, 飛行"
+    again = exported(survey, tmp_path)
+    assert "marks.csv" not in again, "marks of an earlier export are not this flight's"
+
+
+@pytest.mark.parametrize("form", EXPORT_FORMATS)
+def test_a_flight_of_any_name_is_exported_in_each_format(
+    survey: Survey, tmp_path: Path, form: str
+) -> None:
+    named = replace(survey, name="飛行 <1>", notes=((survey.track[0].time_ns, "巣"),))
+    written = export_survey(named, tmp_path / "飛行", [form])
+    coded_only = form == "motus"
+    assert bool(written) != coded_only
+    assert all(path.stat().st_size for path in written)
+    inside = b"".join(path.read_bytes() for path in written)
+    if form in ("kml", "gpx", "movebank"):
+        assert "飛行".encode() in inside
 
 
 def test_positions_carry_the_time_of_their_last_bearing(survey: Survey, tmp_path: Path) -> None:

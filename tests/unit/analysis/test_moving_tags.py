@@ -1,5 +1,7 @@
 """Flights past animals that walk: command line, report, exports and page follow them."""
 
+import csv
+import io
 import json
 import sqlite3
 import subprocess
@@ -15,8 +17,11 @@ from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.export.gpx import NAMESPACE, gpx_text
 from uavrt.analysis.export.kmz import kml_text
+from uavrt.analysis.export.tables import movebank_csv, ways_csv
 from uavrt.analysis.positions import read_positions
+from uavrt.analysis.report import words
 from uavrt.analysis.survey import Survey, read_survey
+from uavrt.clock import iso_utc
 from uavrt.localization import Position, TangentPlane
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 
@@ -139,3 +144,36 @@ def test_exports_carry_the_way_with_its_times(survey: Survey, tmp_path: Path) ->
     with sqlite3.connect(tmp_path / "flight.gpkg") as database:
         (count,) = database.execute("SELECT count(*) FROM tag_tracks").fetchone()
     assert count == len(way)
+
+
+def test_tables_have_the_way_with_a_row_for_each_time(survey: Survey) -> None:
+    way = way_of(survey, WALKER).track
+    rows = list(csv.DictReader(io.StringIO(ways_csv(survey))))
+    assert [one["time_utc"] for one in rows] == [iso_utc(one.time_ns) for one in way]
+    assert {one["tag_id"] for one in rows} == {str(WALKER)}
+    assert [float(one["radius95_m"]) for one in rows] == [
+        pytest.approx(one.radius95_m, abs=0.001) for one in way
+    ]
+    events = list(csv.DictReader(io.StringIO(movebank_csv(survey))))
+    assert len({one["event-id"] for one in events}) == len(events) == len(way) + 1
+    walked = [one for one in events if one["tag-local-identifier"] == str(WALKER)]
+    for event, one in zip(walked, way, strict=True):
+        assert float(event["location-lat"]) == pytest.approx(one.latitude_deg, abs=1e-8)
+        assert float(event["location-error-numerical"]) == pytest.approx(
+            one.radius95_m, abs=0.01
+        )
+    times = [one["timestamp"] for one in walked]
+    assert times == sorted(set(times))
+
+
+def test_a_walkers_place_says_for_which_time_it_stands(place: Path, survey: Survey) -> None:
+    last_ns = way_of(survey, WALKER).track[-1].time_ns
+    assert survey.position_time_ns(WALKER) == last_ns
+    (walker, resting) = words.findings(survey)
+    assert f"at {iso_utc(last_ns)[11:19]} UTC" in walker.detail
+    assert "if it walked straight on" in walker.detail
+    assert "if it walked straight on" not in resting.detail
+    command = [sys.executable, "-m", "uavrt.cli", "localize", str(place)]
+    plain = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert plain.count("if it walked straight on") == 1
+    assert f"where it was at {iso_utc(last_ns)}" in plain

@@ -7,18 +7,28 @@ import sys
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 
-from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE
-from uavrt.analysis.facts import Facts, facts_of
+from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, learnt_antenna
+from uavrt.analysis.facts import Facts, facts_of, write_facts
 from uavrt.analysis.report import html_page, pdf_document, words
-from uavrt.analysis.report.maps import draw_overview
+from uavrt.analysis.report.document import _Book
+from uavrt.analysis.report.maps import draw_overview, draw_tag_map
+from uavrt.analysis.report.roses import draw_roses
 from uavrt.analysis.report.style import new_figure, styled
+from uavrt.analysis.report.times import draw_times
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.errors import ConfigError
+from uavrt.localization import PATTERNS
 from uavrt.messages import SearchNote, SoughtTag
 from uavrt.recording import read_search_notes
 from uavrt.simulation import Scenario
@@ -119,6 +129,94 @@ def test_pulses_without_poses_are_reported_with_the_reason(write_flight: WriteFl
     assert any("No bearings" in warning for warning in survey.warnings)
 
 
+class Pages:
+    """Takes a report's pages in place of a PDF file."""
+
+    def __init__(self) -> None:
+        self.figures: list[Figure] = []
+
+    def savefig(self, figure: Figure) -> None:
+        figure.canvas.draw()
+        self.figures.append(figure)
+
+
+def named(survey: Survey, name: str) -> Survey:
+    """The same flight past tags of a longer name."""
+    assert survey.info is not None
+    tags = tuple(replace(tag, name=name) for tag in survey.info.tags)
+    return replace(survey, name=f"flight {name}", info=replace(survey.info, tags=tags))
+
+
+def extent(artist: Artist) -> Bbox:
+    figure = artist.get_figure(root=True)
+    assert figure is not None
+    return artist.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "name", ["W" * 60, "a hyena of the northern clan, with a torn left ear, tagged"]
+)
+def test_long_names_stay_on_the_page_and_off_the_maps(survey: Survey, name: str) -> None:
+    pages = Pages()
+    with styled():
+        book = _Book(pages, named(survey, name))  # type: ignore[arg-type]
+        book.first_page()
+        book.tag_page(2)
+        book.last_pages()
+        assert len(pages.figures) >= 3
+        for figure in pages.figures:
+            texts = [one for one in figure.texts if one.get_text()]
+            assert texts
+            for one in texts:
+                box = extent(one)
+                assert box.x0 >= 0.0, one.get_text()
+                assert box.x1 <= figure.bbox.x1, one.get_text()
+        tag_page = pages.figures[1]
+        titles = [one for one in tag_page.texts if one.get_fontsize() == 14]
+        assert "".join(one.get_text() for one in titles).replace(" ", "") == (
+            f"Tag2{name}".replace(" ", "")
+        )
+        lowest = min(extent(one).y0 for one in titles)
+        drawn = [part.get_tightbbox() for part in tag_page.subfigs]
+        assert lowest > max(box.y1 for box in drawn if box is not None)
+
+
+@pytest.mark.parametrize("name", ["W" * 60, "Kiwi"])
+def test_the_legend_leaves_the_north_arrow_to_be_seen(survey: Survey, name: str) -> None:
+    with styled():
+        for draw in (draw_overview, partial(draw_tag_map, tag_id=2)):
+            figure = new_figure(6.9, 4.4)
+            draw(figure, named(survey, name))
+            figure.canvas.draw()
+            axes = figure.axes[0]
+            (arrow,) = (one for one in axes.texts if isinstance(one, Annotation))
+            legend = axes.get_legend()
+            assert legend is not None
+            assert not extent(arrow).overlaps(extent(legend))
+
+
+def test_roses_show_the_antenna_as_the_turns_have_shown_it(write_flight: WriteFlight) -> None:
+    flight = write_flight(heard=2)
+    survey = read_survey(flight, antenna="H", offset_deg=30.0)
+    learnt = learnt_antenna(flight, "H", 30.0)
+    (one, *_) = survey.bearings_of(2)
+    assert one.bearing.level_db is not None
+    with styled():
+        figure = new_figure(7.6, 3.7)
+        draw_roses(figure, survey, 2)
+        rose, rest = figure.axes[:2]
+        around = np.degrees(np.asarray(rose.lines[0].get_xdata(), float))
+        drawn = np.asarray(rose.lines[0].get_ydata(), float)
+        residuals = np.asarray(rest.lines[-1].get_ydata(), float)
+    off = around - one.bearing.bearing_deg
+    expected = one.bearing.level_db + learnt.gain_db(off)
+    table = one.bearing.level_db + PATTERNS["H"].gain_db(off)
+    shown = drawn > drawn.min() + 0.01  # below, the rose ends
+    assert drawn[shown] == pytest.approx(expected[shown], abs=1e-6)
+    assert np.abs(drawn - table)[shown].max() > 1.0
+    assert np.sqrt(np.mean(residuals**2)) < 3.0
+
+
 def test_ten_tags_have_ten_findings_in_order(write_flight: WriteFlight) -> None:
     survey = read_survey(write_flight(tags=10, heard=10))
     assert [one.tag_id for one in words.findings(survey)] == list(range(2, 12))
@@ -170,6 +268,43 @@ def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlig
     assert survey.span_ns is not None
     assert f"({survey.facts.local_time(survey.span_ns[0])})" in page.text
     assert pdf_document(survey).startswith(b"%PDF-")
+
+
+def test_local_time_stands_beside_utc_wherever_a_time_is_told(survey: Survey) -> None:
+    local = replace(survey, facts=Facts(time_zone="Asia/Tokyo"))
+    (finding, _) = words.findings(local)
+    told = re.search(r"at (\d\d):(\d\d:\d\d) UTC \((\d\d):(\d\d:\d\d) JST\)", finding.detail)
+    assert told is not None
+    assert (int(told[1]) + 9) % 24 == int(told[3])
+    assert told[2] == told[4]
+    bearings, tags = words.bearing_table(local), words.tag_table(local)
+    assert "Time UTC (JST)" in bearings[0]
+    assert "Last heard UTC (JST)" in tags[0]
+    both = re.compile(r"\d\d:\d\d:\d\d \(\d\d:\d\d:\d\d\)")
+    assert all(both.fullmatch(row[1]) for row in bearings[1])
+    assert both.fullmatch(tags[1][0][6])
+    assert all(both.fullmatch(time) for time, _ in words.events(local))
+    with styled():
+        figure = new_figure(7.0, 4.0)
+        draw_times(figure, local, [2])
+    assert re.fullmatch(
+        r"minutes after [\d:]+ UTC \([\d:]+ JST\)", figure.axes[-1].get_xlabel()
+    )
+    assert "Time UTC" in words.bearing_table(survey)[0]
+    assert "(" not in words.bearing_table(survey)[1][0][1]
+
+
+def test_facts_are_written_as_they_are_read(tmp_path: Path) -> None:
+    facts = Facts(operator='A. "Ranger" \\ Söhne', permit="飛行-118", time_zone="Asia/Tokyo")
+    write_facts(tmp_path, facts)
+    assert facts_of(tmp_path / "flight_log_x") == facts
+    with pytest.raises(ConfigError, match="no time zone"):
+        write_facts(tmp_path, Facts(time_zone="Moon/Base"))
+    with pytest.raises(ConfigError, match="operator is not text"):
+        write_facts(tmp_path, Facts(operator="two\nlines"))
+    assert facts_of(tmp_path / "flight_log_x") == facts
+    write_facts(tmp_path, Facts())
+    assert facts_of(tmp_path / "flight_log_x") == Facts()
 
 
 @pytest.mark.parametrize(

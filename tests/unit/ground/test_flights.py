@@ -24,6 +24,7 @@ from uavrt.errors import UsageError
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import Columns, FlightLibrary
+from uavrt.ground.store.settings import GroundSettings
 from uavrt.ground.web import maps
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.ground.web.reports import Reporter
@@ -343,6 +344,38 @@ def test_page_report_and_command_line_tell_the_same_over_hills(
         assert shown["radius95_m"] != pytest.approx(level.position.radius95_m, abs=0.1)
 
 
+@pytest.mark.parametrize("pattern", ["monopole", "RA-23K"])
+def test_page_report_and_command_line_trust_headings_and_heights_alike(
+    keeper: FlightKeeper, tmp_path: Path, pattern: str
+) -> None:
+    if pattern == "monopole":
+        survey_lines(keeper)
+    else:
+        fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
+    keeper.commit()
+    assert keeper.flight_id is not None
+    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    place, tags = library.path(flight_id), library.summary(flight_id).tags
+    columns, estimator = library.columns(flight_id), Estimator()
+    settings = GroundSettings(antenna=pattern)
+    (usual,) = estimator.estimate(columns, settings.antenna_choice, (), tags).positions
+
+    settings = settings.changed({"heading_error_deg": "0", "height_error_m": "20,5"})
+    (shown,) = estimator.estimate(columns, settings.antenna_choice, (), tags).positions
+    (told,) = read_positions(place, antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5)
+    (reported,) = read_survey(
+        place, antenna=pattern, heading_sigma_deg=0.0, height_sigma_m=20.5
+    ).positions
+    for other in (told.position, reported.position):
+        assert other is not None
+        assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-9)
+        assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
+        assert shown["remarks"] == list(other.remarks)
+    assert shown["remarks"] != usual["remarks"]
+    with pytest.raises(UsageError, match="heading_error_deg"):
+        settings.changed({"heading_error_deg": "-1"})
+
+
 def test_a_turn_that_goes_on_gives_a_wide_interval_that_narrows(keeper: FlightKeeper) -> None:
     widths = []
     for until_s in (14.0, 35.0, 59.0):
@@ -374,18 +407,19 @@ def test_an_offset_of_the_antenna_turns_the_bearing(flown: tuple[FlightLibrary, 
     assert (turned["bearing_deg"] - straight) % 360.0 == pytest.approx(90.0, abs=0.5)
 
 
-def test_the_pages_report_has_the_bearings_of_the_antennas_offset(
+def test_the_pages_report_has_what_the_page_tells_of_the_antenna_that_is_set(
     flown: tuple[FlightLibrary, str], tmp_path: Path
 ) -> None:
     library, flight_id = flown
     columns, place = library.columns(flight_id), library.path(flight_id)
     reporter = Reporter(tmp_path / "reports")
-    for offset_deg in (0.0, 90.0):
-        antenna = AntennaChoice(offset_deg=offset_deg)
+    for offset_deg, heading_sigma_deg in ((0.0, 1.5), (90.0, 1.5), (90.0, 15.0)):
+        antenna = AntennaChoice(offset_deg=offset_deg, heading_sigma_deg=heading_sigma_deg)
         tags = library.summary(flight_id).tags
-        (shown, *_) = Estimator().estimate(columns, antenna, (), tags).bearings
-        page = asyncio.run(reporter.report(place, antenna)).decode()
-        assert f"{shown['bearing_deg']:.0f}°" in page
+        found = Estimator().estimate(columns, antenna, (), tags)
+        page = asyncio.run(reporter.report(place, antenna)).decode().replace("\u00a0", " ")
+        assert f"{found.bearings[0]['bearing_deg']:.0f}°" in page
+        assert f"{found.positions[0]['radius95_m']:.0f} m with 95 %" in page
 
 
 @pytest.mark.parametrize("name", EXPORTS)

@@ -15,6 +15,7 @@ from page_driver import write_map
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
+from uavrt.analysis.facts import Facts, facts_of
 from uavrt.clock import Clock
 from uavrt.errors import CommandRefused
 from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -340,6 +341,22 @@ def test_settings_are_checked_and_kept(served: Any) -> None:
     wrong = served.ask("PUT", "/api/settings", {"antenna": "H9"})
     assert wrong.status == 422
     assert served.ask("GET", "/api/settings").json["antenna"] == "H"
+
+
+def test_who_flew_what_is_told_on_the_page_and_stands_in_its_reports(served: Any) -> None:
+    assert set(served.ask("GET", "/api/facts").json.values()) == {""}
+    told = {"operator": " A. <Ranger> ", "time_zone": "Europe/Zurich"}
+    assert served.ask("PUT", "/api/facts", told).json["operator"] == "A. <Ranger>"
+    assert served.ask("PUT", "/api/facts", {"species": "Lynx lynx"}).status == 200
+    facts = facts_of(served.station.session.store.directory / "flight_log_x")
+    assert facts == Facts(
+        operator="A. <Ranger>", time_zone="Europe/Zurich", species="Lynx lynx"
+    )
+    faults: list[object] = [{"time_zone": "Moon/Base"}, {"pilot": "x"}, {"permit": 7}, []]
+    for wrong in faults:
+        assert served.ask("PUT", "/api/facts", wrong).status == 422, wrong
+    assert served.ask("PUT", "/api/facts", {"species": ""}).json["species"] == ""
+    assert served.ask("GET", "/api/facts").json["time_zone"] == "Europe/Zurich"
 
 
 def test_with_a_password_nothing_is_told_without_it(

@@ -11,7 +11,7 @@ from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.export.geotiff import geotiff_bytes
 from uavrt.analysis.export.gpx import gpx_text
-from uavrt.analysis.export.kmz import kmz_bytes
+from uavrt.analysis.export.kmz import kml_text, kmz_bytes
 from uavrt.analysis.survey import Survey
 from uavrt.errors import RecordingError, UsageError
 from uavrt.lazy import lazily
@@ -20,7 +20,6 @@ from uavrt.recording.formats import write_bearing_file, write_position_file
 from uavrt.recording.formats.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from uavrt.analysis.export.kmz import kml_text
     from uavrt.analysis.export.png import chance, png_bytes
     from uavrt.analysis.export.tables import pulses_csv
 
@@ -36,6 +35,7 @@ class OneFile:
 ONE_FILE: dict[str, OneFile] = {
     "geojson": OneFile("application/geo+json", geojson_text),
     "kmz": OneFile("application/vnd.google-earth.kmz", kmz_bytes),
+    "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
     "gpx": OneFile("application/gpx+xml", gpx_text),
 }
 """By the name of the format, which is also the file's ending."""
@@ -53,8 +53,10 @@ def export_survey(
     directory : Path
         Made if need be.
     formats : sequence of str
-        ``csv`` (pulses, track, positions), ``uavrt`` (the original's bearings.csv,
-        positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``gpx``,
+        ``csv`` (pulses, track, positions; ways of tags that moved and marks where there are
+        any), ``uavrt`` (the original's bearings.csv,
+        positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``kml`` (without
+        pictures), ``gpx``,
         ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one; of a
         survey with a monopole the strength, and that of each layer of heights), ``motus``
         (bursts of coded tags, where there are any). None: all.
@@ -91,7 +93,25 @@ def _csv(survey: Survey, directory: Path) -> list[Path]:
             "track.csv": tables.track_csv(survey),
             "fixes.csv": tables.fixes_csv(survey),
         },
+    ) + _where_any(
+        directory,
+        {
+            "ways.csv": tables.ways_csv(survey) if _walked(survey) else None,
+            "marks.csv": tables.marks_csv(survey) if survey.marks else None,
+        },
     )
+
+
+def _walked(survey: Survey) -> bool:
+    return any(one.position is not None and one.position.track for one in survey.positions)
+
+
+def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
+    """Write what there is, and remove what an earlier export had of the rest."""
+    for name, content in files.items():
+        if content is None:
+            (directory / name).unlink(missing_ok=True)
+    return _written(directory, {n: text for n, text in files.items() if text is not None})
 
 
 def _uavrt(survey: Survey, directory: Path) -> list[Path]:
@@ -202,7 +222,6 @@ __getattr__ = lazily(
     __name__,
     {
         "chance": "png",
-        "kml_text": "kmz",
         "png_bytes": "png",
         "pulses_csv": "tables",
     },

@@ -19,7 +19,7 @@ from uavrt.analysis.measure import (
 from uavrt.analysis.power_survey import HeightBand, TagSignal
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
-from uavrt.localization import StrongestSignal
+from uavrt.localization import Position, StrongestSignal
 from uavrt.recording import Ring
 
 _PLACES = 8
@@ -98,9 +98,29 @@ def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
             "bearings": position.stations,
             "powers": position.pulses,
             "may_be_farther_out": position.at_edge,
+            **cautions_of(position),
         }
         found.append(((position.longitude_deg, position.latitude_deg), properties))
     return found
+
+
+def cautions_of(position: Position) -> dict[str, str]:
+    """What makes a position less sure than its circles say: by name, and in words."""
+    return {
+        "cautions": ", ".join(one.name for one in position.cautions),
+        "cautions_in_words": "; ".join(one.text for one in position.cautions),
+    }
+
+
+def mark_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+    """Place and attributes of each mark."""
+    return [
+        (
+            (mark.longitude_deg, mark.latitude_deg),
+            {"time": iso_utc(mark.time_ns), "text": mark.text},
+        )
+        for mark in survey.marks
+    ]
 
 
 def way_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
@@ -274,10 +294,6 @@ def _ways(survey: Survey) -> list[dict[str, Any]]:
 
 def _marks(survey: Survey) -> list[dict[str, Any]]:
     return [
-        _feature(
-            "Point",
-            _rounded((mark.longitude_deg, mark.latitude_deg)),
-            {"layer": "mark", "time": iso_utc(mark.time_ns), "text": mark.text},
-        )
-        for mark in survey.marks
+        _feature("Point", _rounded(place), {"layer": "mark", **properties})
+        for place, properties in mark_properties(survey)
     ]

@@ -25,6 +25,7 @@ _COLOURS = {
     "tag_tracks": "179,38,30,160",
     "regions95": "179,38,30,50",
     "region_outlines": "179,38,30,255",
+    "marks": "0,114,178,255",
     "strongest_signal": "22,35,42,255",
 }
 _TIMED = (
@@ -35,6 +36,7 @@ _TIMED = (
     "regions95",
     "region_outlines",
     "tag_tracks",
+    "marks",
 )
 """Layers with a column ``time``."""
 

@@ -30,9 +30,11 @@ def gpx_text(survey: Survey) -> str:
         if time_ns is not None:
             ET.SubElement(point, "time").text = iso_utc(time_ns)
         ET.SubElement(point, "name").text = printable(survey.label(one.tag_id))
+        told = [one.text for one in position.cautions]
         if position.radius95_m is not None:
-            text = f"within {position.radius95_m:.0f} m with 95 %"
-            ET.SubElement(point, "desc").text = text
+            told.insert(0, f"within {position.radius95_m:.0f} m with 95 %")
+        if told:
+            ET.SubElement(point, "desc").text = printable("; ".join(told))
         ET.SubElement(point, "type").text = "tag position"
     for mark in survey.marks:
         point = _point(root, "wpt", mark.latitude_deg, mark.longitude_deg)

@@ -192,8 +192,10 @@ def _described(survey: Survey, tag_id: int) -> str:
     if position.radius95_m is not None:
         text += f", within {position.radius95_m:.0f} m with 95 %"
     if position.pulses:
-        return text + f"; from the strength of {position.pulses} pulses"
-    return text + f"; from {position.stations} bearings"
+        text += f"; from the strength of {position.pulses} pulses"
+    else:
+        text += f"; from {position.stations} bearings"
+    return "; ".join([text, *(one.text for one in position.cautions)])
 
 
 def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:

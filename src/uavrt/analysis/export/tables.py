@@ -8,10 +8,11 @@ from datetime import UTC, datetime
 from typing import Any
 
 from uavrt.analysis.bearings import TagBearing
+from uavrt.analysis.export.geojson import cautions_of
 from uavrt.analysis.positions import positions_of_bearings
 from uavrt.analysis.survey import Survey
 from uavrt.clock import iso_utc
-from uavrt.localization import PositionMethod
+from uavrt.localization import Position, PositionMethod
 from uavrt.recording import PulseWriter
 from uavrt.recording.formats import BearingRow, PositionRow, write_tagtracker
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -96,8 +97,8 @@ def fixes_csv(survey: Survey) -> str:
     """Positions with their uncertainty; a tag without one says why."""
     header = (
         *("tag_id", "name", "time_utc", "method", "latitude_deg", "longitude_deg"),
-        "radius50_m",
-        *("radius95_m", "bearings", "may_be_farther_out", "reason"),
+        *("radius50_m", "radius95_m", "bearings", "may_be_farther_out"),
+        *("cautions", "cautions_in_words", "reason"),
     )
     rows = []
     for tag_id in survey.tag_ids:
@@ -105,45 +106,104 @@ def fixes_csv(survey: Survey) -> str:
         name = "" if tag is None else tag.name or ""
         if found is None or found.position is None:
             reason = "no bearing was taken" if found is None else found.reason
-            rows.append((tag_id, name, *[""] * 8, reason))
+            rows.append((tag_id, name, *[""] * 10, reason))
             continue
         position = found.position
         place = (f"{position.latitude_deg:.9f}", f"{position.longitude_deg:.9f}")
         radii = (_metres(position.radius50_m), _metres(position.radius95_m))
-        rest = (position.stations, str(position.at_edge).lower(), "")
+        rest = (position.stations, str(position.at_edge).lower())
+        doubts = (*cautions_of(position).values(), "")
         time_ns = survey.position_time_ns(tag_id)
         time = "" if time_ns is None else iso_utc(time_ns)
-        rows.append((tag_id, name, time, position.method, *place, *radii, *rest))
+        rows.append((tag_id, name, time, position.method, *place, *radii, *rest, *doubts))
     return _csv(header, rows)
+
+
+def ways_csv(survey: Survey) -> str:
+    """Where each tag that moved was, at each time of its way."""
+    header = (
+        *("tag_id", "name", "time_utc", "latitude_deg", "longitude_deg"),
+        *("radius50_m", "radius95_m"),
+    )
+    rows = []
+    for each in survey.positions:
+        tag = survey.tag(each.tag_id)
+        for one in () if each.position is None else each.position.track:
+            place = (f"{one.latitude_deg:.9f}", f"{one.longitude_deg:.9f}")
+            radii = (_metres(one.radius50_m), _metres(one.radius95_m))
+            name = "" if tag is None else tag.name or ""
+            rows.append((each.tag_id, name, iso_utc(one.time_ns), *place, *radii))
+    return _csv(header, rows)
+
+
+def marks_csv(survey: Survey) -> str:
+    """Places that the operator marked."""
+    rows = (
+        (iso_utc(one.time_ns), f"{one.latitude_deg:.9f}", f"{one.longitude_deg:.9f}", one.text)
+        for one in survey.marks
+    )
+    return _csv(("time_utc", "latitude_deg", "longitude_deg", "text"), rows)
 
 
 def movebank_csv(survey: Survey) -> str:
     """Positions as events in the words of Movebank's attribute dictionary.
 
-    One event for each tag, at the end of its last bearing. Movebank asks for the meaning of
-    columns at the upload; names that are its own are recognised.
+    One event for each tag, at the end of its last bearing; of a tag that moved one for each
+    time of its way. Movebank asks for the meaning of columns at the upload; names that are its
+    own are recognised.
     """
-    rows: list[dict[str, Any]] = []
-    for number, one in enumerate(survey.positions, start=1):
-        time_ns = survey.position_time_ns(one.tag_id)
-        if one.position is None or time_ns is None:
-            continue
-        tag, position = survey.tag(one.tag_id), one.position
-        radius = _metres(position.radius95_m)
-        heard = "pulses" if position.pulses else "bearings"
-        count = position.pulses or position.stations
-        told = (
-            *(number, _movebank_time(time_ns)),
-            *(f"{position.longitude_deg:.8f}", f"{position.latitude_deg:.8f}"),
-            *("radio-transmitter", _animal(survey, one.tag_id), one.tag_id),
-            "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
-            *(radius, 95 if radius else ""),
-            f"{position.method}, {count} {heard}, {survey.name}",
-            # What says no more than a direction is no place; Movebank hides such by default.
-            str(position.at_edge or not radius).lower(),
-        )
-        rows.append(dict(zip(MOVEBANK_COLUMNS, told, strict=True)))
+    events = [
+        (one.tag_id, one.position, place)
+        for one in survey.positions
+        if one.position is not None
+        for place in _places(survey, one.tag_id, one.position)
+    ]
+    rows = [
+        _movebank_row(survey, number, *event) for number, event in enumerate(events, start=1)
+    ]
     return _without_empty(MOVEBANK_COLUMNS, rows)
+
+
+def _places(
+    survey: Survey, tag_id: int, position: Position
+) -> list[tuple[int, float, float, float | None]]:
+    """Times, latitudes, longitudes and radii of 95 % of a position: those of its way."""
+    if position.track:
+        return [
+            (one.time_ns, one.latitude_deg, one.longitude_deg, one.radius95_m)
+            for one in position.track
+        ]
+    time_ns = survey.position_time_ns(tag_id)
+    if time_ns is None:
+        return []
+    return [(time_ns, position.latitude_deg, position.longitude_deg, position.radius95_m)]
+
+
+def _movebank_row(
+    survey: Survey,
+    number: int,
+    tag_id: int,
+    position: Position,
+    place: tuple[int, float, float, float | None],
+) -> dict[str, Any]:
+    time_ns, latitude_deg, longitude_deg, radius95_m = place
+    tag, radius = survey.tag(tag_id), _metres(radius95_m)
+    heard = "pulses" if position.pulses else "bearings"
+    count = position.pulses or position.stations
+    text = f"{position.method}, {count} {heard}, {survey.name}"
+    contradicted = any(one.name == "contradiction" for one in position.cautions)
+    told = (
+        *(number, _movebank_time(time_ns)),
+        *(f"{longitude_deg:.8f}", f"{latitude_deg:.8f}"),
+        *("radio-transmitter", _animal(survey, tag_id), tag_id),
+        "" if tag is None else f"{tag.frequency_hz / 1e6:.6f}",
+        *(radius, 95 if radius else ""),
+        "; ".join([text, *(one.text for one in position.cautions)]),
+        # What says no more than a direction is no place, and bearings that contradict each
+        # other tell none that can be trusted; Movebank hides such by default.
+        str(position.at_edge or not radius or contradicted).lower(),
+    )
+    return dict(zip(MOVEBANK_COLUMNS, told, strict=True))
 
 
 def movebank_reference_csv(survey: Survey) -> str:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         rings95,
         split_area_at_date_line,
         split_at_date_line,
+        straight_walk,
         way_of,
         wedge,
     )
@@ -80,6 +81,7 @@ __all__ = [
     "rings95",
     "split_area_at_date_line",
     "split_at_date_line",
+    "straight_walk",
     "switched_bearings",
     "way_of",
     "wedge",
@@ -121,6 +123,7 @@ __getattr__ = lazily(
         "rings95": "shapes",
         "split_area_at_date_line": "shapes",
         "split_at_date_line": "shapes",
+        "straight_walk": "shapes",
         "switched_bearings": "switched",
         "way_of": "shapes",
         "wedge": "shapes",

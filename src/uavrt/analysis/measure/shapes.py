@@ -6,6 +6,7 @@ from itertools import pairwise
 
 from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.positions import TagPosition
+from uavrt.clock import iso_utc
 from uavrt.localization import Position, TangentPlane, region_outlines
 from uavrt.units import wrap_degrees_360
 
@@ -77,6 +78,18 @@ def way_of(position: Position | None) -> list[Point]:
     """The path of a moving tag; empty for one that rests."""
     track = () if position is None else position.track
     return [(one.longitude_deg, one.latitude_deg) for one in track]
+
+
+def straight_walk(position: Position) -> str | None:
+    """What a walking tag's one place means beside its way, which may bend.
+
+    None where the two are the same: by strength, or where the way itself was asked for.
+    """
+    walks = any(one.name == "walk" for one in position.cautions)
+    if not position.track or not walks or position.method == "track":
+        return None
+    time = iso_utc(position.track[-1].time_ns)
+    return f"this is where it was at {time} if it walked straight on; its way may bend"
 
 
 def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:

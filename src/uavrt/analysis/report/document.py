@@ -1,11 +1,18 @@
 """The report as PDF: A4 pages for print and mail."""
 
 import io
-import textwrap
 from typing import TYPE_CHECKING
 
 from uavrt.analysis.report import folds, heights, maps, roses, searches, silences, times, words
-from uavrt.analysis.report.style import A4_IN, FAINT, SOFT, new_figure, styled, tag_color
+from uavrt.analysis.report.style import (
+    A4_IN,
+    FAINT,
+    SOFT,
+    new_figure,
+    styled,
+    tag_color,
+    wrapped,
+)
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
 from uavrt.recording import FlightFold
@@ -16,6 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.08, 0.93, 0.95, 0.06
+_WIDTH_IN = (_RIGHT - _LEFT) * A4_IN[0]
+_BETWEEN_IN = 0.06
+"""Between columns of a table."""
 _LINE = 0.0155
 """Height of a line of 9 points over that of the page, with space between."""
 
@@ -60,7 +70,7 @@ class _Book:
         """Title, warnings, where the tags are, the map."""
         survey = self._survey
         writer = _Writer(self)
-        writer.text(survey.name, size=16, weight="bold", width=60)
+        writer.text(survey.name, size=16, weight="bold")
         for text in (words.heading_line(survey), *survey.facts.lines):
             writer.text(text, color=SOFT)
         writer.skip()
@@ -94,7 +104,7 @@ class _Book:
         height = min(0.55, writer.left - 0.02)
         searches.draw_search(_part(writer.figure, _BOTTOM, height), survey, search)
         writer.end_page()
-        writer.table("Decisions", searches.decision_table(search), (9, 24, 59))
+        writer.table("Decisions", searches.decision_table(survey, search), (11, 24, 57))
         writer.end_page()
 
     def tag_page(self, tag_id: int) -> None:
@@ -103,8 +113,8 @@ class _Book:
         figure = self.page()
         title = f"Tag {words.title_of(survey, tag_id)}"
         color = tag_color(survey.tag_ids, tag_id)
-        figure.text(_LEFT, _TOP, title, size=14, weight="bold", va="top", color=color)
-        maps.draw_tag_map(_part(figure, 0.53, 0.38), survey, tag_id)
+        top = _headed(figure, title, color, bold=True)
+        maps.draw_tag_map(_part(figure, 0.53, top - 0.53), survey, tag_id)
         signal = survey.signal_of(tag_id)
         if signal is not None:
             heights.draw_heights(_part(figure, 0.27, 0.25), signal)
@@ -115,19 +125,21 @@ class _Book:
         layers = 0 if signal is None else len(signal.layers)
         for first in range(0, layers, heights.PER_PAGE):
             figure = self.page()
-            figure.text(_LEFT, _TOP, f"{title}, by height", size=14, va="top", color=color)
+            top = _headed(figure, f"{title}, by height", color)
             rows = -(-min(heights.PER_PAGE, layers - first) // heights.COLUMNS)
             assert signal is not None
-            part = _part(figure, 0.92 - 0.28 * rows, 0.28 * rows)
+            height = min(0.28 * rows, top - _BOTTOM)
+            part = _part(figure, top - height, height)
             heights.draw_layers(part, survey, signal, first)
             self.save(figure)
         count = len(survey.bearings_of(tag_id))
         rest = list(range(roses.COLUMNS, count, roses.COLUMNS))
         for start in range(0, len(rest), 3):
             figure = self.page()
-            figure.text(_LEFT, _TOP, f"{title}, further turns", size=14, va="top", color=color)
+            top = _headed(figure, f"{title}, further turns", color)
             for row, first in enumerate(rest[start : start + 3]):
-                roses.draw_roses(_part(figure, 0.64 - 0.29 * row, 0.27), survey, tag_id, first)
+                bottom = top - 0.27 - 0.285 * row
+                roses.draw_roses(_part(figure, bottom, 0.27), survey, tag_id, first)
             self.save(figure)
 
     def fold_page(self, one: FlightFold) -> None:
@@ -165,13 +177,13 @@ class _Book:
         if (codes := words.code_table(survey)) is not None:
             writer.table("Codes", codes, (15, 30, 30, 14))
         if survey.bearings:
-            widths = (6, 10, 24, 9, 16, 8, 20)
+            widths = (6, 11, 24, 9, 16, 8, 18)
             writer.table("Bearings", words.bearing_table(survey), widths)
         if survey.health:
             writer.table("System", words.health_table(survey), (14, 18, 18, 42))
         if events := words.events(survey):
             rows = [[time, text] for time, text in events]
-            writer.table("Events", (["Time", "Event"], rows), (10, 82))
+            writer.table("Events", ([f"Time {words.zones(survey)}", "Event"], rows), (11, 81))
         if survey.search_reports:
             writer.room(0.2)
             times.draw_noise(_part(writer.figure, writer.top - 0.17, 0.16), survey)
@@ -194,7 +206,8 @@ class _Book:
         """Number a page and add it."""
         self._number += 1
         figure.text(_RIGHT, 0.025, str(self._number), ha="right", color=SOFT, size=8)
-        figure.text(_LEFT, 0.025, self._survey.name, color=SOFT, size=8)
+        name, *more = wrapped(self._survey.name, _WIDTH_IN - 0.5, size=8)
+        figure.text(_LEFT, 0.025, f"{name} …" if more else name, color=SOFT, size=8)
         self._pages.savefig(figure)  # type: ignore[no-untyped-call]
 
 
@@ -218,13 +231,9 @@ class _Writer:
         size: float = 9,
         weight: str = "normal",
         color: str = "#1b2430",
-        width: int = 98,
     ) -> None:
         """Write a paragraph."""
-        width = round(width * 9 / size) if size > 9 and width == 98 else width
-        # Bold letters are wider by a tenth.
-        width = round(width * 0.9) if weight == "bold" else width
-        for line in textwrap.wrap(text, width, break_long_words=True) or [""]:
+        for line in wrapped(text, _WIDTH_IN, size=size, bold=weight == "bold"):
             self.room(_LINE * size / 9)
             self.figure.text(
                 _LEFT, self.top, line, size=size, weight=weight, color=color, va="top"
@@ -252,12 +261,15 @@ class _Writer:
         self.skip()
 
     def _row(self, cells: list[str], widths: tuple[int, ...], color: str = "#1b2430") -> None:
-        wrapped = [textwrap.wrap(c, w) or [""] for c, w in zip(cells, widths, strict=True)]
-        lines = max(map(len, wrapped))
-        self.room(lines * _LINE)
         scale = (_RIGHT - _LEFT) / sum(widths)
+        texts = [
+            wrapped(cell, width * scale * A4_IN[0] - _BETWEEN_IN, size=8)
+            for cell, width in zip(cells, widths, strict=True)
+        ]
+        lines = max(map(len, texts))
+        self.room(lines * _LINE)
         left = _LEFT
-        for text, width in zip(wrapped, widths, strict=True):
+        for text, width in zip(texts, widths, strict=True):
             for number, line in enumerate(text):
                 y = self.top - number * _LINE * 0.9
                 self.figure.text(left, y, line, size=8, color=color, va="top")
@@ -271,6 +283,16 @@ class _Writer:
         self._book.save(self.figure)
         self.figure = self._book.page()
         self.top = _TOP
+
+
+def _headed(figure: "Figure", title: str, color: str, *, bold: bool = False) -> float:
+    """Write a page's title; gives how high the rest may reach, as a share of the page."""
+    lines = wrapped(title, _WIDTH_IN, size=14, bold=bold)
+    weight = "bold" if bold else "normal"
+    for number, line in enumerate(lines):
+        y = _TOP - number * _LINE * 14 / 9
+        figure.text(_LEFT, y, line, size=14, weight=weight, va="top", color=color)
+    return _TOP - len(lines) * _LINE * 14 / 9 - 0.016
 
 
 def _rule(height: float) -> "Artist":

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from uavrt.analysis.measure import Point, ray, ray_length_m, rings95, way_of, wedge
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.ground import draw_ground
-from uavrt.analysis.report.style import INK, SNR_COLORS, SOFT, message, outlined, tag_color
+from uavrt.analysis.report.style import (
+    INK,
+    SNR_COLORS,
+    SOFT,
+    message,
+    outlined,
+    tag_color,
+    wrapped,
+)
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.analysis.whole_flight import POSITION_M
 from uavrt.localization import (
@@ -30,6 +38,8 @@ if TYPE_CHECKING:
 _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
+_LEGEND_IN = 1.6
+"""Width of its texts: it must not reach the arrow to the north, on the other side."""
 STRONGEST = "strongest signal; the tag is on a ring around it"
 
 
@@ -228,9 +238,8 @@ def _position(chart: LocalMap, survey: Survey, tag_id: int, color: str) -> None:
     (x,), (y,) = chart.line([(position.longitude_deg, position.latitude_deg)])
     tag = survey.tag(tag_id)
     name = f"tag {tag_id}" + (f", {tag.name}" if tag is not None and tag.name else "")
-    chart.axes.plot(
-        [x], [y], "*", color=color, ms=13, mec="white", zorder=6, label=f"{name} and 95 %"
-    )
+    label = "\n".join(wrapped(f"{name} and 95 %", _LEGEND_IN, size=7.5))
+    chart.axes.plot([x], [y], "*", color=color, ms=13, mec="white", zorder=6, label=label)
     chart.axes.set_xlim(limits[0])
     chart.axes.set_ylim(limits[1])
 
@@ -308,7 +317,8 @@ def draw_surface(
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
     """Mark where it was loudest, and the ring that the tag is on."""
     x, y = chart.line([(loudest.longitude_deg, loudest.latitude_deg)])
-    chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=STRONGEST)
+    label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
+    chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)
     angle = np.linspace(0.0, 2.0 * np.pi, 90)
     ring = loudest.ring_radius_m
     chart.axes.plot(

@@ -107,7 +107,7 @@ def _search_section(survey: Survey, search: searches.FlownSearch) -> str:
         _table(searches.found_table(survey, search)),
         _picture(svg_data(figure), "Map of the search", searches.CAPTION),
         f"<details><summary>{len(search.decisions)} decisions and their reasons</summary>",
-        _table(searches.decision_table(search)),
+        _table(searches.decision_table(survey, search)),
         "</details>",
     ]
     return "\n".join(parts)
@@ -191,7 +191,8 @@ def _system(survey: Survey) -> str:
         caption = "Noise density at each tag's frequency, over the square of full scale."
         parts.append(_picture(svg_data(figure), "Noise over time", caption))
     if events := words.events(survey):
-        parts.append(_table((["Time", "Event"], [[time, text] for time, text in events])))
+        rows = [[time, text] for time, text in events]
+        parts.append(_table(([f"Time {words.zones(survey)}", "Event"], rows)))
     return "\n".join(parts)
 
 

@@ -9,7 +9,7 @@ from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.report.style import INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey
 from uavrt.attitude import yaw_deg
-from uavrt.localization import PATTERNS
+from uavrt.localization import pattern_named
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 if TYPE_CHECKING:
@@ -21,9 +21,9 @@ _Floats = NDArray[np.float64]
 
 
 def headings_and_snr(survey: Survey, bearing: TagBearing) -> tuple[_Floats, _Floats]:
-    """Headings [deg] and SNR [dB] of the pulses that went into a bearing."""
+    """Headings of the antenna [deg] and SNR [dB] of the pulses that went into a bearing."""
     pairs = [
-        (yaw_deg(one.pose.quaternion_wxyz), one.pulse.snr_db)
+        (yaw_deg(one.pose.quaternion_wxyz) + survey.offset_deg, one.pulse.snr_db)
         for one in survey.pulses_of(bearing.tag_id)
         if one.pose is not None
         and bearing.start_time_ns <= one.pulse.start_time_ns <= bearing.end_time_ns
@@ -52,6 +52,11 @@ def draw_roses(
         _residuals(rest, survey, one, yaw, snr, color)
         if column == 0:
             rest.set_ylabel("SNR − pattern [dB]")
+
+
+def _gain_db(survey: Survey, off_deg: _Floats) -> _Floats:
+    """Gain of the antenna [dB] as the bearings took it: corrected by what the turns showed."""
+    return (survey.pattern or pattern_named(survey.antenna)).gain_db(off_deg)
 
 
 def verdict(one: TagBearing) -> str:
@@ -88,9 +93,7 @@ def _rose(
         )
     if bearing.level_db is not None:
         around = np.linspace(0.0, 360.0, 361)
-        level = bearing.level_db + PATTERNS[survey.antenna].gain_db(
-            around - bearing.bearing_deg
-        )
+        level = bearing.level_db + _gain_db(survey, around - bearing.bearing_deg)
         axes.plot(np.radians(around), np.maximum(level, floor), color=SOFT, lw=1.0)
     axes.plot(np.radians([bearing.bearing_deg] * 2), [floor, top], color=color, lw=1.8)
     axes.plot(np.radians(yaw), snr, "o", color=INK, ms=2.6, alpha=0.8, mew=0)
@@ -112,7 +115,7 @@ def _residuals(
     axes.axvline(0.0, color=color, lw=1.2)
     off = wrap_degrees_180(yaw - bearing.bearing_deg)
     level = float(np.median(snr)) if bearing.level_db is None else bearing.level_db
-    rest = snr - level - PATTERNS[survey.antenna].gain_db(off)
+    rest = snr - level - _gain_db(survey, off)
     axes.plot(off, rest, "o", color=INK, ms=2.2, alpha=0.8, mew=0)
     bound = max(6.0, float(np.abs(rest).max(initial=0.0)) * 1.1)
     axes.set_ylim(-bound, bound)

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavrt.analysis.report.maps import LocalMap, draw_track, finish_legend
 from uavrt.analysis.report.style import SOFT, tag_color
-from uavrt.analysis.report.words import Table, clock, title_of
+from uavrt.analysis.report.words import Table, title_of, zones
 from uavrt.analysis.survey import Survey
 from uavrt.messages import SearchNote, SoughtTag
 
@@ -61,14 +61,14 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
 
 def account(survey: Survey, search: FlownSearch) -> list[str]:
     """Tell in sentences what was asked, how it ended, what is still unknown and where."""
-    begun, last = search.begun, search.last
+    begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)
     ended = last.reason if last.event == "ended" else "the recording breaks off"
     each = f", {minutes / found:.1f} minutes for each animal" if found else ""
     told = [
-        f"{clock(begun.time_ns)} UTC: {begun.text}. Planner {begun.reason}.",
-        f"{clock(last.time_ns)} UTC: {ended}. {found} of {len(last.tags)} found in "
+        f"{clock(begun.time_ns)}: {begun.text}. Planner {begun.reason}.",
+        f"{clock(last.time_ns)}: {ended}. {found} of {len(last.tags)} found in "
         f"{minutes:.1f} minutes{each}; {len(search.decisions)} decisions.",
     ]
     return told + [_unknown(survey, one) for one in search.unknown]
@@ -106,14 +106,14 @@ def found_table(survey: Survey, search: FlownSearch) -> Table:
     return header, rows
 
 
-def decision_table(search: FlownSearch) -> Table:
+def decision_table(survey: Survey, search: FlownSearch) -> Table:
     """Each decision and what was found, with the reason."""
     rows = [
-        [clock(note.time_ns), note.text, note.reason]
+        [survey.facts.clock(note.time_ns), note.text, note.reason]
         for note in search.notes
         if note.event in ("decision", "found")
     ]
-    return ["Time", "Decision", "Reason"], rows
+    return [f"Time {zones(survey)}", "Decision", "Reason"], rows
 
 
 def draw_search(target: "FigureBase", survey: Survey, search: FlownSearch) -> None:

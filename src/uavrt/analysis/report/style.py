@@ -5,6 +5,7 @@ Figures are objects: nothing of pyplot's global state, so reports can be made in
 
 import base64
 import io
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from uavrt.errors import needs_extra
@@ -39,6 +40,8 @@ _SETTINGS: dict[str, Any] = {
     "pdf.fonttype": 42,
 }
 
+_POINTS_PER_IN = 72.0
+
 
 def styled() -> Any:
     """Make a context in which figures are drawn and saved.
@@ -69,6 +72,36 @@ def svg_data(figure: "Figure") -> str:
     stream = io.BytesIO()
     figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
     return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
+
+
+def wrapped(text: str, width_in: float, *, size: float = 9, bold: bool = False) -> list[str]:
+    """Cut a text into lines no wider than so many inches, between words if it can be."""
+    lines: list[str] = []
+    for word in text.split():
+        joined = f"{lines[-1]} {word}" if lines else word
+        if lines and _width_in(joined, size, bold) <= width_in:
+            lines[-1] = joined
+            continue
+        while len(word) > 1 and _width_in(word, size, bold) > width_in:
+            fits = next(
+                count
+                for count in range(len(word) - 1, 0, -1)
+                if count == 1 or _width_in(word[:count], size, bold) <= width_in
+            )
+            lines.append(word[:fits])
+            word = word[fits:]
+        lines.append(word)
+    return lines or [""]
+
+
+@lru_cache(maxsize=20_000)
+def _width_in(text: str, size: float, bold: bool) -> float:
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font = FontProperties(size=size, weight="bold" if bold else "normal")
+    width, _, _ = text_to_path.get_text_width_height_descent(text, font, ismath=False)
+    return float(width) / _POINTS_PER_IN
 
 
 def outlined() -> Any:

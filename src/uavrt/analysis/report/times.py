@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from uavrt.analysis.report.style import FAINT, INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.attitude import yaw_deg
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +58,7 @@ def draw_times(target: "FigureBase", survey: Survey, tag_ids: Sequence[int]) -> 
     upper.grid(visible=True)
     if len(tag_ids) > 1 or any(one.pulse.tag_id in tag_ids for one in survey.integrated):
         upper.legend(loc="upper right", ncols=min(5, len(tag_ids)), fontsize=7.5)
-    lower.set_xlabel(f"minutes after {_clock(start_ns)} UTC")
+    lower.set_xlabel(f"minutes after {survey.facts.clock_in_words(start_ns)}")
 
 
 def draw_noise(target: "FigureBase", survey: Survey) -> None:
@@ -93,7 +91,7 @@ def draw_noise(target: "FigureBase", survey: Survey) -> None:
         axes.text(0.5, 0.5, "The noise level is not recorded here.", ha="center", color=SOFT)
         return
     axes.set_ylabel("noise density [dB]")
-    axes.set_xlabel(f"minutes after {_clock(start_ns)} UTC")
+    axes.set_xlabel(f"minutes after {survey.facts.clock_in_words(start_ns)}")
     axes.grid(visible=True)
     axes.legend(loc="upper left", ncols=5, fontsize=7.5, markerscale=4)
 
@@ -113,7 +111,3 @@ def _heading(axes: "Axes", survey: Survey, start_ns: int) -> None:
 
 def _minutes(time_ns: int, start_ns: int) -> float:
     return (time_ns - start_ns) / 60e9
-
-
-def _clock(time_ns: int) -> str:
-    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%H:%M:%S}"

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 import uavrt
+from uavrt.analysis.measure import straight_walk
 from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
@@ -169,7 +170,7 @@ def tag_table(survey: Survey) -> Table:
     """What was heard of each tag."""
     header = [
         *("Tag", "Listed MHz", "Heard MHz", "Pulses", "Confirmed", "SNR median / best"),
-        *("Last heard", "Bearings"),
+        *(f"Last heard {zones(survey)}", "Bearings"),
     ]
     rows = []
     for tag_id in survey.tag_ids:
@@ -184,7 +185,7 @@ def tag_table(survey: Survey) -> Table:
                 str(len(own)),
                 str(sum(one.pulse.confirmed for one in own)),
                 f"{np.median(snr):.0f} / {max(snr):.0f} dB" if snr else "–",
-                clock(own[-1].pulse.start_time_ns) if own else "never",
+                survey.facts.clock(own[-1].pulse.start_time_ns) if own else "never",
                 str(len(survey.bearings_of(tag_id))),
             ]
         )
@@ -218,14 +219,15 @@ def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
 
 def bearing_table(survey: Survey) -> Table:
     """All bearings."""
-    header = ["Tag", "Time", "From", "Bearing", "90 % within", "Pulses", "Verdict"]
+    time = f"Time {zones(survey)}"
+    header = ["Tag", time, "From", "Bearing", "90 % within", "Pulses", "Verdict"]
     rows = []
     for one in survey.bearings:
         interval = one.bearing.interval90_deg
         rows.append(
             [
                 str(one.tag_id),
-                clock(one.start_time_ns),
+                survey.facts.clock(one.start_time_ns),
                 f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}",
                 f"{one.bearing.bearing_deg:.0f}°",
                 "–" if interval is None else f"{interval[0]:.0f}° to {interval[1]:.0f}°",
@@ -262,7 +264,7 @@ def events(survey: Survey) -> list[tuple[str, str]]:
     """Times and words: notes, and messages of severity warning and above."""
     found = [(time_ns, text) for time_ns, text in survey.notes]
     found += [(time_ns, one.text) for time_ns, one in survey.status_texts if one.severity <= 4]
-    return [(clock(time_ns), text) for time_ns, text in sorted(found)]
+    return [(survey.facts.clock(time_ns), text) for time_ns, text in sorted(found)]
 
 
 def methods(survey: Survey) -> list[str]:
@@ -287,9 +289,9 @@ def title_of(survey: Survey, tag_id: int) -> str:
     return f"{tag_id} {tag.name}" if tag is not None and tag.name else str(tag_id)
 
 
-def clock(time_ns: int) -> str:
-    """UTC time of day."""
-    return f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%H:%M:%S}"
+def zones(survey: Survey) -> str:
+    """Of which zones the times of tables are."""
+    return survey.facts.zones((survey.span_ns or (0, 0))[0])
 
 
 def _finding(survey: Survey, tag_id: int) -> Finding:
@@ -316,7 +318,7 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         parts.append(f"{distance:.0f} m from the start of the track towards {point}")
     time_ns = survey.position_time_ns(tag_id)
     if time_ns is not None:
-        parts.append(f"at {clock(time_ns)} UTC")
+        parts.append(f"at {survey.facts.clock_in_words(time_ns)}")
     signal = survey.signal_of(tag_id)
     if signal is None:
         parts.append(f"from {_count(position.stations, 'bearing')}")
@@ -333,8 +335,10 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         parts.append("it may be farther out")
     if position.stations == 1:
         parts.append("one bearing tells the direction, hardly the distance")
+    if straight := straight_walk(position):
+        parts.append(straight)
     parts += position.remarks
-    parts += _way(position)
+    parts += _way(survey, position)
     return Finding(
         tag_id=tag_id,
         title=title,
@@ -343,12 +347,13 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
     )
 
 
-def _way(position: Position) -> list[str]:
+def _way(survey: Survey, position: Position) -> list[str]:
     """Where a moving tag was at first, and between."""
     if len(position.track) < 2:
         return []
     told = [
-        f"{clock(one.time_ns)}\u00a0UTC {one.latitude_deg:.5f}, {one.longitude_deg:.5f} "
+        f"{survey.facts.clock_in_words(one.time_ns)} "
+        f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f} "
         f"(within {one.radius95_m:.0f}\u00a0m with 95\u00a0%)"
         for one in (position.track[0], position.track[len(position.track) // 2])
     ]

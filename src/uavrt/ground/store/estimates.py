@@ -21,6 +21,7 @@ from uavrt.ground.store.flights import Columns, known
 from uavrt.ground.web import readout
 from uavrt.localization import (
     ACCEPTED_EVIDENCE,
+    HEIGHT_SIGMA_M,
     MONOPOLE,
     AntennaPattern,
     Bearing,
@@ -42,6 +43,7 @@ from uavrt.localization import (
     turns_in,
     yaws_deg,
 )
+from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import LiveBearing, Tag
 from uavrt.terrain import open_elevation
 from uavrt.units import wrap_degrees_360
@@ -60,12 +62,16 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaChoice:
-    """How the ground reads the headings of pulses, and what it knows of hills."""
+    """How the ground reads the headings of pulses, what it trusts them to, and the hills."""
 
     pattern: str = "RA-23K"
     offset_deg: float = 0.0
     """Boresight clockwise from the heading that the drone tells; 0 when its own settings hold
     the mounting."""
+    heading_sigma_deg: float = HEADING_SIGMA_DEG
+    """Error that all headings of a flight share, one standard deviation."""
+    height_sigma_m: float = HEIGHT_SIGMA_M
+    """With a monopole: error that all heights over a tag share, likewise."""
     dem: str = ""
     """Elevation file or folder; empty: the ground is taken as level."""
 
@@ -145,7 +151,7 @@ class Estimator:
         poses = _pose_columns(columns)
         over = self._over_ground(columns, poses, antenna.dem)
         if antenna.pattern == MONOPOLE:
-            return self._of_strength(columns, poses, tags, over)
+            return self._of_strength(columns, poses, tags, antenna, over)
         turns = turns_in(poses)
         rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags}
         tag_ids = sorted({int(tag_id) for tag_id in np.unique(columns["tag_id"])})
@@ -174,7 +180,7 @@ class Estimator:
             own[tag_id] = found
             theirs_too = [item for each in beside for item in each.get(tag_id, [])]
             together = sorted(found + theirs_too, key=lambda item: item[0].start_time_ns)
-            position = self._position(tag_id, together, over)
+            position = self._position(tag_id, together, antenna, over)
             if position is not None:
                 positions.append(position)
         own = {tag_id: found for tag_id, found in own.items() if found}
@@ -185,6 +191,7 @@ class Estimator:
         columns: Columns,
         poses: PoseColumns,
         tags: Sequence[Tag],
+        antenna: AntennaChoice,
         over: OverGround | None,
     ) -> Estimates:
         """Positions from a survey with a monopole."""
@@ -197,11 +204,13 @@ class Estimator:
             ground = None if over is None else over.hills.name
             key = (
                 *(tag_id, len(heard.time_ns), int(heard.time_ns[-1])),
-                *(listed.get(tag_id), ground),
+                *(listed.get(tag_id), antenna.height_sigma_m, ground),
             )
             if key not in self._positions:
                 found, _ = position_of_strength(
-                    tag_id, heard, listed.get(tag_id), poses, over=over
+                    *(tag_id, heard, listed.get(tag_id), poses),
+                    height_sigma_m=antenna.height_sigma_m,
+                    over=over,
                 )
                 end_ns = int(heard.time_ns[-1])
                 self._positions[key] = (
@@ -259,6 +268,7 @@ class Estimator:
         self,
         tag_id: int,
         found: Sequence[tuple[Turn, tuple[Bearing, Record]]],
+        antenna: AntennaChoice,
         over: OverGround | None,
     ) -> Record | None:
         if not any(bearing.accepted for _, (bearing, _) in found):
@@ -268,10 +278,11 @@ class Estimator:
             tuple(
                 (turn.start_time_ns, one.bearing_deg, one.sigma_deg) for turn, (one, _) in found
             ),
+            antenna.heading_sigma_deg,
             None if over is None else over.hills.name,
         )
         if key not in self._positions:
-            self._positions[key] = _position(tag_id, found, over)
+            self._positions[key] = _position(tag_id, found, antenna, over)
         self._used_positions[key] = self._positions[key]
         return self._positions[key]
 
@@ -441,6 +452,7 @@ def _record(
 def _position(
     tag_id: int,
     found: Sequence[tuple[Turn, tuple[Bearing, Record]]],
+    antenna: AntennaChoice,
     over: OverGround | None,
 ) -> Record | None:
     records = [record for _, (_, record) in found]
@@ -450,6 +462,7 @@ def _position(
             [record["longitude_deg"] for record in records],
             [record["middle_time_ns"] for record in records],
             [bearing for _, (bearing, _) in found],
+            heading_sigma_deg=antenna.heading_sigma_deg,
             over=over,
         )
     except UsageError:

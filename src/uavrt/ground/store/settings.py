@@ -11,7 +11,8 @@ from uavrt.config import write_tags, write_text_atomically
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web import read_table
-from uavrt.localization import MONOPOLE, PATTERNS
+from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, PATTERNS
+from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.mavlink import parse_address
 from uavrt.messages import Tag
 from uavrt.nmea import BAUD
@@ -32,6 +33,11 @@ class GroundSettings:
     generation: Generation = "G1"
     antenna: str = "RA-23K"
     antenna_offset_deg: float = 0.0
+    heading_error_deg: float = HEADING_SIGMA_DEG
+    """That all headings of a flight share: compass, mounting, declination; one standard
+    deviation. 0 trusts the headings."""
+    height_error_m: float = HEIGHT_SIGMA_M
+    """With a monopole: that all heights over a tag share, likewise."""
     gain: int | None = None
     """None leaves the gain to the drone's own settings."""
     center_frequency_mhz: float | None = None
@@ -54,7 +60,11 @@ class GroundSettings:
     def antenna_choice(self) -> AntennaChoice:
         """For the estimators."""
         return AntennaChoice(
-            pattern=self.antenna, offset_deg=self.antenna_offset_deg, dem=self.dem
+            pattern=self.antenna,
+            offset_deg=self.antenna_offset_deg,
+            heading_sigma_deg=self.heading_error_deg,
+            height_sigma_m=self.height_error_m,
+            dem=self.dem,
         )
 
     def changed(self, values: object) -> "GroundSettings":
@@ -241,6 +251,10 @@ def _judged(name: str, value: Any) -> Any:
             return value
         case "antenna_offset_deg":
             return _number(name, value, -360.0, 360.0)
+        case "heading_error_deg":
+            return _number(name, value, 0.0, 90.0)
+        case "height_error_m":
+            return _number(name, value, 0.0, 1000.0)
         case "roaming_m":
             return _number(name, value, 0.0, 1000.0)
         case "left_out" if isinstance(value, list | tuple):

@@ -26,6 +26,7 @@ from uavrt.ground.web.actions import BUTTONS
 from uavrt.ground.web.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.web.coordinates import readout
 from uavrt.ground.web.exports import EXPORTS, export
+from uavrt.ground.web.facts import tell_facts, told_facts
 from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
 from uavrt.ground.web.listeners import encode
 from uavrt.ground.web.reports import POLICY, Reporter
@@ -69,6 +70,8 @@ class Api:
             ("/tags/{name}", "GET", self.export_tags),
             ("/settings", "GET", self.settings),
             ("/settings", "PUT", self.put_settings),
+            ("/facts", "GET", self.facts),
+            ("/facts", "PUT", self.put_facts),
             ("/choices", "GET", self.choices),
             ("/connection", "POST", self.connect),
             ("/vehicle", "POST", self.choose_vehicle),
@@ -163,6 +166,16 @@ class Api:
         store.set_settings(store.settings.changed(await json_body(request)))
         self._session.settings_changed()
         return asdict(store.settings)
+
+    async def facts(self, request: Request) -> Any:
+        """What reports tell of who flew what."""
+        return await asyncio.to_thread(told_facts, self._session.store.directory)
+
+    async def put_facts(self, request: Request) -> Any:
+        """Change some of it, for all flights that have no report.toml of their own."""
+        self._check_commander(request)
+        told, folder = await json_body(request), self._session.store.directory
+        return await asyncio.to_thread(tell_facts, folder, told)
 
     async def choices(self, request: Request) -> Any:
         """The choices: serial ports, antennas, presets, maps."""

@@ -3,13 +3,12 @@
 from pathlib import Path
 
 from uavrt.analysis import read_survey
-from uavrt.analysis.export import ONE_FILE, OneFile, kml_text, pulses_csv
+from uavrt.analysis.export import ONE_FILE, OneFile, pulses_csv
 from uavrt.ground.store import AntennaChoice
 from uavrt.terrain import open_elevation
 
 EXPORTS: dict[str, OneFile] = {
     "csv": OneFile("text/csv", pulses_csv),
-    "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
     **ONE_FILE,
 }
 """Formats that the page offers."""
@@ -21,6 +20,8 @@ def export(name: str, flight: Path, antenna: AntennaChoice) -> bytes:
         flight,
         antenna=antenna.pattern,
         offset_deg=antenna.offset_deg,
+        heading_sigma_deg=antenna.heading_sigma_deg,
+        height_sigma_m=antenna.height_sigma_m,
         elevation=open_elevation(Path(antenna.dem)) if antenna.dem else None,
     )
     content = EXPORTS[name].content(survey)

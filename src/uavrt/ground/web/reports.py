@@ -43,16 +43,20 @@ class Reporter:
         RecordingError
             It could not be made; the text is what the program said.
         """
-        turned = f"{antenna.pattern}{antenna.offset_deg:+g}" if antenna.offset_deg else ""
-        place = self._directory / flight.name / (turned or antenna.pattern)
-        if antenna.dem:
-            place = place.with_name(
-                f"{place.name} {sha256(antenna.dem.encode()).hexdigest()[:8]}"
-            )
+        place = self._directory / flight.name / _named(antenna)
         async with self._busy:
             return await asyncio.to_thread(_kept, place, flight) or await _made(
                 place, flight, antenna
             )
+
+
+def _named(antenna: AntennaChoice) -> str:
+    """Name the folder of reports with an antenna and all that goes with it."""
+    usual = AntennaChoice(pattern=antenna.pattern, offset_deg=antenna.offset_deg)
+    name = antenna.pattern + (f"{antenna.offset_deg:+g}" if antenna.offset_deg else "")
+    return (
+        name if antenna == usual else f"{name} {sha256(repr(antenna).encode()).hexdigest()[:8]}"
+    )
 
 
 def _kept(place: Path, flight: Path) -> bytes | None:
@@ -70,6 +74,8 @@ async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
     program = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "uavrt.cli", "report", str(flight)),
         *("--antenna", antenna.pattern, f"--antenna-offset={antenna.offset_deg}"),
+        *("--heading-error", str(antenna.heading_sigma_deg)),
+        *("--height-error", str(antenna.height_sigma_m)),
         *("--no-pdf", "-o", str(place)),
         *(("--dem", antenna.dem) if antenna.dem else ()),
         stdin=asyncio.subprocess.DEVNULL,

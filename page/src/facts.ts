@@ -1,0 +1,65 @@
+/** Who flew what: told once, printed by the reports of all flights. */
+
+import { ApiError, get, send } from "./api";
+import { by, h, say } from "./dom";
+
+interface Field {
+  key: string;
+  label: string;
+  hint: string;
+}
+
+const FIELDS: Field[] = [
+  { key: "operator", label: "Operator", hint: "Who flies" },
+  { key: "aircraft", label: "Aircraft", hint: "Kind and registration" },
+  { key: "permit", label: "Permit", hint: "Number of the permission to fly or to track" },
+  { key: "species", label: "Species", hint: "Of the tagged animals" },
+  { key: "time_zone", label: "Time zone", hint: "Reports tell its time beside UTC: Europe/Zurich" },
+  { key: "altitude_datum", label: "Altitudes refer to", hint: "What heights above the sea refer to: EGM96, LN02" },
+];
+
+export function factsSection(): HTMLElement {
+  void get<Record<string, string>>("/facts").then(draw, complain);
+  return h(
+    "section",
+    { class: "block wide", "aria-labelledby": "h-facts" },
+    h("h2", { id: "h-facts" }, "In reports"),
+    h(
+      "form",
+      { class: "facts", onsubmit: (event: Event) => event.preventDefault() },
+      ...FIELDS.map((field) =>
+        h("label", { title: field.hint }, field.label, h("input", {
+          id: `fact-${field.key}`,
+          autocomplete: "off",
+          maxlength: "200",
+          list: field.key === "time_zone" ? "time-zones" : undefined,
+          onchange: () => void change(field.key),
+        })),
+      ),
+      h("datalist", { id: "time-zones" }, ...Intl.supportedValuesOf("timeZone").map((zone) => h("option", { value: zone }))),
+      h("p", { id: "fact-fault", class: "fault-line", role: "alert" }),
+      h("p", { class: "note" }, "Kept in report.toml beside the flights; one in a flight's own folder goes first."),
+    ),
+  );
+}
+
+function input(key: string): HTMLInputElement {
+  return by(`fact-${key}`) as HTMLInputElement;
+}
+
+function draw(facts: Record<string, string>): void {
+  for (const { key } of FIELDS) if (document.activeElement !== input(key)) input(key).value = facts[key] ?? "";
+}
+
+function complain(error: unknown): void {
+  say(by("fact-fault"), error instanceof ApiError ? error.message : "the server cannot be reached");
+}
+
+async function change(key: string): Promise<void> {
+  try {
+    draw(await send<Record<string, string>>("PUT", "/facts", { [key]: input(key).value }));
+    say(by("fact-fault"), "");
+  } catch (error) {
+    complain(error);
+  }
+}
