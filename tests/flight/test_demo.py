@@ -1,12 +1,16 @@
+import contextlib
 import json
+import signal
 import subprocess
 import sys
+import time
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from uavrt.errors import UavrtError
 from uavrt.recording import read_flight
 
 CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
@@ -53,3 +57,37 @@ def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path
         for burst in bursts:
             found_s = [1e-9 * (b - a) for a, b in pairwise(burst.burst_starts_ns)]
             assert found_s == pytest.approx(gaps_s, abs=2e-3)
+
+
+@pytest.mark.flight
+@pytest.mark.timeout(180)
+def test_ctrl_c_ends_the_demo_with_its_table_and_where_the_flight_is(tmp_path: Path) -> None:
+    running = subprocess.Popen(
+        [
+            sys.executable,
+            *("-m", "uavrt.cli", "demo", "--headless", "--duration", "120"),
+            *("--flight-dir", str(tmp_path)),
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+        # A shell's background job would ignore it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    while not (heard := heard_in(tmp_path)):
+        assert running.poll() is None
+        time.sleep(0.5)
+    running.send_signal(signal.SIGINT)
+    said, _ = running.communicate(timeout=90)
+    assert running.returncode == 0
+    assert "What became of every pulse" in said
+    assert f"flight: {heard[0].parent}" in said.replace("\n", "")
+
+
+def heard_in(directory: Path) -> list[Path]:
+    """Databases of flights in which there are pulses."""
+    found = []
+    for path in directory.glob("*/flight.sqlite"):
+        with contextlib.suppress(UavrtError):
+            if read_flight(path.parent).pulse_poses:
+                found.append(path)
+    return found

@@ -11,8 +11,8 @@ from uavrt.analysis.export import chance, geotiff_bytes, png_bytes
 from uavrt.analysis.flight_noise import FlightNoise
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.listening import Stretch, missing_in_words, within
-from uavrt.config import AntennaSettings
-from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.config import AntennaSettings, read_text
+from uavrt.errors import RecordingError, UsageError
 from uavrt.guidance import area_in, way_in
 from uavrt.localization import (
     AntennaPattern,
@@ -77,10 +77,7 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
     PlanError
         The area cannot be surveyed.
     """
-    try:
-        text = path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path} cannot be read: {error}", remedy="Check its name") from error
+    text = read_text(path)
     places = way_in(text, str(path))
     if places:
         return _in_plane(places)
@@ -103,10 +100,7 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
     FormatError
         The file holds none, or several.
     """
-    try:
-        places = area_in(path.read_text("utf-8"), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path} cannot be read: {error}", remedy="Check its name") from error
+    places = area_in(read_text(path), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
     return Polygon(corners=corners, name="area")

@@ -94,7 +94,19 @@ def read_map(path: Path) -> MapFile:
     try:
         return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
     except _DAMAGED as error:
-        raise FormatError(f"{path.name} is not a map: {error}") from error
+        raise FormatError(
+            f"{path.name} is not a map: {_said(error)}",
+            remedy="Give an MBTiles or PMTiles file: QGIS, Generate XYZ tiles (MBTiles)",
+        ) from error
+
+
+def _said(error: BaseException) -> str:
+    """What is wrong in words of ours; SQLite's own are of databases."""
+    if isinstance(error, FileNotFoundError):
+        return "it does not exist"
+    if isinstance(error, sqlite3.Error):
+        return "it is no MBTiles file, or a damaged one"
+    return str(error)
 
 
 def maps_in(directory: Path) -> tuple[MapFile, ...]:

@@ -2,7 +2,8 @@
 
 import sys
 
-from cyclopts import App, Parameter
+from cyclopts import App, CycloptsError, CycloptsPanel, MissingArgumentError, Parameter
+from rich.console import Console
 
 import uavrt
 from uavrt.cli.examples import examples
@@ -81,7 +82,11 @@ def run() -> None:
     try:
         arguments = sys.argv[1:]
         called = bool(arguments) and arguments[0] in COMMANDS
-        (app if called else make_app(summaries=True))(arguments)
+        chosen = app if called else make_app(summaries=True)
+        chosen(arguments, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        _tell(error)
+        sys.exit(2)
     except UavrtError as error:
         print(f"uavrt: {error}", file=sys.stderr)
         sys.exit(2)
@@ -103,3 +108,18 @@ def run() -> None:
             file=sys.stderr,
         )
         sys.exit(2)
+
+
+def _tell(error: CycloptsError) -> None:
+    """Say what is wrong with the words of a command."""
+    argument = error.argument
+    if not isinstance(error, MissingArgumentError) or argument is None:
+        Console(stderr=True).print(CycloptsPanel(error))
+        return
+    command = " ".join(("uavrt", *(error.command_chain or ())))
+    name = argument.name.lstrip("-").upper().replace("-", "_")
+    option = argument.index is None
+    missing, given = (argument.name, f"… {argument.name} VALUE") if option else (name, name)
+    print(
+        f"uavrt: {missing} is missing: {command} {given}. See {command} --help", file=sys.stderr
+    )

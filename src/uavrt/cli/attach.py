@@ -6,6 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, SecondsApart
 from uavrt.cli.outputs import check_place, keep_inputs
 
@@ -43,9 +44,16 @@ def attach(
     """
     check_place(output, overwrite=True)
     keep_inputs(output, (pulses, track, *([] if tags is None else [tags])))
+    require_content([pulses])
     from uavrt.analysis import bursts_of_pulses
     from uavrt.analysis.measure import antenna_named
-    from uavrt.analysis.tracks import ClockOffset, attach_poses, estimate_offset, read_track
+    from uavrt.analysis.tracks import (
+        ClockOffset,
+        attach_poses,
+        demand_placed,
+        estimate_offset,
+        read_track,
+    )
     from uavrt.config import AntennaSettings, read_tags
     from uavrt.recording import PulseWriter, pulse_format
     from uavrt.recording.formats import read_pulse_log
@@ -64,12 +72,12 @@ def attach(
         found = ClockOffset(offset_s=clock_offset, found_by="given")
     settings = AntennaSettings(yaw_offset_deg=yaw_offset)
     attached = attach_poses(heard, way, found.offset_s, settings)
+    placed = demand_placed(attached, found.offset_s)
     with output.open("w", newline="", encoding="utf-8") as stream:
         coded = any(one.pulse.burst_starts_ns for one in attached)
         writer = PulseWriter(stream, pulse_format(output.name), bursts=coded)
         for one in attached:
             writer.write(one)
-    placed = sum(one.pose is not None for one in attached)
     text = f"{placed} of {len(attached)} pulses have a pose now"
     if placed < len(attached):
         text += f", {len(attached) - placed} are where the track has none"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def bearing(
     as_json
         Print a list of objects.
     """
+    require_content([pulses])
     from uavrt.analysis import read_bearings
     from uavrt.analysis.measure import antenna_named, switched_bearings, write_antenna
     from uavrt.recording.formats import read_pulse_log

@@ -130,6 +130,7 @@ def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: 
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
+        figures=json_summary,
     )
     if json_summary:
         print(json.dumps(summary.as_dict(), allow_nan=False))

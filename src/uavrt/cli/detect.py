@@ -5,6 +5,7 @@ from uavrt.cli.kinds import Hertz, HertzOrZero
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
+import errno
 import os
 import signal
 import sys
@@ -374,9 +375,13 @@ def _naming_faults(name: str) -> Iterator[None]:
 
 
 def _cannot_write(name: str, error: OSError) -> RecordingError:
+    remedy = {
+        errno.ENOENT: f"Make the directory first: mkdir -p {Path(name).parent}",
+        errno.ENOSPC: "Free space, or give -o another place",
+    }.get(error.errno or 0, "Give -o a place that can be written")
     return RecordingError(
         f"cannot write {'standard output' if name == '-' else name}: {error.strerror}",
-        remedy="Free space, or give -o a writable place",
+        remedy=remedy,
     )
 
 

@@ -54,6 +54,15 @@ def doctor(
     settings = settings_from(config)
     if fix and not autopilot:
         raise UsageError("--fix goes with --autopilot")
+    if mavlink is not None:
+        parse_address(mavlink)
+    if port is not None and not autopilot:
+        raise UsageError("--port goes with --autopilot")
+    if flight and mavlink is not None:
+        raise UsageError(
+            "--flight listens to the running system, not to a link of its own",
+            remedy="Leave --mavlink out, or leave out --flight",
+        )
     if flight and autopilot:
         raise UsageError("--flight and --autopilot are two lists", remedy="Give one of them")
     running = running_status(settings)
@@ -62,7 +71,7 @@ def doctor(
         if autopilot
         else bench_findings(settings)
         if flight
-        else examine(settings, running)
+        else examine(settings, running, mavlink=mavlink)
     )
     console = Console()
     good = True

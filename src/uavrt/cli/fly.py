@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from uavrt.cli.kinds import Component, Metres, Minutes, Seconds
 from uavrt.clock import Clock
+from uavrt.config import read_text
 from uavrt.errors import ConfigError, FormatError, LinkError, UavrtError
 from uavrt.ground.link import (
     GroundEvent,
@@ -201,8 +202,17 @@ def _height(action: str, numbers: tuple[float, ...], height: float | None) -> fl
 
 def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Places:
     place = ((numbers[0], numbers[1]),) if len(numbers) == 2 else ()
-    on_globe = all(abs(north) <= 90.0 and abs(east) <= 180.0 for north, east in place)
-    if action == "goto" and not (place and on_globe):
+    for north, east in place if action == "goto" else ():
+        if abs(north) > 90.0:
+            raise ConfigError(
+                f"{north:g} is not a latitude",
+                remedy="Give one from -90 to 90, then the longitude",
+            )
+        if abs(east) > 180.0:
+            raise ConfigError(
+                f"{east:g} is not a longitude", remedy="Give one from -180 to 180"
+            )
+    if action == "goto" and not place:
         raise ConfigError("goto needs a place", remedy="uavrt fly goto LATITUDE LONGITUDE")
     if numbers and action not in ("goto", "takeoff"):
         raise ConfigError(
@@ -373,12 +383,7 @@ def read_area(path: Path) -> Places:
 
 
 def _text_of(path: Path) -> str:
-    try:
-        return path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(
-            f"{path} cannot be read: {error}", remedy="Check the file's name"
-        ) from error
+    return read_text(path)
 
 
 def forget_typed_ahead() -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from uavrt.cli.elevation import elevation_of
+from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError
@@ -74,6 +75,7 @@ def localize(
 
     if not flights:
         raise ConfigError("no flight was named", remedy="Name a flight or a log")
+    require_content(flights)
     found = read_positions(
         *flights,
         method=method,  # type: ignore[arg-type]

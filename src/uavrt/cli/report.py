@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.elevation import elevation_of
+from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError, Power
 from uavrt.errors import FormatError, UsageError
 
@@ -82,6 +83,9 @@ def report(
             f"{output} is named as a file; a report is written into a directory",
             remedy=f"Give the directory: -o {output.parent}",
         )
+    if not html and not pdf:
+        raise UsageError("there is nothing to write", remedy="Leave out --no-html or --no-pdf")
+    require_content([flight])
     from uavrt.analysis import maps_in, read_survey
     from uavrt.analysis.measure import antenna_named
     from uavrt.analysis.report import write_report

@@ -65,9 +65,15 @@ def simulate(
             f"Tags outside the recorded band, of which there is nothing in it: {ids}. "
             "Record at a higher --sample-rate, or set radio.center_frequency_hz"
         )
+    if recording.cut:
+        ids = ", ".join(map(str, recording.cut))
+        console.print(
+            f"{recording.tag_info.name} cannot hold a second interval or a code: of tag {ids} "
+            f"it has less. Detect with {recording.tags.name}"
+        )
     print(
         f"{recording.data}: {recording.samples} samples, {recording.pulses} pulses "
-        f"(true ones in {recording.truth.name}, tags in {recording.tag_info.name})"
+        f"(true ones in {recording.truth.name}, tags in {recording.tags.name})"
     )
 
 

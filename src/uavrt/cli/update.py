@@ -84,6 +84,8 @@ def update(
     if rehearse:
         _rehearse()
         return
+    if file is not None and not file.is_file():
+        raise UsageError(f"there is no file {file}", remedy="Check its name")
     place = Installation(prefix) if prefix else Installation.of(sys.executable)
     if place is None:
         text = "this uavrt is not installed so that it could be exchanged"

@@ -36,7 +36,9 @@ IDLE_CORES_NEEDED = 0.5
 """A hundred tags need a tenth of a core of the reference machine, some small cores a half."""
 
 
-def examine(settings: Settings, running: SystemStatus | None) -> Iterator[Finding]:
+def examine(
+    settings: Settings, running: SystemStatus | None, *, mavlink: str | None = None
+) -> Iterator[Finding]:
     """Look at everything, one finding after the other.
 
     Parameters
@@ -45,10 +47,14 @@ def examine(settings: Settings, running: SystemStatus | None) -> Iterator[Findin
         The settings that would be flown with.
     running : SystemStatus or None
         State of a system that runs already: it holds the radio and the serial port.
+    mavlink : str, optional
+        Listen for the autopilot there instead, also beside a running system.
     """
     yield check_radio(settings, running)
+    if mavlink is not None:
+        settings = replace(settings, mavlink=replace(settings.mavlink, address=mavlink))
     yield check_permissions(settings)
-    yield check_autopilot(settings, running)
+    yield check_autopilot(settings, running if mavlink is None else None)
     yield check_clock()
     yield check_disk(settings)
     yield check_card(settings)

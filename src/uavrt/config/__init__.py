@@ -74,7 +74,7 @@ if TYPE_CHECKING:
         tags_from_drafts,
     )
     from uavrt.config.tags_toml import format_tags_toml
-    from uavrt.config.text_files import write_text_atomically
+    from uavrt.config.text_files import read_text, write_text_atomically
 
 __all__ = [
     "GAP_TOLERANCE_S",
@@ -126,6 +126,7 @@ __all__ = [
     "parse_tags",
     "read_key_file",
     "read_tags",
+    "read_text",
     "run_wanted",
     "same_codes",
     "settings_schema",
@@ -200,6 +201,7 @@ __getattr__ = lazily(
         "words_of_near_codes": "code_rules",
         "write_default_settings": "loader",
         "write_tags": "tag_files",
+        "read_text": "text_files",
         "write_text_atomically": "text_files",
     },
 )

@@ -5,6 +5,8 @@ import os
 import tempfile
 from pathlib import Path
 
+from uavrt.errors import FormatError
+
 MAX_BYTES = 1_000_000
 """A file of 5 000 tags has 0.3 MB; more than this is not a file that somebody typed."""
 
@@ -28,6 +30,36 @@ def decode_text(content: bytes) -> str:
         line = content.count(b"\n", 0, error.start) + 1
         raise ValueError(f"line {line}: not text (save the file as UTF-8)") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_text(path: Path) -> str:
+    """Read a file of text, of any size.
+
+    Raises
+    ------
+    FormatError
+        There is none, it is no text, or nothing is in it; the text says which.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise FormatError(f"{path} does not exist", remedy="Check its name") from None
+    except OSError as error:
+        raise FormatError(
+            f"{path} cannot be read: {error.strerror}", remedy="Check its name"
+        ) from error
+    encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError:
+        raise FormatError(
+            f"{path} is not text", remedy="Name another file, or save this one as UTF-8"
+        ) from None
+    if not text.strip():
+        raise FormatError(
+            f"{path} is empty", remedy="Check its name, and that it was copied whole"
+        )
+    return text
 
 
 def write_text_atomically(

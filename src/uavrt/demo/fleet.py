@@ -1,7 +1,6 @@
 """``uavrt demo --drones``: several simulated drones, one ground station with all pages."""
 
 import shutil
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -18,16 +17,18 @@ from uavrt.demo.run import (
     READY_TIMEOUT_S,
     REFRESH_S,
     START_LEAD_S,
+    not_started,
     phase_of,
 )
 from uavrt.demo.summary import DemoSummary, summarize_tag
-from uavrt.errors import UavrtError
+from uavrt.demo.watch import RECEIVER, samples_lost
+from uavrt.demo.workplace import require_free_port, workplace
 from uavrt.ground.store import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
 from uavrt.monitor import StatusReader
 from uavrt.recording import read_flight, require_writable
 from uavrt.simulation import Scenario, World, write_scenario
-from uavrt.units import ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAY_EVERY_S = 10.0
 
@@ -44,6 +45,15 @@ class _Drone:
     status: SystemStatus | None = None
     flight_directory: str = ""
     detected: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def heard_samples(self) -> bool:
+        """Whether there is something to account for."""
+        known = () if self.status is None else self.status.processes
+        return bool(self.flight_directory) and any(
+            one.process == RECEIVER and bool(one.counters.get("last_sample_ns"))
+            for one in known
+        )
 
     def check(self) -> None:
         for program in self.programs:
@@ -94,14 +104,14 @@ class FleetDemo:
         """
         with self._stack:
             self._start()
-            self._fly()
+            self._fly_until_told()
             self._stop()
             return {one.system_id: self._summary(one) for one in self._drones}
 
     def _start(self) -> None:
         require_writable(self._flight_dir)
-        work = Path(tempfile.mkdtemp(prefix="uavrt-fleet-"))
-        self._stack.callback(shutil.rmtree, work, ignore_errors=True)
+        require_free_port(self._page_port)
+        work = self._stack.enter_context(workplace("uavrt-fleet-"))
         self._begun_ns = Clock.start().now_ns()
         self._start_ns = self._begun_ns + ns_from_s(START_LEAD_S)
         ground_port = free_udp_port()
@@ -160,6 +170,16 @@ class FleetDemo:
 
     # ------------------------------------------------------------------- flight
 
+    def _fly_until_told(self) -> None:
+        """Fly to the end, or until Ctrl-C once there is something to account for."""
+        try:
+            self._fly()
+        except KeyboardInterrupt:
+            if not all(one.heard_samples for one in self._drones):
+                raise
+            elapsed_ns = Clock.start().now_ns() - self._start_ns
+            self._duration_s = round(elapsed_ns / NANOSECONDS_PER_SECOND, 1)
+
     def _fly(self) -> None:
         clock = Clock.start()
         deadline_s = time.monotonic() + READY_TIMEOUT_S
@@ -173,10 +193,7 @@ class FleetDemo:
                 self._tell(elapsed_s)
             silent = [one.system_id for one in self._drones if not one.flight_directory]
             if silent and time.monotonic() > deadline_s:
-                raise UavrtError(
-                    f"detection did not start on drone {silent[0]}",
-                    remedy="Run it again; give fewer drones where this computer is slow",
-                )
+                raise not_started(self._ground, f" on drone {silent[0]}")
 
     def _tick(self, *, check: bool = True) -> None:
         if check:
@@ -242,7 +259,7 @@ class FleetDemo:
                 )
                 for tag in drone.scenario.tags
             },
-            samples_lost=int(receiver["samples_lost"] + receiver["channel_samples_dropped"]),
+            samples_lost=samples_lost(receiver),
             cpu_seconds=self._cpu(drone, status),
             duration_s=self._duration_s,
             flight_directory=drone.flight_directory,

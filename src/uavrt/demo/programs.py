@@ -176,7 +176,8 @@ class Program:
 
     def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
         self.name = name
-        self._log = log
+        self.log = log
+        """File with all that it prints."""
         self._lines = LineBuffer()
         self._read_to = 0
         self.exit_code: int | None = None
@@ -201,12 +202,21 @@ class Program:
             It has ended by itself; the text holds the end of its output.
         """
         if self._wait(0.0):
-            tail = "\n".join(self._log.read_text(errors="replace").splitlines()[-12:])
-            raise UavrtError(f"{self.name} ended (exit {self.exit_code}):\n{tail}")
+            words = self.last_line()
+            raise UavrtError(
+                f"{self.name} ended (exit {self.exit_code})" + (f": {words}" if words else ""),
+                remedy=f"All that it said is in {self.log}",
+            )
+
+    def last_line(self) -> str:
+        """Get the last line of text that it has printed; empty if there is none."""
+        lines = self.log.read_text(errors="replace").splitlines()
+        texts = [line.strip() for line in lines if line.strip() and line[0] != "{"]
+        return texts[-1].removeprefix("uavrt: ").rstrip(".") if texts else ""
 
     def new_events(self) -> list[dict[str, Any]]:
         """Get the JSON lines that it has printed since the last call."""
-        with self._log.open("rb") as file:
+        with self.log.open("rb") as file:
             file.seek(self._read_to)
             data = file.read()
         self._read_to += len(data)

@@ -1,7 +1,6 @@
 """Run the demo: start the programs, fly, show, stop, account."""
 
 import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -23,7 +22,8 @@ from uavrt.demo.programs import (
 )
 from uavrt.demo.summary import DemoSummary, summarize_tag
 from uavrt.demo.view import DemoView, TagView
-from uavrt.demo.watch import Cpu
+from uavrt.demo.watch import RECEIVER, Cpu, samples_lost
+from uavrt.demo.workplace import require_free_port, workplace
 from uavrt.errors import UavrtError
 from uavrt.ground.store import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
@@ -73,9 +73,12 @@ class Demo:
         )
         self._cpu = Cpu()
         self._flight_directory = ""
+        self._duration_s = scenario.duration_s
 
     def run(self, console: Console | None, picture: Path | None = None) -> DemoSummary:
         """Fly once; draw on the console if there is one; save a picture if asked for.
+
+        Ctrl-C ends the flight where it is, and it is accounted for as one that was flown out.
 
         Raises
         ------
@@ -86,7 +89,7 @@ class Demo:
             paths = self._prepare()
             with self._display(console):
                 self._start(paths)
-                self._fly()
+                self._fly_until_told()
                 if picture is not None:
                     self.view.save_picture(picture, time.monotonic())
                 self._stop()
@@ -96,9 +99,9 @@ class Demo:
 
     def _prepare(self) -> DemoPaths:
         require_writable(self._flight_dir)
-        work = tempfile.mkdtemp(prefix="uavrt-demo-")
-        self._stack.callback(shutil.rmtree, work, ignore_errors=True)
-        paths = DemoPaths(directory=Path(work), flights=self._flight_dir.resolve())
+        require_free_port(self._page_port)
+        work = self._stack.enter_context(workplace("uavrt-demo-"))
+        paths = DemoPaths(directory=work, flights=self._flight_dir.resolve())
         write_tags(paths.tags, self.scenario.tags)
         return paths
 
@@ -165,6 +168,17 @@ class Demo:
 
     # ------------------------------------------------------------------- flight
 
+    def _fly_until_told(self) -> None:
+        """Fly to the end, or until Ctrl-C once there is something to account for."""
+        try:
+            self._fly()
+        except KeyboardInterrupt:
+            if not self._cpu.counters(RECEIVER).get("last_sample_ns") or (
+                not self._flight_directory
+            ):
+                raise
+            self._duration_s = round(self.view.elapsed_s, 1)
+
     def _fly(self) -> None:
         """Wait for detection to start, then until the flight's end."""
         clock = Clock.start()
@@ -173,10 +187,7 @@ class Demo:
         while clock.now_ns() < end_ns:
             self._tick(clock)
             if self._flight_directory == "" and time.monotonic() > deadline_s:
-                raise UavrtError(
-                    "detection did not start",
-                    remedy=f"Look at the log files of {self._programs[2].name}",
-                )
+                raise not_started(self._programs[2])
 
     def _stop(self) -> None:
         """Let the ground stop detection, then wait until everything has arrived."""
@@ -239,7 +250,7 @@ class Demo:
         # The world goes with the flight, so that bearings and positions can be checked later.
         shutil.copy(paths.scenario, self._flight_directory)
         received = read_ground_pulses(self._ground_directory(paths), self._begun_ns)
-        receiver = self._cpu.counters("receiver")
+        receiver = self._cpu.counters(RECEIVER)
         first_ns, last_ns = receiver["first_sample_ns"], receiver["last_sample_ns"]
         truth = World(self.scenario).truth(int(first_ns), int(last_ns))
         return DemoSummary(
@@ -252,11 +263,20 @@ class Demo:
                 )
                 for tag in self.scenario.tags
             },
-            samples_lost=int(receiver["samples_lost"] + receiver["channel_samples_dropped"]),
+            samples_lost=samples_lost(receiver),
             cpu_seconds=self._cpu.totals(),
-            duration_s=self.scenario.duration_s,
+            duration_s=self._duration_s,
             flight_directory=self._flight_directory,
         )
+
+
+def not_started(ground: Program, where: str = "") -> UavrtError:
+    """Say that the ground could not start detection, with its last words and where all are."""
+    last = ground.last_line()
+    return UavrtError(
+        f"detection did not start{where}" + (f": {last}" if last else ""),
+        remedy=f"Look at {ground.log} and the other log files beside it",
+    )
 
 
 def phase_of(flight: Flight, elapsed_s: float) -> str:

@@ -1,7 +1,6 @@
 """``uavrt demo --search``: a simulated drone finds animals with nobody touching it."""
 
 import shutil
-import tempfile
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -15,6 +14,8 @@ from rich.table import Table
 from uavrt.clock import Clock
 from uavrt.config import GuidanceSettings, write_tags
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.demo.telling import in_plain_words, with_figures
+from uavrt.demo.workplace import workplace
 from uavrt.errors import UavrtError
 from uavrt.geodesy import distance_m
 from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemStatus
@@ -85,19 +86,20 @@ class SearchSummary:
 
     def table(self) -> Table:
         """Show it to a person."""
-        table = Table(title=f"{self.ended}, after {self.duration_s:.0f} s")
-        for name in ("tag", "found", "place", "error", "95 % within", "walked", "pulses"):
-            justify: Literal["left", "right"] = "left" if name == "place" else "right"
+        found = sum(one.found for one in self.tags.values())
+        after = f"after {self.duration_s:.0f} s"
+        table = Table(title=f"{found} of {len(self.tags)} animals found {after}")
+        for name in ("tag", "found", "place", "error", "within"):
+            left = name in ("tag", "place")
+            justify: Literal["left", "right"] = "left" if left else "right"
             table.add_column(name, justify=justify, no_wrap=True)
         for tag_id, one in self.tags.items():
             table.add_row(
                 f"{tag_id} {one.name}",
                 "no" if one.found_s is None else f"after {one.found_s:.0f} s",
-                f"{one.latitude_deg:.6f}, {one.longitude_deg:.6f}",
+                f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}",
                 "–" if one.error_m is None else f"{one.error_m:.1f} m",
                 f"{one.radius95_m:.0f} m",
-                f"{one.walked_m:.0f} m",
-                str(one.pulses),
             )
         return table
 
@@ -155,6 +157,8 @@ class SearchDemo:
         Where the drone makes its flight directory.
     say : callable
         Takes a line for the person at the terminal.
+    told : callable
+        Makes the line of a note.
     among : Among, optional
         It searches with others.
     """
@@ -166,13 +170,14 @@ class SearchDemo:
         limit_s: float,
         flight_dir: Path,
         say: Callable[[str], None],
+        told: Callable[[SearchNote], str] = in_plain_words,
         among: Among | None = None,
     ) -> None:
         self._among = among
         self.scenario = scenario
         """The world."""
         self._limit_s, self._flight_dir = limit_s, flight_dir
-        self._say = say
+        self._say, self._told = say, told
         self._stack = ExitStack()
         self._seen = _Seen()
 
@@ -191,8 +196,7 @@ class SearchDemo:
 
     def _start(self) -> None:
         require_writable(self._flight_dir)
-        work = Path(tempfile.mkdtemp(prefix="uavrt-search-"))
-        self._stack.callback(shutil.rmtree, work, ignore_errors=True)
+        work = self._stack.enter_context(workplace("uavrt-search-"))
         paths = DemoPaths(directory=work, flights=self._flight_dir.resolve())
         self._paths, self._direct = paths, free_udp_port()
         among, scenario = self._among, self.scenario
@@ -292,7 +296,7 @@ class SearchDemo:
             match record:
                 case SearchNote():
                     self._seen.notes.append(record)
-                    self._say(_line(record))
+                    self._say(self._told(record))
                 case SystemStatus() if topic == "system_status":
                     self._take_status(record)
 
@@ -360,14 +364,19 @@ class SearchDemo:
         )
 
 
-def _line(note: SearchNote) -> str:
-    minutes, seconds = divmod(round(note.elapsed_s), 60)
-    return f"{minutes:2d}:{seconds:02d} {note.text}: {note.reason}"
-
-
 def run_search_demo(
-    *, scenario: Scenario, limit_s: float, flight_dir: Path, say: Callable[[str], None]
+    *,
+    scenario: Scenario,
+    limit_s: float,
+    flight_dir: Path,
+    say: Callable[[str], None],
+    figures: bool = False,
 ) -> SearchSummary:
-    """Run the search once; see `SearchDemo`."""
-    demo = SearchDemo(scenario=scenario, limit_s=limit_s, flight_dir=flight_dir, say=say)
-    return demo.run()
+    """Run the search once; see `SearchDemo`. With `figures`, its lines have all of them."""
+    return SearchDemo(
+        scenario=scenario,
+        limit_s=limit_s,
+        flight_dir=flight_dir,
+        say=say,
+        told=with_figures if figures else in_plain_words,
+    ).run()

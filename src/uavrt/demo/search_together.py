@@ -7,11 +7,11 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from uavrt.clock import Clock
 from uavrt.demo.programs import Program, free_udp_port
 from uavrt.demo.search import START_LEAD_S, Among, SearchDemo, SearchSummary
+from uavrt.demo.workplace import workplace
 from uavrt.errors import UavrtError
 from uavrt.simulation import FlownPath, Scenario
 from uavrt.units import ns_from_s
@@ -102,7 +102,7 @@ class TogetherDemo:
 
     def _start_ground(self, stack: ExitStack) -> int:
         """The station that serves all; it orders nothing."""
-        work = Path(stack.enter_context(TemporaryDirectory(prefix="uavrt-together-")))
+        work = stack.enter_context(workplace("uavrt-together-"))
         port = free_udp_port()
         further = [word for n in range(2, 1 + self._drones) for word in ("--vehicle", str(n))]
         ground = Program(

@@ -4,19 +4,23 @@ import io
 import re
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from uavrt.demo.watch import RECEIVER, samples_lost
 from uavrt.messages import Pulse, SystemStatus, Tag
 
 RATE_WINDOW_S = 60.0
 """Pulses per minute are counted over this much of the immediate past."""
 FRESH_S = 5.0
+WIDE = 100
+"""Columns from which all is shown: a terminal of 80 has neither bars nor units in cells."""
 
 
 @dataclass(slots=True)
@@ -44,6 +48,9 @@ class TagView:
         return len(self.times_s) * 60.0 / max(1.0, min(RATE_WINDOW_S, running_s))
 
 
+_SHORT = ("tag", "MHz", "SNR, dB", "rate, s", "a minute", "found", "ground")
+
+
 @dataclass(slots=True)
 class DemoView:
     """The state shown; `render` draws it."""
@@ -60,15 +67,27 @@ class DemoView:
     """Where `ros2 topic list` sees the drone."""
 
     def render(self, now_s: float) -> RenderableType:
-        """Draw the view at an instant of the viewer's clock."""
+        """Draw the view at an instant of the viewer's clock, as the terminal has room."""
+        return _Drawn(self, now_s)
+
+    def drawn(self, now_s: float, width: int) -> RenderableType:
+        """Draw the view for a number of columns."""
+        narrow = width < WIDE
+        more = (
+            ""
+            if narrow
+            else (
+                " – simulated animals, radio and autopilot; "
+                "real receiver, detectors, link and ground"
+            )
+        )
         return Panel(
             Group(
-                self._head(),
-                self._tag_table(now_s),
-                self._process_table(),
+                self._head(narrow=narrow),
+                self._tag_table(now_s, narrow=narrow),
+                self._short_process_table() if narrow else self._process_table(),
             ),
-            title="[bold]uavrt demo[/bold] – simulated animals, radio and autopilot; "
-            "real receiver, detectors, link and ground",
+            title=f"[bold]uavrt demo[/bold]{more}",
             border_style="cyan",
         )
 
@@ -81,23 +100,25 @@ class DemoView:
         svg = re.sub(r"@font-face \{.*?\}", "", svg, flags=re.DOTALL)
         path.write_text(svg.replace("Fira Code", "DejaVu Sans Mono"), encoding="utf-8")
 
-    def _head(self) -> RenderableType:
+    def _head(self, *, narrow: bool) -> RenderableType:
         state = self.status.state.value if self.status else "starting"
         lost = sum(
-            process.counters.get("samples_lost", 0.0)
+            samples_lost(process.counters)
             for process in (self.status.processes if self.status else ())
+            if process.process == RECEIVER
         )
-        grid = Table.grid(expand=True, padding=(0, 2))
+        grid = Table.grid(expand=True, padding=(0, 1 if narrow else 2))
+        lost_title, of = ("lost ", "/") if narrow else ("samples lost ", " of ")
         for _ in range(4):
             grid.add_column()
         grid.add_row(
             Text.assemble(("state ", "dim"), (state, "bold")),
             Text.assemble(("phase ", "dim"), (self.phase, "bold")),
             Text.assemble(
-                ("samples lost ", "dim"), (f"{lost:.0f}", "bold red" if lost else "bold green")
+                (lost_title, "dim"), (str(lost), "bold red" if lost else "bold green")
             ),
             Text.assemble(
-                ("time ", "dim"), (f"{self.elapsed_s:.0f} of {self.duration_s:.0f} s", "bold")
+                ("time ", "dim"), (f"{self.elapsed_s:.0f}{of}{self.duration_s:.0f} s", "bold")
             ),
         )
         bar = Table.grid(expand=True)  # alone, a bar does not end its line
@@ -111,8 +132,14 @@ class DemoView:
             rows.append(Text.assemble(("ROS 2 ", "dim"), (named, "bold cyan")))
         return Group(*rows)
 
-    def _tag_table(self, now_s: float) -> RenderableType:
+    def _tag_table(self, now_s: float, *, narrow: bool) -> RenderableType:
         table = Table(expand=True, box=None, header_style="dim")
+        if narrow:
+            for title in _SHORT:
+                table.add_column(title, justify="left" if title == "tag" else "right")
+            for view in self.tags.values():
+                table.add_row(*self._short_cells(view, now_s))
+            return table
         for title, justify in (
             ("tag", "left"),
             ("frequency", "right"),
@@ -147,6 +174,41 @@ class DemoView:
             str(view.delivered),
         ]
 
+    def _short_cells(self, view: TagView, now_s: float) -> list[RenderableType]:
+        """As `_tag_cells`, without units and the bar."""
+        name, frequency, snr, _, rate, per_minute, detected, delivered = self._tag_cells(
+            view, now_s
+        )
+        units = str.maketrans("", "", " MHzdBs")
+        short = [
+            Text(cell.plain.translate(units), style=cell.style)
+            if isinstance(cell, Text)
+            else str(cell).translate(units)
+            for cell in (frequency, snr, rate, per_minute, detected, delivered)
+        ]
+        return [name, *short]
+
+    def _short_process_table(self) -> RenderableType:
+        """Two processes to a line; the state of those alone that are not well."""
+        table = Table(expand=True, box=None, header_style="dim")
+        for _ in range(2):
+            table.add_column("process")
+            table.add_column("CPU", justify="right")
+            table.add_column("MB", justify="right")
+        known = {one.process: one for one in (self.status.processes if self.status else ())}
+        cells: list[list[RenderableType]] = []
+        for name, percent in self.cpu_percent.items():
+            process = known.get(name)
+            words = Text(name)
+            if process is not None and not process.ok:
+                words.append(f" {process.status}", "bold red")
+            memory = f"{process.memory_mb:.0f}" if process else ""
+            cells.append([words, f"{percent:.1f} %", memory])
+        half = (len(cells) + 1) // 2
+        for left, right in zip_longest(cells[:half], cells[half:], fillvalue=["", "", ""]):
+            table.add_row(*left, *right)
+        return table
+
     def _process_table(self) -> RenderableType:
         table = Table(expand=True, box=None, header_style="dim")
         table.add_column("process")
@@ -169,3 +231,14 @@ class DemoView:
                 f"{process.memory_mb:.0f} MB" if process else "",
             )
         return table
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    """The view at an instant, drawn once the room for it is known."""
+
+    view: DemoView
+    now_s: float
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield self.view.drawn(self.now_s, options.max_width)

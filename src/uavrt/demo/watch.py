@@ -1,6 +1,6 @@
 """Measure the CPU time of the demo's processes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from uavrt.clock import cpu_s, monotonic_s
 from uavrt.demo.programs import Program
@@ -11,6 +11,13 @@ RADIO = "radio (simulated)"
 AUTOPILOT = "autopilot (simulated)"
 GROUND = "ground"
 VIEW = "demo's view"
+RECEIVER = "receiver"
+
+
+def samples_lost(counters: Mapping[str, float]) -> int:
+    """Count the samples that a receiver lost, from the radio and on the way to detectors."""
+    names = ("samples_lost", "channel_samples_dropped")
+    return int(sum(counters.get(name, 0.0) for name in names))
 
 
 class Cpu:
@@ -32,7 +39,7 @@ class Cpu:
         for process in status.processes:
             self._processes[process.process] = process
             cpu = process.cpu_s
-            if process.process == "receiver":
+            if process.process == RECEIVER:
                 if process.pid is not None:
                     live_s = sum(usage_of(pid).cpu_s for pid in children_of(process.pid))
                     self._radio_s = max(self._radio_s, live_s)

@@ -169,8 +169,16 @@ def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
     return tuple((float(north), float(east)) for north, east in places)
 
 
+def json_in(text: str) -> Any:
+    """Read JSON; what is none raises `ValueError` with the line."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"it is not JSON from line {error.lineno} on") from None
+
+
 def _of_json(text: str, every: bool) -> Iterator[_Outline]:
-    found = json.loads(text)
+    found = json_in(text)
     if found.get("fileType") == "Plan":
         yield from _of_plan(found)
     else:

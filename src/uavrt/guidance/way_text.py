@@ -4,14 +4,13 @@ QGroundControl's file: its format of plans, version 1. A way is made of its wayp
 16 to 22 of MAVLink, with a place) and of the lines of its surveys (``VisualTransectPoints``).
 """
 
-import json
 from collections.abc import Iterator
 from math import isfinite
 from typing import Any
 from xml.etree import ElementTree as ET
 
 from uavrt.errors import FormatError
-from uavrt.guidance.area_text import MOST_TEXT
+from uavrt.guidance.area_text import MOST_TEXT, json_in
 from uavrt.guidance.orders import Place
 
 _WAYPOINTS = range(16, 23)
@@ -38,7 +37,7 @@ def way_in(text: str, name: str) -> tuple[Place, ...]:
         if len(text) > MOST_TEXT:
             raise ValueError("it is too long")
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
-        places = tuple(_of_kml(text) if kml else _of_json(json.loads(text)))
+        places = tuple(_of_kml(text) if kml else _of_json(json_in(text)))
         if len(places) > _MOST_PLACES:
             raise ValueError(f"it has more than {_MOST_PLACES} places")
         for north, east in places:

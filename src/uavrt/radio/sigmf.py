@@ -228,7 +228,13 @@ def _load(path: Path) -> Mapping[str, Any]:
     except OSError as error:
         raise cannot_read(path, error) from error
     except (ValueError, RecursionError) as error:
-        raise _fault(path, f"is not JSON ({error})", "Write it again") from error
+        at = f" from line {error.lineno} on" if isinstance(error, json.JSONDecodeError) else ""
+        raise _fault(
+            path,
+            f"is not JSON{at}: it is damaged, or another file",
+            "Copy it again, or give --format, --sample-rate and --center-frequency for the "
+            "samples alone",
+        ) from error
     if not isinstance(loaded, dict):
         raise _fault(path, "is not a SigMF description", "Name the .sigmf-meta file")
     return loaded

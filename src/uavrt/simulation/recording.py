@@ -46,6 +46,8 @@ class SimulatedRecording:
     pulses: int
     outside: tuple[int, ...]
     """Tags on frequencies that the recorded band does not reach."""
+    cut: tuple[int, ...]
+    """Tags of which TagInfo.txt holds less than `tags`: a second interval, or a code."""
 
 
 def simulate_to_directory(
@@ -103,17 +105,18 @@ def simulate_to_directory(
 
 
 def _prepare(base: Path, size_bytes: int) -> None:
-    base.mkdir(parents=True, exist_ok=True)
-    if any(base.iterdir()):
+    if base.exists() and any(base.iterdir()):
         raise RecordingError(
             f"{base} is not empty", remedy="Name a new directory; nothing is overwritten"
         )
-    free = shutil.disk_usage(base).free
+    above = next(place for place in (base, *base.absolute().parents) if place.exists())
+    free = shutil.disk_usage(above).free
     if free < size_bytes:
         raise RecordingError(
             f"the recording needs {size_bytes / 1e6:.0f} MB, {base} has {free / 1e6:.0f} MB",
             remedy="Record less, at a lower rate, or as cs16",
         )
+    base.mkdir(parents=True, exist_ok=True)
 
 
 def _record(
@@ -136,6 +139,9 @@ def _record(
         scenario=base / "scenario.toml",
         samples=total,
         pulses=len(pulses),
+        cut=tuple(
+            tag.tag_id for tag in scenario.tags if tag.coded or len(tag.pulse_intervals_s) > 1
+        ),
         outside=tuple(
             tag.tag_id for tag in scenario.tags if not synthesizer.in_band(tag.frequency_hz)
         ),

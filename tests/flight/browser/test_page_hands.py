@@ -4,16 +4,19 @@ import re
 import socket
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from page_driver import WAIT_MS, Ground, Watched, write_map
+from page_driver import WAIT_MS, Ground, Watched, type_tags, write_map
 from past_flight import write_flight
 from playwright.sync_api import Browser, Page, expect
 from willing_drone import WillingDrone
 
 from uavrt.demo.programs import free_udp_port
+from uavrt.simulation import demo_scenario
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
 
@@ -192,6 +195,32 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     page.click("#tab-fly")
     expect(page.locator("#basemap")).to_have_value("valley.mbtiles")
     assert watched.errors == []
+    watched.close()
+
+
+def test_on_a_tablet_the_hint_is_whole_above_many_tags(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    watched = Watched(browser, start_ground(tmp_path).address)
+    page = watched.page
+    few = demo_scenario(40.0)
+    more = [
+        replace(tag, tag_id=tag.tag_id + 10, frequency_hz=tag.frequency_hz + 50e3)
+        for tag in few.tags
+    ]
+    type_tags(page, SimpleNamespace(tags=[*few.tags, *more]))
+    page.click("#tag-save")
+    expect(page.locator("#tag-state")).not_to_contain_text("not saved")
+    page.click("#tab-fly")
+    hint = page.locator("#act-reason")
+    expect(hint).to_contain_text("check its power and the radio")
+    expect(page.locator("#cards .card")).to_have_count(2 * len(few.tags))
+    assert hint.evaluate("hint => hint.scrollHeight <= hint.clientHeight")
+    below = page.locator(".panel .segments").bounding_box()
+    box = hint.bounding_box()
+    assert below is not None
+    assert box is not None
+    assert box["y"] + box["height"] <= below["y"]
     watched.close()
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import uavrt
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,7 +31,7 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.mavlink import FrameWriter, Message, dialect
 from uavrt.messages import Pose, PulsePose
-from uavrt.recording import Flight, read_flight
+from uavrt.recording import Flight, PulseWriter, read_flight
 from uavrt.simulation.telemetry import telemetry_message
 
 WriteFlight = Callable[..., Path]
@@ -227,6 +228,23 @@ def write_gpx(poses: list[Pose], path: Path) -> Path:
         f"{points}</trkseg></trk></gpx>"
     )
     return path
+
+
+def test_an_offset_that_leaves_nearly_all_pulses_without_a_pose_is_refused(
+    flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pulses, out = tmp_path / "pulses.jsonl", tmp_path / "posed.jsonl"
+    with pulses.open("w") as stream:
+        writer = PulseWriter(stream, "jsonl")
+        for one in flight.pulse_poses:
+            writer.write(one)
+    track = write_tlog(flight.poses, tmp_path / "x.tlog")
+    line = ["attach", str(pulses), str(track), "-o", str(out), "--clock-offset"]
+    assert uavrt(*line, "3600") == 2
+    assert f"only 0 of {len(flight.pulse_poses)} pulses" in capsys.readouterr().err
+    assert not out.exists()
+    assert uavrt(*line, "0") == 0
+    assert out.is_file()
 
 
 @pytest.mark.parametrize(

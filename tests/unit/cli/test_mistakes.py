@@ -11,6 +11,7 @@ from command_line import uavrt
 from pulses import pulse_at
 
 from uavrt.recording import PulseWriter
+from uavrt.simulation import demo_scenario, simulate_to_directory
 
 TAG = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
 RADIO = "--sample-rate 250e3 --center-frequency 148.7e6"
@@ -24,11 +25,19 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "a.cf32").write_bytes(noise.tobytes())
     (tmp_path / "junk").write_bytes(rng.bytes(3000))
     (tmp_path / "junk.toml").write_bytes(rng.bytes(3000))
-    (tmp_path / "empty").touch()
+    for name in ("empty", "empty.csv", "empty.jsonl", "empty.geojson", "empty.ulg"):
+        (tmp_path / name).touch()
+    (tmp_path / "broken.geojson").write_text('{"type": \n')
+    (tmp_path / "broken.ulg").write_bytes(b"ULog" + rng.bytes(200))
+    (tmp_path / "junk.sigmf-meta").write_bytes(rng.bytes(300))
+    (tmp_path / "junk.sigmf-data").touch()
     (tmp_path / "tags.txt").write_text(TAG)
     with (tmp_path / "pulses.jsonl").open("w") as stream:
         PulseWriter(stream, "jsonl").write(pulse_at(1_700_000_001_000_000_000))
     (tmp_path / "place").mkdir()
+    simulate_to_directory(
+        demo_scenario(), tmp_path / "world", duration_s=0.1, sample_rate_hz=250e3
+    )
     return tmp_path
 
 
@@ -59,6 +68,35 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("localize", "Name a flight"),
         ("export empty", "nothing was exported"),
         ("bearing junk", "Choose from"),
+        ("localize world", "uavrt detect world/simulation.sigmf-meta --tags world/tags.toml"),
+        ("bearing world", "uavrt detect world/simulation.sigmf-meta --tags world/tags.toml"),
+        ("localize world/TagInfo.txt", "is a list of tags"),
+        ("simulate demo -o another --duration 1e9", "Record less"),
+        ("report empty.csv", "empty.csv is empty"),
+        ("localize empty.csv empty.jsonl", "empty.csv is empty"),
+        ("bearing empty.jsonl", "empty.jsonl is empty"),
+        ("attach empty.jsonl junk -o x.csv", "empty.jsonl is empty"),
+        ("attach pulses.jsonl empty.ulg -o x.csv", "empty.ulg is empty"),
+        ("attach pulses.jsonl broken.ulg -o x.csv", "Copy it from the autopilot again"),
+        ("report pulses.jsonl --no-html --no-pdf", "Leave out"),
+        ("report pulses.jsonl --map junk", "Give an MBTiles or PMTiles"),
+        ("coverage nowhere --tag-power -25", "nowhere does not exist"),
+        ("coverage junk --tag-power -25", "junk is not text"),
+        ("coverage empty.geojson --tag-power -25", "empty.geojson is empty"),
+        ("coverage broken.geojson --tag-power -25", "not JSON from line 2 on"),
+        ("fly survey --area junk --height 60", "junk is not text"),
+        ("fly survey --area nowhere --height 60", "nowhere does not exist"),
+        ("fly goto 500 8", "500 is not a latitude"),
+        ("fly goto 50 188", "188 is not a longitude"),
+        ("detect junk.sigmf-meta --tags tags.txt", "Copy it again"),
+        (f"detect a.cf32 {RADIO} --tags tags.txt -o no/out.csv", "Make the directory"),
+        ("update nowhere.tar --check", "no file nowhere.tar"),
+        ("report", "FLIGHT is missing: uavrt report FLIGHT"),
+        ("tags check", "FILE is missing: uavrt tags check FILE"),
+        ("coverage place", "--tag-power is missing"),
+        ("doctor --mavlink foo", "foo"),
+        ("doctor --port TELEM1", "--autopilot"),
+        ("doctor --flight --mavlink udpin://127.0.0.1:1", "--flight"),
         ("simulate nowhere -o world", "No such file"),
         ("simulate junk.toml -o world", "UTF-8"),
         ("simulate demo -o tags.txt --duration 1", "Choose a directory"),
@@ -109,6 +147,18 @@ def test_a_mistake_is_told_with_what_to_do(
     assert "Traceback" not in said.err
     assert "Errno" not in said.err
     assert {path: path.read_bytes() for path in kept} == kept
+    assert not (folder / "another").exists()
+
+
+def test_a_simulated_recording_names_the_tag_list_that_holds_all_of_it(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = "simulate demo -o one --duration 0.1 --sample-rate 250e3"
+    assert uavrt(*line.split()) == 0
+    said = capsys.readouterr()
+    assert "tags in tags.toml" in said.out
+    told = " ".join(said.err.split())
+    assert "TagInfo.txt cannot hold a second interval or a code: of tag 4 it has less" in told
 
 
 def test_each_command_says_what_it_does_and_shows_how(

@@ -2,7 +2,12 @@
 
 from pathlib import Path
 
-from uavrt.analysis.tracks.attach import ClockOffset, attach_poses, estimate_offset
+from uavrt.analysis.tracks.attach import (
+    ClockOffset,
+    attach_poses,
+    demand_placed,
+    estimate_offset,
+)
 from uavrt.analysis.tracks.dataflash import MARK, read_dataflash
 from uavrt.analysis.tracks.flown import flight_of_track
 from uavrt.analysis.tracks.points import read_gpx, read_nmea
@@ -16,6 +21,7 @@ __all__ = [
     "ClockOffset",
     "VehicleTrack",
     "attach_poses",
+    "demand_placed",
     "estimate_offset",
     "flight_of_track",
     "read_dataflash",
@@ -45,6 +51,8 @@ def read_track(path: Path) -> VehicleTrack:
         raise FormatError(
             f"cannot read {path}: {error.strerror}", remedy="Check the name"
         ) from error
+    if not head.strip(b"\0\r\n\t "):
+        raise FormatError(f"{path} is empty", remedy="Copy it from the autopilot again")
     if head.startswith(b"ULog"):
         track = read_ulog(path)
     elif head.startswith(MARK):
@@ -60,7 +68,8 @@ def read_track(path: Path) -> VehicleTrack:
     else:
         raise FormatError(
             f"{path} is not a known kind of track",
-            remedy="Give a .ulg of PX4, .BIN or .tlog of ArduPilot, NMEA, GPX, and the "
+            remedy="If it is a log of the autopilot, it is damaged: copy it again. Known are "
+            ".ulg of PX4, .BIN and .tlog of ArduPilot, NMEA, GPX, and the "
             "telemetry.csv of uavrt simulate",
         )
     if not track.attitudes or not track.positions:

@@ -101,6 +101,25 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
     return replace(one, pose=replace(one.pose, altitude_relative_m=0.0))
 
 
+def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
+    """Count the pulses that have a pose now; a track of another time places hardly any.
+
+    Raises
+    ------
+    UsageError
+        They are fewer than a quarter.
+    """
+    placed = sum(one.pose is not None for one in attached)
+    if attached and placed < _LEAST_SHARE * len(attached):
+        raise UsageError(
+            f"only {placed} of {len(attached)} pulses would get a pose with a clock offset of "
+            f"{offset_s:+.2f} s: fewer than a quarter",
+            remedy="Check --clock-offset (pulses' clock ahead of the track's, in seconds) and "
+            "that both are from the same flight",
+        )
+    return placed
+
+
 def estimate_offset(
     pulse_poses: Sequence[PulsePose], track: VehicleTrack, *, antenna: str = "RA-23K"
 ) -> ClockOffset:

@@ -49,7 +49,8 @@ def read_ulog(path: Path) -> VehicleTrack:
         raise FormatError(f"cannot read {path}: {error.strerror}") from error
     except Exception as error:
         raise FormatError(
-            f"{path} is not a ULog file: {error}", remedy="Give a .ulg of PX4"
+            f"{path} is a damaged ULog file: {error}",
+            remedy="Copy it from the autopilot again, or take another flight's",
         ) from error
     topics: dict[str, Any] = {one.name: one.data for one in log.data_list if not one.multi_id}
     offset_us = _utc_of_boot_us(topics)

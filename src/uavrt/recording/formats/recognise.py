@@ -111,8 +111,20 @@ def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
         return (place,)
     found = tuple(_logs_below(place))
     if not found:
-        raise FormatError(f"{place} contains no flight and no pulse log", remedy=_REMEDY)
+        raise _none_in(place)
     return found
+
+
+def _none_in(directory: Path) -> FormatError:
+    """Samples alone are a step away from pulses."""
+    samples = next(iter(sorted(directory.glob("*.sigmf-meta"))), None)
+    tags = next((one for one in (directory / "tags.toml",) if one.is_file()), "TAGS")
+    return FormatError(
+        f"{directory} contains no flight and no pulse log",
+        remedy=_REMEDY
+        if samples is None
+        else f"Find the pulses first: uavrt detect {samples} --tags {tags} -o pulses.jsonl",
+    )
 
 
 def _logs_below(directory: Path) -> Iterator[Path]:
@@ -127,7 +139,12 @@ def _logs_below(directory: Path) -> Iterator[Path]:
 
 
 def _is_log(path: Path) -> bool:
-    """Whether a file of a folder is a pulse log: recognised, and not merely empty."""
+    """Whether a file of a folder is a pulse log: recognised, and not merely empty.
+
+    What a simulation truly sent stands beside its recording and was heard by nobody.
+    """
+    if path.name == "truth.csv":
+        return False
     try:
         return recognised(path) is not None and any(map(str.strip, read_lines(path)))
     except FormatError:
@@ -155,6 +172,11 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
     if not cells:
         # A flight in which nothing was heard leaves an empty log.
         return "uavrt-jsonl" if Path(path).suffix == ".jsonl" else "pulse_pose_log"
+    if _is_tag_list(path, cells):
+        raise FormatError(
+            f"{os.fspath(path)} is a list of tags, not of pulses",
+            remedy="Name the flight or the pulse log; `uavrt tags check` looks at tag lists",
+        )
     if cells[0] == "tag_id" and "start_time_ns" in cells:
         return "uavrt-csv"
     if cells[0].lower() == "run":
@@ -172,6 +194,14 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
     if cells[0].isdigit() and len(lines) <= 2:
         return "pulse_pose_log"  # a single line, cut off
     raise FormatError(f"{os.fspath(path)} is not a known pulse log format", remedy=_REMEDY)
+
+
+def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
+    """Whether it is the tag list that stands beside flights and recordings."""
+    heading = [cell.lower() for cell in cells[:2]]
+    return Path(path).name.lower() == "taginfo.txt" or (
+        heading[0].strip("# ") == "id" and heading[1:] == ["freq_hz"]
+    )
 
 
 def _is_jsonl(lines: Sequence[str]) -> bool:
@@ -215,7 +245,7 @@ def _directory(directory: Path) -> PulseLog:
         paths = sorted(path for pattern in group for path in directory.glob(pattern))
         if paths:
             return _merged(map(read_pulse_log, paths))
-    raise FormatError(f"{directory} contains no flight and no pulse log", remedy=_REMEDY)
+    raise _none_in(directory)
 
 
 def _merged(logs: Iterable[PulseLog]) -> PulseLog:

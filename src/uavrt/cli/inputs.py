@@ -1,0 +1,29 @@
+"""Inputs in which there is nothing."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from uavrt.errors import UsageError
+
+_HEAD_BYTES = 65_536
+
+
+def require_content(paths: Sequence[Path]) -> None:
+    """Refuse files that are all empty, before they are taken for flights without pulses.
+
+    Raises
+    ------
+    UsageError
+        There is nothing in any of them.
+    """
+    empty = [path for path in paths if path.is_file() and _is_empty(path)]
+    if empty and len(empty) == len(paths):
+        raise UsageError(
+            f"{empty[0]} is empty", remedy="Check its name, and that it was copied whole"
+        )
+
+
+def _is_empty(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    return not head.strip() and len(head) < _HEAD_BYTES

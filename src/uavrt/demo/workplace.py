@@ -1,0 +1,91 @@
+"""Where a demo keeps its files while it runs: swept when it ends, or by the next one.
+
+A demo that was killed (SIGKILL, power cut) leaves its directory behind. Each holds a lock as
+long as its demo lives, whatever ends it; a directory whose lock can be taken is nobody's.
+"""
+
+import fcntl
+import shutil
+import socket
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from uavrt.errors import UavrtError, UsageError
+
+PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-fleet-", "uavrt-together-")
+LOCK = "running"
+_YOUNG_S = 60.0
+"""One that was made so lately may not have its lock yet."""
+
+
+@contextmanager
+def workplace(prefix: str) -> Iterator[Path]:
+    """Make a directory for a demo; it is gone afterwards, unless the demo failed.
+
+    That of a demo that failed stays for its log files, until the next one begins.
+
+    Parameters
+    ----------
+    prefix : str
+        One of `PREFIXES`.
+    """
+    sweep(Path(tempfile.gettempdir()))
+    place = Path(tempfile.mkdtemp(prefix=prefix))
+    with (place / LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        try:
+            yield place
+        except UavrtError:
+            raise
+        except BaseException:
+            shutil.rmtree(place, ignore_errors=True)
+            raise
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def sweep(directory: Path) -> None:
+    """Remove what dead demos have left in a directory."""
+    for prefix in PREFIXES:
+        for place in directory.glob(f"{prefix}*"):
+            # Another user's, or one that ends just now.
+            with suppress(OSError):
+                if _is_left(place):
+                    shutil.rmtree(place, ignore_errors=True)
+
+
+def _is_left(place: Path) -> bool:
+    if place.is_symlink() or not place.is_dir():
+        return False
+    if not (place / LOCK).exists():
+        return time.time() - place.stat().st_mtime > _YOUNG_S
+    with (place / LOCK).open("r+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+    return True
+
+
+def require_free_port(port: int | None, host: str = "127.0.0.1") -> None:
+    """Refuse a port for the page that something else has, before anything is started.
+
+    Raises
+    ------
+    UsageError
+        It is taken, or may not be used.
+    """
+    if not port:
+        return
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sock:
+        # As servers do: what a server that has ended left waiting is no obstacle.
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            sock.bind((host, port))
+        except OSError as error:
+            raise UsageError(
+                f"the page cannot be served at port {port}: {error.strerror}",
+                remedy="Give another --port, or leave it out for any free one",
+            ) from error

@@ -1,0 +1,253 @@
+"""What the demo shows in a terminal, and what it leaves on the computer."""
+
+import fcntl
+import io
+import os
+import socket
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from command_line import uavrt
+from pulses import pulse_at
+from rich.console import Console
+
+from uavrt.demo.programs import Program
+from uavrt.demo.run import not_started
+from uavrt.demo.search import SearchSummary, SoughtAnimal
+from uavrt.demo.telling import in_plain_words
+from uavrt.demo.view import DemoView, TagView
+from uavrt.demo.watch import samples_lost
+from uavrt.demo.workplace import LOCK, sweep, workplace
+from uavrt.errors import UavrtError
+from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemState, SystemStatus
+from uavrt.simulation import demo_scenario
+
+PROCESSES = ("receiver", "detector-1", "connection", "recorder", "supervisor", "ros2")
+
+
+def flown_view() -> DemoView:
+    world = demo_scenario(120.0, coded=True)
+    tags = {tag.tag_id: TagView(tag) for tag in world.tags}
+    for view in tags.values():
+        for number in range(30):
+            pulse = pulse_at(1_700_000_000_000_000_000 + number)
+            view.add(replace(pulse, tag_id=view.tag.tag_id, snr_db=31.4), 100.0)
+    processes = tuple(
+        ProcessStatus(
+            process=name,
+            status="running",
+            ok=True,
+            running=True,
+            pid=12,
+            restarts=0,
+            cpu_s=3.0,
+            memory_mb=81.0,
+            counters={"samples_lost": 7.0, "channel_samples_dropped": 2.0},
+        )
+        for name in PROCESSES
+    )
+    status = SystemStatus(
+        center_frequency_hz=148.6e6,
+        tags=(),
+        time_ns=1,
+        state=SystemState.DETECTING,
+        flight_directory="f",
+        processes=processes,
+    )
+    more = ("radio (simulated)", "autopilot (simulated)", "ground", "demo's view")
+    return DemoView(
+        duration_s=120.0,
+        tags=tags,
+        status=status,
+        elapsed_s=61.0,
+        phase="flying to point 2",
+        cpu_percent=dict.fromkeys((*PROCESSES, *more), 3.2),
+        page_address="http://127.0.0.1:43213/",
+        ros_domain=42,
+    )
+
+
+def shown(what: object, width: int) -> list[str]:
+    console = Console(width=width, file=io.StringIO())
+    console.print(what)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue().splitlines()
+
+
+def test_a_terminal_of_80_columns_and_24_rows_shows_all_of_a_flight() -> None:
+    view = flown_view()
+    lines = shown(view.render(101.0), 80)
+    assert len(lines) <= 23
+    text = "\n".join(lines)
+    assert "…" not in text
+    for name in (*PROCESSES, "ground", "demo's view"):
+        assert name in text
+    for tag in view.tags.values():
+        (line,) = [one for one in lines if f" {tag.tag.tag_id} {tag.tag.name} " in one]
+        assert "31.4" in line
+        assert "148.71000" in line
+
+
+def test_a_wide_terminal_has_bars_and_units() -> None:
+    text = "\n".join(shown(flown_view().render(101.0), 120))
+    assert "█" in text
+    assert "148.71000 MHz" in text
+    assert "real receiver" in text
+
+
+def test_losses_are_counted_once_and_alike_in_view_and_table() -> None:
+    view = flown_view()
+    assert view.status is not None
+    counters = view.status.processes[0].counters
+    assert samples_lost(counters) == 9
+    assert " lost 9 " in shown(view.render(101.0), 80)[1]
+    assert "samples lost 9 " in shown(view.render(101.0), 120)[1]
+
+
+def animal(name: str, *, found: bool) -> SoughtAnimal:
+    return SoughtAnimal(
+        name=name,
+        found=found,
+        found_s=123.4 if found else None,
+        error_m=12.3 if found else None,
+        radius95_m=21.0,
+        walked_m=45.0,
+        pulses=123,
+        latitude_deg=-46.123456,
+        longitude_deg=-108.123456,
+    )
+
+
+def test_the_result_of_a_search_fits_80_columns_and_says_how_many_were_found() -> None:
+    summary = SearchSummary(
+        tags={"2": animal("lynx", found=True), "14": animal("wandering fox", found=False)},
+        ended="returning: the autopilot flies home",
+        duration_s=284.0,
+        decisions=30,
+        guide_cpu_percent=1.0,
+        guide_memory_mb=80.0,
+        flight_directory="f",
+    )
+    lines = shown(summary.table(), 80)
+    assert "1 of 2 animals found after 284 s" in lines[0]
+    text = "\n".join(lines)
+    assert "…" not in text
+    assert any("2 lynx" in line and "-46.12346, -108.12346" in line for line in lines)
+    assert any("14 wandering fox" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("event", "text", "reason", "told"),
+    [
+        (
+            "decision",
+            "turn by 360° in 20 s",
+            "none of 38 ways keeps the distance, an animal may be near with 0.03: listening "
+            "first, 1.2 nats about tag 4",
+            "turn once in place: an animal may be near: it listens before it flies",
+        ),
+        (
+            "decision",
+            "fly 120 m north-east",
+            "1.3 nats about tag 4 in 16 s; in all 0.081/s; 38 candidates",
+            "fly 120 m north-east: to learn more about tag 4",
+        ),
+        ("found", "tag 4 found", "95 % within 21 m; bias +2.6 σ, scatter × 0.3", "21 m (95 %)"),
+        ("ended", "3 of 3 found", "returning: the autopilot flies home", "3 of 3 found"),
+    ],
+)
+def test_a_search_tells_what_it_does_and_why_without_figures_of_its_own(
+    event: str, text: str, reason: str, told: str
+) -> None:
+    note = SearchNote(
+        time_ns=1,
+        order_id=1,
+        event=event,  # type: ignore[arg-type]
+        text=text,
+        reason=reason,
+        elapsed_s=75.0,
+        latitude_deg=46.0,
+        longitude_deg=8.0,
+        height_m=40.0,
+        battery_percent=80.0,
+        tags=(
+            SoughtTag(
+                tag_id=4,
+                latitude_deg=46.0,
+                longitude_deg=8.0,
+                radius95_m=21.0,
+                existence=1.0,
+                found_s=75.0,
+                pulses=40,
+                missed=2,
+            ),
+        ),
+        tag_id=4 if event == "found" else None,
+    )
+    line = in_plain_words(note)
+    assert line.startswith(" 1:15 ")
+    assert line.endswith(told)
+    assert not {"nats", "σ", "candidates"} & set(line.split())
+
+
+@pytest.mark.parametrize("more", ["", " --drones 2"])
+def test_a_port_that_is_taken_is_told_before_anything_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: str
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        line = f"demo --no-browser --port {port} --flight-dir {tmp_path}{more}"
+        assert uavrt(*line.split()) == 2
+    said = capsys.readouterr().err
+    assert f"port {port}: Address already in use" in said
+    assert "--port" in said
+
+
+def test_a_flight_that_does_not_start_is_told_with_the_ground_s_last_words(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "ground.log"
+    program = Program("ground", ("uavrt.cli", "ground", "--start"), log)
+    while not program.ended:
+        os.sched_yield()
+    error = not_started(program)
+    assert "did not start: there are no tags" in str(error)
+    assert str(log) in str(error)
+    with pytest.raises(UavrtError, match="there are no tags") as ended:
+        program.check()
+    assert str(log) in str(ended.value)
+
+
+def test_what_a_killed_demo_left_is_swept_by_the_next_and_a_running_one_s_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    for name in ("uavrt-demo-dead", "uavrt-search-dead", "uavrt-demo-live", "another"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / LOCK).touch()
+    old = tmp_path / "uavrt-fleet-old"
+    old.mkdir()
+    os.utime(old, (1e9, 1e9))
+    with (tmp_path / "uavrt-demo-live" / LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with workplace("uavrt-demo-") as place:
+            (place / "ground.log").write_text("hears nothing")
+            sweep(tmp_path)
+            left = {one.name for one in tmp_path.iterdir()}
+            assert left == {"uavrt-demo-live", "another", place.name}
+    assert not place.exists()
+
+
+def test_the_log_files_of_a_demo_that_failed_stay_to_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(UavrtError), workplace("uavrt-demo-") as place:
+        raise UavrtError("detection did not start")
+    assert place.is_dir()
+    with pytest.raises(KeyboardInterrupt), workplace("uavrt-demo-") as another:
+        raise KeyboardInterrupt
+    assert not place.exists()
+    assert not another.exists()

@@ -1,0 +1,25 @@
+"""What a flight's database says was heard so far, also at its very beginning."""
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from uavrt.errors import RecordingError
+from uavrt.recording import FlightLayout
+from uavrt.recording.heard import heard_tags
+
+
+def test_in_a_new_flight_whose_tables_are_not_made_yet_nothing_was_heard(
+    tmp_path: Path,
+) -> None:
+    with closing(sqlite3.connect(FlightLayout(tmp_path).database)) as database:
+        database.execute("PRAGMA user_version = 4")
+    assert heard_tags(tmp_path) == {}
+
+
+def test_a_damaged_database_is_no_empty_one(tmp_path: Path) -> None:
+    FlightLayout(tmp_path).database.write_bytes(b"no database" * 500)
+    with pytest.raises(RecordingError, match="cannot be read"):
+        heard_tags(tmp_path)
