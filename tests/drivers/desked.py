@@ -133,8 +133,9 @@ class Desked(Flown):
         if self.states[-1].kind != "offer":
             raise CommandRefused(self.states[-1].text)
         self.say_yes(order.order_id)
-        if self.states[-1].kind == "refused":
-            raise CommandRefused(self.states[-1].text)
+        answer = self.states[-1]
+        if answer.kind == "refused":
+            raise CommandRefused(answer.text)
 
     def offer(self, order_id: int, *, takeoff: bool = False) -> None:
         self.desk.offer(

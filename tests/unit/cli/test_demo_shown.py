@@ -126,6 +126,7 @@ def test_the_result_of_a_search_fits_80_columns_and_says_how_many_were_found() -
         ended="returning: the autopilot flies home",
         duration_s=284.0,
         decisions=30,
+        commands=25,
         guide_cpu_percent=1.0,
         guide_memory_mb=80.0,
         flight_directory="f",
