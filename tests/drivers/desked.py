@@ -130,12 +130,13 @@ class Desked(Flown):
 
     def confirm(self, order: Order) -> None:
         self.offer(order.order_id, takeoff=order.action == "takeoff")
-        if self.states[-1].kind != "offer":
-            raise CommandRefused(self.states[-1].text)
+        self._raise_if_refused()
         self.say_yes(order.order_id)
-        answer = self.states[-1]
-        if answer.kind == "refused":
-            raise CommandRefused(answer.text)
+        self._raise_if_refused()
+
+    def _raise_if_refused(self) -> None:
+        if self.states[-1].kind == "refused":
+            raise CommandRefused(self.states[-1].text)
 
     def offer(self, order_id: int, *, takeoff: bool = False) -> None:
         self.desk.offer(
