@@ -400,6 +400,7 @@ def test_sealed_orders_take_off_with_sticks_seen_and_the_ground_is_lost_on_the_w
         takes_off.kill()
         assert '"text": "done"' in field.events()
         assert field.motions() == [176, 22]
+        assert qgc.place is not None
         assert qgc.place.relative_alt == pytest.approx(25_000, abs=2_500)
 
         there = (start.lat / 1e7 + 200.0 / 111_200.0, start.lon / 1e7)

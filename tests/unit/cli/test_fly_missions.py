@@ -131,7 +131,7 @@ def test_a_survey_out_of_the_vehicles_fence_or_far_from_its_home_is_not_uploaded
     options = {"area": meadow(tmp_path), "height": 60.0, "spacing": 40.0, "upload": True}
     with pytest.raises(PlanError, match=r"leads \d+ m from the vehicle's home") as refused:
         fly("survey", farthest=50.0, mavlink=vehicle.address, **options)  # type: ignore[arg-type]
-    assert "--farthest" in refused.value.remedy
+    assert "--farthest" in str(refused.value)
     fence = VehicleFence(within=(KeepOut(places=((46.5, 8.0),), radius_m=100.0),))
     vehicle.holds_fence(fence)
     with pytest.raises(PlanError, match="vehicle's fence"):

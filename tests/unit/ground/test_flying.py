@@ -91,13 +91,17 @@ class FlyingDrone(Drone):
 
     def _home(self) -> Message:
         """Where it is asked for: at a corner of the area."""
-        flat = dict.fromkeys(("x", "y", "z", "approach_x", "approach_y", "approach_z"), 0.0)
         return dialect.HomePosition(
             latitude=465_000_000,
             longitude=80_000_000,
             altitude=800_000,
+            x=0.0,
+            y=0.0,
+            z=0.0,
             q=(1.0, 0.0, 0.0, 0.0),
-            **flat,
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
         )
 
     def _as_autopilot(self, message: Message) -> None:
