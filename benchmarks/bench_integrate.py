@@ -61,7 +61,7 @@ def run() -> list[Table]:
 def _courses() -> list[Course]:
     """Turning in place, turning on the way, and lanes with the antenna turning as well."""
     still = turning(round(60.0 * MINUTES / INTERVAL_S))
-    lanes = lawnmower(outside_m=None)
+    lanes = lawnmower(tag="inside", legs=6)
     some = slice(0, len(still.east_m))
     lanes = replace(
         lanes,

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
+from tests.unit.integration.test_from_arrays_and_tracks import FIXED
 from tests.unit.integration.test_whole_flight import judged
 
 from uavrt.analysis import TagOfFlights, common_tags, judge_together, share_alone
@@ -145,6 +146,13 @@ def test_the_command_tells_each_flight_and_writes_beside_each(
     assert said["found"]
     assert said["together"]
     assert np.isfinite(said["bearing_deg"])
+    assert set(FIXED) <= set(said)
+    assert said["interval_s"] == pytest.approx(flown[0].interval_s, abs=5e-4)
+    assert abs(said["frequency_hz"] - flown[0].tag.frequency_hz - flown[0].offset_hz) < 40.0
+    assert said["pulses"] == sum(one["pulses"] for one in said["flights"]) > 80
+    assert said["enr_db"] == said["level_db"] == pytest.approx(WEAK_DB, abs=2.0)
+    assert said["antenna"] == "RA-23K"
+    assert said["antenna_assumed"]
     assert [one["flight"] for one in said["flights"]] == [Path(name).name for name in names]
     saved = [read_integrated(name)[0][0] for name in names]
     assert [one.found for one in saved] == [one["found"] for one in said["flights"]]
