@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,8 +100,8 @@ class Survey:
     kind: LogKind
     antenna: str
     """Name of the pattern that the bearings were estimated with."""
-    pattern: AntennaPattern | None = None
-    """The same as the turns have shown it; None where there are no bearings."""
+    pattern: Callable[[], AntennaPattern | None] = lambda: None
+    """Learns the same as the turns have shown it, at the first call; None where they do not."""
     offset_deg: float = 0.0
     """Boresight clockwise from the heading that the pulses carry."""
     pulse_poses: tuple[PulsePose, ...]
@@ -302,7 +303,7 @@ def _read(place: Path, asked: _Asked) -> Survey:
         antenna=antenna,
         pulse_poses=pulses,
         track=_on_earth(one.pose for one in pulses),
-        pattern=_shown(lambda: learnt_antenna(place, antenna, asked.offset_deg), bearings),
+        pattern=_shown(lambda: learnt_antenna(place, antenna, asked.offset_deg)),
         offset_deg=asked.offset_deg,
         bearings=tuple(bearings),
         positions=tuple(positions),
@@ -399,7 +400,6 @@ def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
                 ],
                 antenna,
             ),
-            bearings,
         ),
         offset_deg=asked.offset_deg,
         pulse_poses=flight.pulse_poses,
@@ -433,14 +433,17 @@ def _attempted(
         return []
 
 
-def _shown(
-    learn: Callable[[], AntennaPattern], bearings: Sequence[TagBearing]
-) -> AntennaPattern | None:
-    """The antenna as the bearings took it; None where too few turns show it, or none has."""
-    try:
-        return learn() if bearings else None
-    except UsageError:
-        return None
+def _shown(learn: Callable[[], AntennaPattern]) -> Callable[[], AntennaPattern | None]:
+    """Learn the antenna as the bearings took it, when somebody wants to see it, and once."""
+
+    @cache
+    def shown() -> AntennaPattern | None:
+        try:
+            return learn()
+        except UsageError:
+            return None
+
+    return shown
 
 
 def _placed(pulses: Iterable[PulsePose]) -> list[PulsePose]:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, pulse_of
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.localization import Bearing, Ellipse, Position, TrackPoint
+from uavrt.localization.results import Caution
 from uavrt.messages import FlightInfo, Pose, PulsePose
 from uavrt.recording import FlightLayout, fields_of, read_flight
 
@@ -202,6 +203,7 @@ def _position(row: dict[str, Any]) -> TagPosition:
             stations=row["bearings"],
             pulses=row["powers"],
             ellipse95=ellipse,
+            cautions=_cautions(row),
             track=tuple(
                 TrackPoint(
                     time_ns=time_ns,
@@ -214,6 +216,16 @@ def _position(row: dict[str, Any]) -> TagPosition:
             ),
             **{name: row[name] for name in same},
         ),
+    )
+
+
+def _cautions(row: dict[str, Any]) -> tuple[Caution, ...]:
+    """What makes a position less sure; nothing of archives from before that was kept."""
+    names, texts = row.get("cautions") or "", row.get("cautions_in_words") or ""
+    return tuple(
+        Caution(name=cast("Any", name), text=text)
+        for name, text in zip(names.split(", "), texts.split("\n"), strict=False)
+        if name
     )
 
 

@@ -358,6 +358,8 @@ def _position_row(
         heading_error_deg=found.heading_error_deg,
         heading_error_sigma_deg=found.heading_error_sigma_deg,
         remarks="; ".join(found.remarks),
+        cautions=", ".join(each.name for each in found.cautions),
+        cautions_in_words="\n".join(each.text for each in found.cautions),
         track_time_ns=tuple(each.time_ns for each in found.track),
         track_latitude_deg=tuple(each.latitude_deg for each in found.track),
         track_longitude_deg=tuple(each.longitude_deg for each in found.track),

@@ -146,6 +146,10 @@ class PositionOfTag:
     heading_error_deg: float | None
     heading_error_sigma_deg: float | None
     remarks: str
+    cautions: str
+    """Names of what makes it less sure than its circles say, with commas between."""
+    cautions_in_words: str
+    """The same for the operator, a line each."""
     track_time_ns: tuple[int, ...]
     """Of a tag that moved: its way."""
     track_latitude_deg: tuple[float, ...]

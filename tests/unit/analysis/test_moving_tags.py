@@ -22,6 +22,8 @@ from uavrt.analysis.positions import read_positions
 from uavrt.analysis.report import words
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc
+from uavrt.ground.store.estimates import AntennaChoice, Estimator
+from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization import Position, TangentPlane
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 
@@ -164,6 +166,19 @@ def test_tables_have_the_way_with_a_row_for_each_time(survey: Survey) -> None:
         )
     times = [one["timestamp"] for one in walked]
     assert times == sorted(set(times))
+
+
+def test_the_page_says_for_which_time_a_walkers_place_stands(place: Path) -> None:
+    library = FlightLibrary(place.parent)
+    columns, tags = library.columns(place.name), library.summary(place.name).tags
+    shown = {
+        one["tag_id"]: one
+        for one in Estimator().estimate(columns, AntennaChoice(), (), tags).positions
+    }
+    walker, resting = shown[WALKER], shown[RESTING]
+    assert walker["end_time_ns"] == walker["track"][-1]["time_ns"]
+    assert "if it walked straight on" in walker["remarks"][-1]
+    assert "straight on" not in " ".join(resting["remarks"])
 
 
 def test_a_walkers_place_says_for_which_time_it_stands(place: Path, survey: Survey) -> None:

@@ -79,7 +79,7 @@ class _Book:
         for one in words.findings(survey):
             writer.skip(0.5)
             color = tag_color(survey.tag_ids, one.tag_id)
-            place = "" if one.place is None else f"    {one.place}"
+            place = "" if one.place is None else f" · {one.place}"
             writer.text(one.title + place, size=11, weight="bold", color=color)
             writer.text(one.detail)
         if writer.left < 0.42:

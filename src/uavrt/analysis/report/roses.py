@@ -56,7 +56,7 @@ def draw_roses(
 
 def _gain_db(survey: Survey, off_deg: _Floats) -> _Floats:
     """Gain of the antenna [dB] as the bearings took it: corrected by what the turns showed."""
-    return (survey.pattern or pattern_named(survey.antenna)).gain_db(off_deg)
+    return (survey.pattern() or pattern_named(survey.antenna)).gain_db(off_deg)
 
 
 def verdict(one: TagBearing) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis import HeardStrength, position_of_strength
+from uavrt.analysis.measure import straight_walk
 from uavrt.errors import UsageError
 from uavrt.ground.store.flights import Columns, known
 from uavrt.ground.web import readout
@@ -473,9 +474,10 @@ def _position(
 
 def _position_record(tag_id: int, position: Position, end_ns: int) -> Record:
     """What the page is told of a position that knows what was heard until a time."""
+    straight = straight_walk(position)
     return {
         "tag_id": tag_id,
-        "end_time_ns": end_ns,
+        "end_time_ns": position.track[-1].time_ns if position.track else end_ns,
         "latitude_deg": position.latitude_deg,
         "longitude_deg": position.longitude_deg,
         "method": position.method,
@@ -485,7 +487,7 @@ def _position_record(tag_id: int, position: Position, end_ns: int) -> Record:
         "radius95_m": _rounded(position.radius95_m),
         "at_edge": position.at_edge,
         "cautions": [{"name": one.name, "text": one.text} for one in position.cautions],
-        "remarks": list(position.remarks),
+        "remarks": [*position.remarks, *([] if straight is None else [straight])],
         "track": [
             {
                 "time_ns": one.time_ns,
