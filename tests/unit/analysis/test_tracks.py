@@ -210,7 +210,7 @@ def test_an_offset_that_leaves_nearly_all_pulses_without_a_pose_is_refused(
         writer = PulseWriter(stream, "jsonl")
         for one in flight.pulse_poses:
             writer.write(one)
-    track = write_tlog(flight.poses, tmp_path / "x.tlog")
+    track = write_tlog(list(flight.poses), tmp_path / "x.tlog")
     line = ["attach", str(pulses), str(track), "-o", str(out), "--clock-offset"]
     assert uavrt(*line, "3600") == 2
     assert f"only 0 of {len(flight.pulse_poses)} pulses" in capsys.readouterr().err
