@@ -2,6 +2,7 @@
 
 import { get } from "./api";
 import { by, fill, h, say } from "./dom";
+import { store } from "./store";
 import type { Finding } from "./types";
 
 const AGAIN_MS = 2000;
@@ -49,12 +50,18 @@ async function ask(): Promise<void> {
     return;
   }
   const open = found.filter((one) => !one.ok).length;
-  say(by("check-sum"), open ? `${open} of ${found.length} to do` : "All is in order. Stop, put the propellers on, and fly.");
-  by("check-sum").classList.toggle("good", !open);
+  say(by("check-sum"), verdict(open, found.length));
+  by("check-sum").classList.toggle("good", !open && !store.state?.armed);
   const key = JSON.stringify(found);
   if (key === drawn) return;
   drawn = key;
   fill(by("check-list"), ...found.map(row));
+}
+
+/** In flight there is none: nobody shall put propellers on then. */
+function verdict(open: number, count: number): string {
+  if (store.state?.armed) return "The vehicle is armed: this list is for the bench.";
+  return open ? `${open} of ${count} to do` : "All is in order. Stop, put the propellers on, and fly.";
 }
 
 function row(one: Finding): HTMLElement {

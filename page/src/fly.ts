@@ -297,7 +297,7 @@ function drawCards(): void {
     const age = one ? (now - store.pulses.get("time")[one.last]!) / 1e9 : Infinity;
     const state = freshness(id, age, row);
     card.root.dataset.fresh = state;
-    say(card.fresh, { live: "live", stale: "stale", lost: "detector lost", never: "not heard" }[state]);
+    say(card.fresh, freshWord(state));
     const snr = one ? store.pulses.get("snr")[one.last]! : NaN;
     const clipped = one !== undefined && store.pulses.get("clipped")[one.last]! > 0;
     say(card.snr, (clipped ? "≥\u202f" : "") + fixed(snr, 1, "dB"));
@@ -319,7 +319,7 @@ function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number)
   const id = store.pulses.get("tag")[one.last]!;
   const parts = [
     Number.isFinite(ghost) ? `ghost of ${ghost}` : Number.isFinite(also) ? `${id} or ${also}` : null,
-    ago(age),
+    store.review ? null : ago(age),
     `${Math.round(one.minute / minutes)}/min`,
     `${frequency.toFixed(4)}\u202fMHz`,
     row?.second_interval_ms ? `rate ${rate}${interval ? ` (${interval}\u202fms)` : ""}` : null,
@@ -341,6 +341,12 @@ function codeOf(id: number, row: TagRow): string {
 function nominal(row: TagRow | undefined): string {
   const code = row?.gaps_ms ? ` · code ${row.gaps_ms}\u202fms` : "";
   return row ? `${row.frequency_mhz}\u202fMHz · every ${row.interval_ms}\u202fms${code}` : "";
+}
+
+/** Of a past flight nothing is live: a tag was heard by then, or not. */
+function freshWord(state: Freshness): string {
+  if (store.review) return state === "never" ? "not heard" : "heard";
+  return { live: "live", stale: "stale", lost: "detector lost", never: "not heard" }[state];
 }
 
 function freshness(id: number, age: number, row: TagRow | undefined): Freshness {

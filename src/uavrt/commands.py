@@ -25,6 +25,11 @@ class SystemState(StrEnum):
     DETECTING = "detecting"
     CAPTURING = "capturing"
 
+    @property
+    def words(self) -> str:
+        """What an operator calls it."""
+        return {"receiving_tags": "receiving tags", "has_tags": "ready"}.get(self, self.value)
+
 
 CommandName = Literal[
     "start_tags",

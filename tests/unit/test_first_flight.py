@@ -86,6 +86,19 @@ def test_what_nobody_has_told_is_not_in_order() -> None:
     assert not [one.what for one in items(nothing, Bench()).values() if one.ok]
 
 
+def test_without_a_drone_nothing_is_advised_but_to_let_it_be_heard() -> None:
+    silent = FlightFacts(tags=FACTS.tags, state=None, heard=False)
+    found = items(silent, Bench())
+    for what in ("radio", "noise", "time", "poses", "disk", "battery"):
+        assert found[what].text == "not known: the drone is not heard"
+        assert "BATT" not in found[what].remedy
+
+
+def test_free_space_is_told_in_gigabytes() -> None:
+    told = items(replace(FACTS, disk_free_mb=242_213.0), heard())["disk"].text
+    assert told == "242.2 GB free on the drone"
+
+
 @pytest.mark.parametrize(
     ("what", "facts", "text"),
     [
@@ -96,7 +109,7 @@ def test_what_nobody_has_told_is_not_in_order() -> None:
         ("poses", {"pose_age_s": 7.0}, "7 s old"),
         ("poses", {"pose_age_s": None}, "no position yet"),
         ("tags", {"tags": ()}, "none in the table"),
-        ("disk", {"disk_free_mb": 80.0}, "80 MB free"),
+        ("disk", {"disk_free_mb": 80.0}, "0.1 GB free"),
         ("disk", {"disk_free_mb": None}, "not told"),
         ("battery", {"battery_percent": 30.0}, "30 % left"),
         ("battery", {"battery_percent": None}, "does not tell"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -387,8 +388,21 @@ def _covered(
     return replace(found, limitations=limitations)
 
 
-def write_maps(directory: Path, name: str, coverage: Coverage) -> list[Path]:
+def write_maps(
+    directory: Path, name: str, coverage: Coverage, way: Sequence[tuple[float, float]]
+) -> list[Path]:
     """Write a map as GeoTIFF (probabilities) and PNG (a picture).
+
+    Without matplotlib the picture has the map's squares alone.
+
+    Parameters
+    ----------
+    directory, name
+        Where, and how the files are called before their endings.
+    coverage : Coverage
+        The map.
+    way : sequence of (longitude, latitude)
+        Where the drone flies or flew [deg].
 
     Raises
     ------
@@ -405,7 +419,7 @@ def write_maps(directory: Path, name: str, coverage: Coverage) -> list[Path]:
     )
     files = {
         f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
-        f"{name}.png": png_bytes(chance(coverage.heard[::-1])),
+        f"{name}.png": _picture(coverage, way),
     }
     written = []
     for file, content in files.items():
@@ -418,6 +432,14 @@ def write_maps(directory: Path, name: str, coverage: Coverage) -> list[Path]:
             ) from error
         written.append(path)
     return written
+
+
+def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
+    if find_spec("matplotlib") is None:
+        return png_bytes(chance(coverage.heard[::-1]))
+    from uavrt.analysis.report.silences import coverage_png
+
+    return coverage_png(coverage, way)
 
 
 def best_of(covered: Sequence[Coverage]) -> int:

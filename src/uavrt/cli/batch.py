@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.elevation import elevation_of
+from uavrt.cli.words import counted
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -139,11 +140,13 @@ def batch(
             remedy="Name files, or folders that hold recordings or flights",
         )
     print(
-        f"{len(found.recordings)} recording(s), {len(found.flights)} flight(s)",
+        f"{counted(len(found.recordings), 'recording')}, "
+        f"{counted(len(found.flights), 'flight')}",
         file=sys.stderr,
     )
     if found.kept_channels:
-        print(f"{found.kept_channels} file(s) of kept channels passed over", file=sys.stderr)
+        files = counted(found.kept_channels, "file")
+        print(f"{files} of kept channels passed over", file=sys.stderr)
     settings = BatchSettings(
         steps=tuple(steps or USUAL_STEPS),
         frequency_window_hz=frequency_window,
@@ -208,13 +211,15 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     rows, flights = summary.rows, summary.flights
     hours = sum(row.length_s for row in rows) / 3600.0
     print(
-        f"{summary.done_now} recording(s) done, {summary.done_before} were done before; "
-        f"{sum(row.pulses for row in rows)} pulses in {hours:.1f} h of {len(rows)} recordings, "
+        f"{counted(summary.done_now, 'recording')} done now, {summary.done_before} before; "
+        f"{sum(row.pulses for row in rows)} pulses in {hours:.1f} h of "
+        f"{counted(len(rows), 'recording')}, "
         f"{sum(row.state == 'truncated' for row in rows)} truncated, "
         f"{sum(row.state == 'failed' for row in rows)} failed\n"
-        f"{summary.placed_now} flight(s) placed, {summary.placed_before} were before; "
+        f"{counted(summary.placed_now, 'flight')} placed now, {summary.placed_before} before; "
         f"{sum(row.bearings for row in flights)} bearings and "
-        f"{sum(row.positions for row in flights)} positions of {len(flights)} flights, "
+        f"{sum(row.positions for row in flights)} positions of "
+        f"{counted(len(flights), 'flight')}, "
         f"{sum(row.state == 'failed' for row in flights)} failed: {output}",
         file=sys.stderr,
     )

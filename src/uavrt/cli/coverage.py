@@ -350,6 +350,8 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
     pattern = None if antenna == MONOPOLE else pattern_named(antenna)
     plane, corners = read_places(asked.source, asked.spacing_m)
     east, north = np.array(corners).T
+    latitude, longitude = plane.to_geodetic(east, north)
+    way = list(zip(longitude.tolist(), latitude.tolist(), strict=True))
     size = MapSize(margin_m=asked.margin_m, cell_m=asked.cell_m or _CELL_M)
     area = map_around(plane, east, north, asked.elevation, size)
     cells = None
@@ -376,7 +378,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
         best = best_of(maps)
         for number, (height_m, one) in enumerate(zip(asked.heights_m, maps, strict=True)):
             name = f"coverage_tag_{tag.tag_id}_{height_m:g}m"
-            files = () if asked.output is None else write_maps(asked.output, name, one)
+            files = () if asked.output is None else write_maps(asked.output, name, one, way)
             told.append(
                 _Told(
                     tag=tag,
@@ -399,6 +401,7 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
     from uavrt.recording import read_flight
 
     flight = read_flight(asked.source)
+    way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
     known = list(flight.info.tags if tags is None else read_tags(tags))
     listened = ListenedFlight.read(
         asked.source,
@@ -426,7 +429,7 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
         if cells is not None and not found.heard:
             silence = absence(one, cells, asked.prior)
         name = f"coverage_tag_{tag.tag_id}"
-        files = () if asked.output is None else write_maps(asked.output, name, one)
+        files = () if asked.output is None else write_maps(asked.output, name, one, way)
         told.append(
             _Told(
                 tag=tag,

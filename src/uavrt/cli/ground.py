@@ -21,6 +21,7 @@ from uavrt.config import read_tags
 from uavrt.errors import ConfigError
 from uavrt.ground import Station, StationSettings, json_line
 from uavrt.ground.link import read_link_keys
+from uavrt.messages import SystemState
 from uavrt.recording import ended as queries_ended
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -291,8 +292,10 @@ def _text_of(event: dict[str, Any]) -> str | None:
             return f"{text}  tag {tag_id}  {snr:5.1f} dB  {frequency / 1e6:.5f} MHz  {sure}"
         case {"event": "text", "text": text}:
             return f"drone: {text}"
-        case {"event": "state", "state": state}:
-            return f"drone is {state}"
+        case {"event": "state", "state": str(state)}:
+            return f"drone is {SystemState(state).words}"
+        case {"event": "state"}:
+            return "drone is in an unknown state"
         case {"event": "waiting", "reason": reason}:
             return f"waiting: {reason}"
         case {"event": "drone", "system": system}:

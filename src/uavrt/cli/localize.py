@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
+from uavrt.cli.words import counted
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError
 
@@ -152,9 +153,9 @@ def _sentence(one: "TagPosition") -> str:
     if found.radius50_m is not None and found.radius95_m is not None:
         text += f", within {found.radius50_m:.0f} m (50 %), {found.radius95_m:.0f} m (95 %)"
     if found.stations:
-        text += f", from {found.stations} bearing(s)"
+        text += f", from {counted(found.stations, 'bearing')}"
     elif found.pulses:
-        text += f", from the strength of {found.pulses} pulses"
+        text += f", from the strength of {counted(found.pulses, 'pulse')}"
     else:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from uavrt.cli.outputs import check_place
+from uavrt.cli.words import counted
 from uavrt.clock import iso_utc
 
 if TYPE_CHECKING:
@@ -68,16 +69,21 @@ def _show(found: "Season") -> None:
     console = Console()
     per_animal = found.minutes_per_animal
     lines = [
-        f"{found.flights} flights, {found.minutes:.0f} minutes, "
+        f"{counted(found.flights, 'flight')}, {found.minutes:.0f} minutes, "
         f"{_day(found.first_ns)} to {_day(found.last_ns)}",
         f"{found.animals_heard} of {len(found.animals)} animals heard"
         + ("" if per_animal is None else f", {per_animal:.1f} minutes of flight for each time"),
-        f"{found.batteries} batteries put in, {found.batteries_used:.1f} full ones used"
+        f"{counted(found.batteries, 'battery', 'batteries')} flown with, "
+        f"{found.batteries_used:.1f} full charges used"
         if found.batteries
         else "no flight tells of its battery",
     ]
     if found.batteries and found.flights_without_battery:
-        lines.append(f"{found.flights_without_battery} flights do not tell of their battery")
+        count = found.flights_without_battery
+        tell = "flights do not tell of their battery"
+        lines.append(
+            "1 flight does not tell of its battery" if count == 1 else f"{count} {tell}"
+        )
     if found.copies:
         copies = "copy of a flight" if found.copies == 1 else "copies of flights"
         lines.append(f"{found.copies} second {copies} left out")

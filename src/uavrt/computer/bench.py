@@ -138,8 +138,17 @@ def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]
         _disk(facts),
         _battery(facts),
     ]
+    if not facts.heard:
+        judged = [_without_drone(finding) for finding in judged]
     told = {finding.what: finding for finding in facts.told}
     return [told.pop(finding.what, finding) for finding in judged] + list(told.values())
+
+
+def _without_drone(finding: Finding) -> Finding:
+    """What only the drone tells waits for it; no remedy of its own sends anybody astray."""
+    if finding.ok or finding.what in ("drone", "tags"):
+        return finding
+    return _bad(finding.what, "not known: the drone is not heard", "First let it be heard")
 
 
 def _good(what: str, text: str) -> Finding:
@@ -268,10 +277,10 @@ def _disk(facts: FlightFacts) -> Finding:
     if free_mb < facts.disk_needed_mb:
         return _bad(
             what,
-            f"{free_mb:.0f} MB free on the drone",
+            f"{free_mb / 1000.0:.1f} GB free on the drone",
             "Fetch its flights, then Clean logs under Set-up",
         )
-    return _good(what, f"{free_mb:.0f} MB free on the drone")
+    return _good(what, f"{free_mb / 1000.0:.1f} GB free on the drone")
 
 
 def _battery(facts: FlightFacts) -> Finding:

@@ -101,7 +101,7 @@ class DemoView:
         path.write_text(svg.replace("Fira Code", "DejaVu Sans Mono"), encoding="utf-8")
 
     def _head(self, *, narrow: bool) -> RenderableType:
-        state = self.status.state.value if self.status else "starting"
+        state = self.status.state.words if self.status else "starting"
         lost = sum(
             samples_lost(process.counters)
             for process in (self.status.processes if self.status else ())

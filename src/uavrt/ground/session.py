@@ -419,7 +419,7 @@ class GroundSession:
         self.temperature_c = event.cpu_temperature_c
         if before is event.state:
             return
-        self.note(6, f"drone is {event.state.value if event.state else 'in an unknown state'}")
+        self.note(6, f"drone is {event.state.words if event.state else 'in an unknown state'}")
         if event.state in ESSENTIAL and self.flight.ended:
             self.begin_flight()
         elif event.state not in ESSENTIAL and not self.flight.ended and before in ESSENTIAL:

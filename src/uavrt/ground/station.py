@@ -7,6 +7,7 @@ test needs.
 import asyncio
 import json
 import math
+import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from uavrt.clock import Clock, monotonic_s
+from uavrt.config import write_tags
 from uavrt.errors import CommandRefused, LinkError, RecordingError
 from uavrt.ground.link import (
     NO_KEYS,
@@ -77,6 +79,7 @@ class Station:
         self._state: SystemState | None = None
         self._last_pulse_s = 0.0
         self._started = False
+        self._waits_for = ""
         self.pulses = 0
 
     def stop(self) -> None:
@@ -95,7 +98,21 @@ class Station:
         RecordingError
             The pulses cannot be stored.
         """
+        directory = self._settings.directory
+        made = not directory.exists()
+        try:
+            await self._serve()
+        except LinkError:
+            # A port that does not open leaves no directory for a flight that never was.
+            if made and not self.pulses:
+                shutil.rmtree(directory, ignore_errors=True)
+            raise
+
+    async def _serve(self) -> None:
         with open_store(self._settings.directory) as stream:
+            if self._settings.tags:
+                # With their names, which do not go to the drone.
+                write_tags(self._settings.directory / "tags.toml", self._settings.tags)
             self._writer = PulseWriter(stream, "jsonl")
             link = GroundLink(
                 self._clock.now_ns,
@@ -127,6 +144,7 @@ class Station:
         while not self._stopping.is_set():
             try:
                 drone = await link.wait_for_drone(START_RETRY_S)
+                self._waits_for = ""
                 self._show({"event": "drone", "system": drone.system_id})
                 if self._settings.tags and not await self._upload(link):
                     return
@@ -136,7 +154,13 @@ class Station:
                     self._show({"event": "started", "directory": directory})
                 return
             except LinkError as error:
-                self._show({"event": "waiting", "reason": str(error)})
+                self._wait_for(str(error))
+
+    def _wait_for(self, reason: str) -> None:
+        """Say what is waited for: once, and again when it is something else."""
+        if reason != self._waits_for:
+            self._waits_for = reason
+            self._show({"event": "waiting", "reason": reason})
 
     async def _upload(self, link: GroundLink) -> bool:
         """Send the tags; False when the drone detects already and there is nothing to start.

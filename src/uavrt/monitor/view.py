@@ -90,7 +90,7 @@ class MonitorView:
         center = status.center_frequency_hz
         return Text.assemble(
             ("state ", "dim"),
-            (status.state.value, "bold"),
+            (status.state.words, "bold"),
             ("   radio at ", "dim"),
             f"{center / 1e6:.4f} MHz" if center else "–",
             ("   lost ", "dim"),

@@ -24,6 +24,7 @@ from uavrt.recording.layout import FlightLayout
 from uavrt.recording.on_ground import spans_on_ground, told_of_ground
 from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
+from uavrt.recording.tag_names import tags_with_names
 
 _NO_NUMBERS = (
     "SELECT 1 FROM pulses WHERE typeof(tag_id) != 'integer' OR "
@@ -220,7 +221,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
         clock_offset_ns=int(row[1]),
         center_frequency_hz=row[2],
         sample_rate_hz=row[3],
-        tags=tuple(map(schema.tag_from_row, tags)),
+        tags=tags_with_names(map(schema.tag_from_row, tags), directory),
     )
 
 

@@ -240,6 +240,14 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
     page.click(f'tr[data-flight="{flight}"] .open-flight')
     page.wait_for_selector(".fix")
     page.wait_for_selector(".rose-silence, .rose-petal")
+    expect(page.locator("#cards .card .fresh").first).to_have_text("heard")
+    expect(page.locator("#cards .card .facts").first).not_to_contain_text("ago")
+    page.click(".layers summary")
+    layers, bar = (page.locator(one).bounding_box() for one in (".layers", ".replay"))
+    assert layers is not None
+    assert bar is not None
+    assert layers["y"] + layers["height"] <= bar["y"]
+    page.click(".layers summary")
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
     pins_are_seen(page)
     for view in ("fly", "setup", "flights", "log"):

@@ -106,6 +106,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("fetch --signing-key junk", "64 hexadecimal"),
         ("ground --command-key nowhere", "No such file"),
         ("ground --port 99999", "--port"),
+        ("ground --headless --mavlink serial:///dev/nosuch:57600 -o another", "nosuch"),
         ("ground --headless --vehicle 3 --dem hills", "--vehicle, --dem"),
         ("ground --headless --archive searched", "--archive"),
         ("ground --no-browser --port 0 -o flights --archive flights", "recordings.parquet"),

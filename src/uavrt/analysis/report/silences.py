@@ -1,14 +1,17 @@
 """Maps of where tags would have been heard, from dark blue (not) to yellow (surely)."""
 
+import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from uavrt.analysis.export import chance
 from uavrt.analysis.report.maps import LocalMap, draw_track
-from uavrt.analysis.report.style import SOFT
+from uavrt.analysis.report.style import SOFT, new_figure, styled
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
+from uavrt.planning import Coverage
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
@@ -42,7 +45,34 @@ def account(survey: Survey, one: SilentMap) -> list[str]:
 
 def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
     """Draw the map under the flight's way."""
-    axes, ground = target.subplots(), one.coverage.ground
+    chart = _draw(target, survey, one.coverage, "would have been heard")
+    draw_track(chart, survey)
+
+
+def coverage_png(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
+    """Draw a map for itself, as the report has it: with way, degrees, scale and colours.
+
+    Parameters
+    ----------
+    coverage : Coverage
+        The map.
+    way : sequence of (longitude, latitude)
+        Where the drone flies or flew [deg].
+    """
+    empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
+    with styled():
+        figure = new_figure(7.5, 6.5)
+        chart = _draw(figure, empty, coverage, "is heard")
+        east, north = chart.line(way)
+        chart.axes.plot(east, north, color=SOFT, lw=0.9, zorder=2)
+        chart.axes.plot(east[:1], north[:1], "o", color=SOFT, ms=4, zorder=3)
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", dpi=150, metadata={"Software": "uavrt"})
+    return stream.getvalue()
+
+
+def _draw(target: "FigureBase", survey: Survey, coverage: Coverage, heard: str) -> LocalMap:
+    axes, ground = target.subplots(), coverage.ground
     half = 0.5 * ground.cell_m
     west, east = ground.east_m[0] - half, ground.east_m[-1] + half
     south, north = ground.north_m[0] - half, ground.north_m[-1] + half
@@ -51,14 +81,14 @@ def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
     chart = LocalMap(axes, survey, (), also=corners, margin=1.0)
     x, y = chart.line(corners)
     axes.imshow(
-        chance(one.coverage.heard[::-1]),
+        chance(coverage.heard[::-1]),
         extent=(float(x[0]), float(x[1]), float(y[0]), float(y[1])),
         interpolation="nearest",
         zorder=0.5,
     )
-    draw_track(chart, survey)
     bar = target.colorbar(_scale(), ax=axes, shrink=0.7, pad=0.02)
-    bar.set_label("probability that a tag there would have been heard", color=SOFT)
+    bar.set_label(f"probability that a tag there {heard}", color=SOFT)
+    return chart
 
 
 def _scale() -> "ScalarMappable":

@@ -14,7 +14,7 @@ from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
 from uavrt.localization import Position, TangentPlane
-from uavrt.messages import Pulse, Tag
+from uavrt.messages import STATION_COUNTER, Pulse, Tag
 from uavrt.recording import IntegratedVerdict
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
@@ -245,7 +245,9 @@ def health_table(survey: Survey) -> Table:
     for process in sorted({one.process for one in survey.health}):
         own = [one for one in survey.health if one.process == process]
         counters = {
-            name: n for name, n in own[-1].counters.items() if n and not name.endswith("_ns")
+            name: n
+            for name, n in own[-1].counters.items()
+            if n and not name.endswith("_ns") and not name.startswith(STATION_COUNTER)
         }
         text = ", ".join(
             f"{name.replace('_', ' ')} {_plain(n)}" for name, n in counters.items()

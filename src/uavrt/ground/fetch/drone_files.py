@@ -86,7 +86,7 @@ class DroneFiles:
                 await self._found.wait()
         except TimeoutError:
             raise LinkError(
-                f"no component {DRONE_COMPONENT} was heard in {timeout_s:g} s",
+                f"no drone was heard in {timeout_s:g} s (MAVLink component {DRONE_COMPONENT})",
                 remedy="Check the drone's power and the radio, and that the autopilot "
                 "forwards MAVLink",
             ) from None

@@ -228,7 +228,7 @@ class GroundLink:
             async with asyncio.timeout(timeout_s):
                 await self._drone_there.wait()
         except TimeoutError:
-            raise self._unheard(timeout_s) from None
+            raise self._unheard() from None
         assert self.protocol.drone is not None
         return self.protocol.drone
 
@@ -237,7 +237,7 @@ class GroundLink:
         drone = self.protocol.drone
         return self.protocol.identity.system_id if drone is None else drone.system_id
 
-    def _unheard(self, waited_s: float) -> LinkError:
+    def _unheard(self) -> LinkError:
         """Explain why there is no drone: it is locked with another key, or not there."""
         if self._drone_refused:
             return LinkError(
@@ -247,7 +247,7 @@ class GroundLink:
                 "if it has none",
             )
         return LinkError(
-            f"no component {DRONE_COMPONENT} was heard in {waited_s:g} s",
+            f"no drone is heard (MAVLink component {DRONE_COMPONENT})",
             remedy="Check the drone's power, the radio, and that the autopilot forwards "
             "MAVLink between its companion and ground ports",
         )

@@ -143,6 +143,7 @@ class PageStation:
 
     async def _begin(self, session: GroundSession) -> None:
         """Send a vehicle the tags and start it as soon as it is there."""
+        said = ""
         while not self._stopping.is_set():
             try:
                 link = session.link
@@ -154,7 +155,9 @@ class PageStation:
                     self._show({"event": "started", "directory": directory})
                     return
             except LinkError as error:
-                self._show({"event": "waiting", "reason": str(error)})
+                if str(error) != said:
+                    said = str(error)
+                    self._show({"event": "waiting", "reason": said})
             await asyncio.sleep(RETRY_S / 10)
 
     async def _end(self, session: GroundSession) -> None:

@@ -1,0 +1,42 @@
+"""A station without a page says what it waits for, once."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from uavrt.config import read_tags
+from uavrt.demo.programs import free_udp_port
+from uavrt.ground import station as stations
+from uavrt.ground.station import Station, StationSettings
+from uavrt.simulation import demo_scenario
+
+
+def test_a_drone_that_is_not_heard_is_told_once_however_long_it_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stations, "START_RETRY_S", 0.02)
+    events: list[dict[str, Any]] = []
+    tags = demo_scenario(40.0).tags
+
+    async def main() -> None:
+        settings = StationSettings(
+            addresses=(f"udpin://127.0.0.1:{free_udp_port()}",),
+            directory=tmp_path / "ground",
+            tags=tags,
+            start=True,
+        )
+        station = Station(settings, events.append)
+        serving = asyncio.create_task(station.run())
+        await asyncio.sleep(0.5)
+        station.stop()
+        await serving
+
+    asyncio.run(main())
+    waiting = [event["reason"] for event in events if event["event"] == "waiting"]
+    assert len(waiting) == 1
+    assert waiting[0].startswith("no drone is heard (MAVLink component 191). Check")
+    # Names do not go to the drone: they stay here for its flights.
+    names = [tag.name for tag in read_tags(tmp_path / "ground" / "tags.toml")]
+    assert names == [tag.name for tag in tags]
