@@ -94,7 +94,10 @@ def test_it_is_told_what_each_error_of_a_survey_does_to_the_circle() -> None:
     track, _ = flown(np.random.default_rng(75), correlation=0.7)
     found = estimate_position(None, track, widenings=True)
     by_m = {one.prior: one.by_m for one in found.widenings}
-    assert set(by_m) == {"height", "fading", "foreign"}
+    assert set(by_m) == {"height", "fading", "foreign", "exponent"}
     assert by_m["fading"] > 5.0
     sure = estimate_position(None, track, height_sigma_m=0.0, widenings=True)
-    assert {one.prior for one in sure.widenings} == {"fading", "foreign"}
+    assert {one.prior for one in sure.widenings} == {"fading", "foreign", "exponent"}
+    assert "strength that falls with an exponent of 2.5 ± 0.7" in sure.remarks[-1] or any(
+        abs(one.by_m) < 1.0 for one in sure.widenings if one.prior == "exponent"
+    )
