@@ -49,9 +49,13 @@ from uavrt.recording.formats import (
     read_pulse_log,
     read_ucsd_estimates,
     tag_numbers,
+    with_commas,
 )
 from uavrt.terrain import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
+
+_FIRST_LINES = 100
+"""Which tell what a file is; comments may come first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -271,7 +275,8 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
     """
     if not Path(path).is_file():
         return 0
-    lines = (line for line in read_lines(path) if line.strip() and line[0] != "#")
+    every = with_commas(read_lines(path)[:_FIRST_LINES])
+    lines = (line for line in every if line.strip() and line[0] != "#")
     cells = cells_of(next(lines, ""))
     if cells[:1] == ["tag_id"]:
         return len(cells) if {"parent_file", "bearing_file"} & set(cells) else 0

@@ -34,7 +34,8 @@ def check(file: Path) -> None:
     Parameters
     ----------
     file
-        A TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
+        A TagInfo.txt, tags.toml, the original's detectorConfig.txt, or TagTracker's TagInfo.db
+        with its TagManufacturer.db beside it.
     """
     found = _read(file).tags
     for tag in found:
@@ -51,7 +52,8 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     Parameters
     ----------
     source
-        A TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
+        A TagInfo.txt, tags.toml, the original's detectorConfig.txt, or TagTracker's TagInfo.db
+        with its TagManufacturer.db beside it.
     target
         The file to write.
     overwrite
@@ -74,14 +76,35 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
 
 def _read(path: Path) -> "TagSource":
     """Read whatever describes tags, by the rules of tag files."""
-    from uavrt.analysis.measure import read_tag_source
+    from uavrt.analysis.measure import TagSource, read_tag_source
     from uavrt.config import faults_of_tags
 
+    if path.suffix.lower() == ".db":
+        return TagSource(tags=_of_tagtracker(path))
     known = read_tag_source(path)
     faults = faults_of_tags(known.tags) if known.operating_modes else []
     if faults:
         raise TagFileError(str(path), faults)
     return known
+
+
+def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
+    """Tags of TagTracker's ``TagInfo.db``, with the ``TagManufacturer.db`` beside it."""
+    from uavrt.ground.web.tag_table import import_rows, tags_from_rows
+
+    files = {}
+    for one in (path, path.with_name("TagManufacturer.db")):
+        try:
+            files[one.name] = one.read_text(encoding="utf-8-sig", errors="replace")
+        except OSError as error:
+            raise ConfigError(
+                f"cannot read {one}: {error.strerror}",
+                remedy="TagTracker keeps TagInfo.db and TagManufacturer.db together",
+            ) from error
+    found, faults = tags_from_rows(import_rows(files))
+    if faults:
+        raise TagFileError(str(path), [one.text for one in faults])
+    return found
 
 
 @tags.command(help_epilogue=examples("tags measure"))

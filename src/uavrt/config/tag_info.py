@@ -75,10 +75,20 @@ def format_tag_info(tags: Sequence[Tag]) -> str:
 
 
 def _cells(content: str) -> list[str]:
-    for separator in (",", ";", "\t"):
+    """Cells; a comma between semicolons or tabs is a decimal one."""
+    for separator in (";", "\t", ","):
         if separator in content:
-            return [cell.strip() for cell in content.split(separator)]
+            cells = [cell.strip() for cell in content.split(separator)]
+            while len(cells) > len(COLUMNS) and not cells[-1]:
+                cells.pop()
+            decimal = separator != ","
+            return [_with_point(cell) if decimal else cell for cell in cells]
     return content.split()
+
+
+def _with_point(cell: str) -> str:
+    pointed = cell.replace(",", ".", 1)
+    return pointed if _NUMBER.fullmatch(pointed) else cell
 
 
 def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:

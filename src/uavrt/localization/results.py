@@ -125,10 +125,10 @@ class Caution:
     """For the operator."""
 
 
-SharedError = Literal["heading", "compass", "walk", "height", "fading", "foreign"]
+SharedError = Literal["heading", "compass", "walk", "height", "fading", "foreign", "exponent"]
 """What all bearings of a flight may have wrong: headings that err a little, as is usual; a
 compass that is far off; an animal that walks. And what all powers may: the height that is
-told; fading that lasts; pulses of someone else."""
+told; fading that lasts; pulses of someone else; how strength falls with distance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -71,6 +71,8 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
         It is not such a line.
     """
     fields = [field.strip() for field in line.split(",")]
+    while len(fields) > COLUMNS and not fields[-1]:
+        fields.pop()  # what writes tables fills rows, or ends them, with separators
     if len(fields) != COLUMNS:
         raise ValueError(f"{len(fields)} columns where {COLUMNS} belong")
     start_ns, end_ns = _time_ns(fields[2], fields[3]), _time_ns(fields[4], fields[5])

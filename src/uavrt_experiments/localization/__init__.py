@@ -10,11 +10,16 @@ from uavrt_experiments.localization import (
     circle_bars,
     common_error_bars,
     position_bars,
+    survey_error_bars,
 )
 from uavrt_experiments.result import Row
 
 if TYPE_CHECKING:
     from uavrt_experiments.localization.bearing_bars import disturbed
+
+
+def _circles(runs: int, seed: int) -> list[Row]:
+    return circle_bars.circles(runs, seed) + survey_error_bars.survey_errors(runs, seed)
 
 
 EXPERIMENTS: dict[str, Callable[[int, int], list[Row]]] = {
@@ -27,7 +32,7 @@ EXPERIMENTS: dict[str, Callable[[int, int], list[Row]]] = {
     "L4": position_bars.surveys,
     "L5": position_bars.fusion,
     "L6": common_error_bars.common_errors,
-    "L7": circle_bars.circles,
+    "L7": _circles,
 }
 """Name to experiment; each takes the number of runs and a seed."""
 

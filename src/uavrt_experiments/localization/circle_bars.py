@@ -162,7 +162,7 @@ def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
     tag = rng.uniform(0.0, _SIDE_M, 2)
     track = survey(rng, _SIDE_M, 50.0, _FADING_DB, 0.0, (float(tag[0]), float(tag[1])))
     if case.heights:
-        track = replace(track, height_m=track.height_m - _height_error_m(rng))
+        track = replace(track, height_m=track.height_m - height_error_m(rng))
     found = estimate_position(
         None,
         strengths_heard(rng, track, case),
@@ -171,7 +171,7 @@ def by_strength(rng: Generator, case: Strengths) -> tuple[bool, bool]:
     return _within(found, tag)
 
 
-def _height_error_m(rng: Generator) -> float:
+def height_error_m(rng: Generator) -> float:
     """One of the usual heights' errors, or one in ten of four times as much."""
     while True:
         sigma = HEIGHT_SIGMA_M * (4.0 if rng.random() < 0.1 else 1.0)

@@ -194,10 +194,13 @@ def survey(
     correlation: float,
     tag: tuple[float, float],
     velocity_m_s: tuple[float, float] = (0.0, 0.0),
+    *,
+    height_m: float = 40.0,
+    exponent: float = 2.5,
 ) -> PowerTrack:
     """Fly lines over a square at 6 m/s, a pulse each 1.5 s, fading that lasts.
 
-    The tag is at its place in the middle of the flight.
+    The tag is at its place in the middle of the flight. Whatever the height, 40 m is told.
     """
     corners = []
     for number, east_m in enumerate(np.arange(0.0, side_m + 1.0, spacing_m)):
@@ -215,14 +218,14 @@ def survey(
     since_s = time_s - 0.5 * time_s[-1]
     off_east = east - tag[0] - velocity_m_s[0] * since_s
     off_north = north - tag[1] - velocity_m_s[1] * since_s
-    slant = np.sqrt(off_east**2 + off_north**2 + 40.0**2)
-    gain = monopole_gain_db(np.degrees(np.arcsin(40.0 / slant)))
+    slant = np.sqrt(off_east**2 + off_north**2 + height_m**2)
+    gain = monopole_gain_db(np.degrees(np.arcsin(height_m / slant)))
     latitude, longitude = _PLANE.to_geodetic(east, north)
     return PowerTrack(
         latitude_deg=latitude,
         longitude_deg=longitude,
         height_m=np.full(len(pulses), 40.0),
-        snr_db=40.0 - 25.0 * np.log10(slant / 100.0) + gain + fading,
+        snr_db=40.0 - 10.0 * exponent * np.log10(slant / 100.0) + gain + fading,
         time_s=time_s,
     )
 

@@ -155,3 +155,18 @@ def test_tags_are_written_only_under_names_of_tag_files(
         assert "Write .toml" in said.err
         assert "pulses" not in said.err  # told before the work
         assert not (folder / target).exists()
+
+
+def test_the_databases_of_tagtracker_are_checked_and_converted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, target = tmp_path / "TagInfo.db", tmp_path / "tags.toml"
+    source.write_text("1;2;luna;1;146,123456\n")
+    assert uavrt("tags", "check", str(source)) != 0
+    assert "TagManufacturer.db" in capsys.readouterr().err
+    makers = tmp_path / "TagManufacturer.db"
+    makers.write_text("1;ATS;1333;2000;Moving;Resting;15;60;20\n")
+    assert uavrt("tags", "check", str(source)) == 0
+    assert "146.123456 MHz, 15 ms every 1333 and 2000 ms" in capsys.readouterr().out
+    assert uavrt("tags", "convert", str(source), str(target)) == 0
+    assert [tag.name for tag in read_tags(target)] == ["luna"]

@@ -289,3 +289,28 @@ def test_the_default_false_alarm_probability_is_the_same_wherever_a_tag_comes_fr
     assert tag.false_alarm_probability == DEFAULT_FALSE_ALARM_PROBABILITY
     assert float(on_page[1]) == pytest.approx(100.0 * DEFAULT_FALSE_ALARM_PROBABILITY)
     assert float(in_manual[1]) == DEFAULT_FALSE_ALARM_PROBABILITY
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "2;luna;146123456;1333;2000;15;60;20;3;0,01",
+        "2\tluna\t146123456\t1333\t2000\t15\t60\t20\t3\t0,01",
+        "2,luna,146123456,1333,2000,15,60,20,3,0.01,",
+        "2;luna;146123456,0;1333,5;2000;15;60;20;3;0,01;",
+    ],
+)
+def test_tags_with_a_name_are_read_with_any_separator_and_decimal_commas(line: str) -> None:
+    (tag,) = parse_tags(f"{line}\n".encode(), name="TagInfo.txt")
+    assert (tag.tag_id, tag.name, tag.frequency_hz) == (2, "luna", 146_123_456.0)
+    assert tag.pulse_intervals_s[0] == pytest.approx(1.333, abs=0.001)
+    assert tag.pulse_intervals_s[1] == 2.0
+    assert tag.false_alarm_probability == 0.01
+
+
+@pytest.mark.parametrize(
+    "line", ["2;146123456;1333;15;60;20;3;0,01", "2,146123456,1333,15,60,20,3,0.01,,"]
+)
+def test_lines_of_the_original_are_read_with_decimal_commas_and_filled(line: str) -> None:
+    (tag,) = parse_tags(f"{line}\n".encode(), name="TagInfo.txt")
+    assert tag.false_alarm_probability == 0.01

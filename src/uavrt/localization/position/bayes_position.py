@@ -57,6 +57,8 @@ _SURVEY_GROWTH = 2.0
 cells again."""
 _POWER_CELLS = 44
 """Some hundred pulses for each cell: a coarser grid keeps a position under 150 ms."""
+_KNOWN_EXPONENT = 0.01
+"""Standard deviation of a path loss exponent that is known."""
 _UNUSUAL_TEXTS: dict[Literal["compass", "walk"], str] = {
     "compass": f"a compass that may be {WRONG_COMPASS_DEG:g}° off",
     "walk": f"an animal that may walk ({WALKING_M_S:g} m/s)",
@@ -125,10 +127,16 @@ def bayes_position(
         cautions=agreement.cautions_of(doubts)
         + (() if model.track is None else cautions_of_survey(model.track))
         + _cautions_of_ground(known),
-        widenings=_widenings(model, solved) if widenings else (),
         foreign_pulses=0 if model.track is None else model.track.foreign,
     )
-    return position if follow == "never" else followed(position, model, follow)
+    if widenings:
+        position = replace(position, widenings=_widenings(model, solved, position))
+    if follow == "never":
+        return position
+    moved = followed(position, model, follow)
+    if not widenings or moved.method != "track":
+        return moved
+    return replace(moved, widenings=_widenings_of_way(model, position, moved, follow))
 
 
 def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
@@ -341,13 +349,13 @@ class _Mixture:
         return np.asarray(np.logaddexp.reduce(parts))
 
 
-def _widenings(model: Model, solved: _Solved) -> tuple[Widening, ...]:
+def _widenings(model: Model, solved: _Solved, position: Position) -> tuple[Widening, ...]:
     """What each prior that is on does to the radius, each taken out by itself."""
     known, agreement = model.known, solved.agreement
     radius_m = solved.cells.radius_m(0.95, solved.point)
     without: list[tuple[SharedError, str, float]] = []
     if model.powers is not None:
-        without += _widenings_of_survey(model)
+        without += _widenings_of_survey(model, position)
     if model.stations is not None and known.heading_sigma_deg > 0.0:
         less = Model(model.stations, model.powers, replace(known, heading_sigma_deg=0.0))
         text = f"the common heading error of {known.heading_sigma_deg:g}°"
@@ -361,6 +369,31 @@ def _widenings(model: Model, solved: _Solved) -> tuple[Widening, ...]:
             rest = agreement.without(explanation)
             less_m = _radius95_m(_explained(model, solved.resting, point, rest))
         without.append((explanation, text, less_m))
+    return _sorted(radius_m, without)
+
+
+def _widenings_of_way(
+    model: Model, resting: Position, moved: Position, follow: Follow
+) -> tuple[Widening, ...]:
+    """What each prior does to the radius at the end of a way, as `_widenings` does it."""
+    radius_m, resting_m = moved.radius95_m, resting.radius95_m
+    if radius_m is None or resting_m is None:
+        return ()
+    without: list[tuple[SharedError, str, float]] = [
+        ("walk", "an animal that walks", resting_m)
+    ]
+    for prior, text, known in _surveys_without(model, resting):
+        less = bayes_position(
+            model.stations, model.powers, known, widenings=False, follow=follow
+        )
+        if less.radius95_m is not None:
+            without.append((prior, text, less.radius95_m))
+    return _sorted(radius_m, without)
+
+
+def _sorted(
+    radius_m: float, without: list[tuple[SharedError, str, float]]
+) -> tuple[Widening, ...]:
     found = [
         Widening(prior=prior, text=text, radius95_without_m=less_m, by_m=radius_m - less_m)
         for prior, text, less_m in without
@@ -368,8 +401,9 @@ def _widenings(model: Model, solved: _Solved) -> tuple[Widening, ...]:
     return tuple(sorted(found, key=lambda one: -one.by_m))
 
 
-def _widenings_of_survey(model: Model) -> list[tuple[SharedError, str, float]]:
-    survey = model.known.survey
+def _surveys_without(model: Model, position: Position) -> list[tuple[SharedError, str, Known]]:
+    """What is believed without each of a survey's priors."""
+    survey, fall = model.known.survey, model.known.propagation
     less: list[tuple[SharedError, str, SurveyErrors]] = [
         ("fading", "fading that may last", replace(survey, lasting_fading=False)),
         ("foreign", "pulses that may be of others", replace(survey, foreign_pulses=False)),
@@ -377,13 +411,24 @@ def _widenings_of_survey(model: Model) -> list[tuple[SharedError, str, float]]:
     if survey.height_sigma_m > 0.0:
         text = f"the height's error of {survey.height_sigma_m:g} m"
         less.append(("height", text, replace(survey, height_sigma_m=0.0)))
-    found = []
-    for prior, text, errors in less:
-        known = replace(model.known, survey=errors)
-        found.append(
-            (prior, text, _radius95_m(_solved(Model(model.stations, model.powers, known))))
+    found = [(prior, text, replace(model.known, survey=one)) for prior, text, one in less]
+    if fall.exponent_sigma > _KNOWN_EXPONENT and position.path_loss_exponent is not None:
+        text = f"strength that falls with an exponent of {fall.exponent:g} ± "
+        text += f"{fall.exponent_sigma:g}"
+        known = replace(
+            fall, exponent=position.path_loss_exponent, exponent_sigma=_KNOWN_EXPONENT
         )
+        found.append(("exponent", text, replace(model.known, propagation=known)))
     return found
+
+
+def _widenings_of_survey(
+    model: Model, position: Position
+) -> list[tuple[SharedError, str, float]]:
+    return [
+        (prior, text, _radius95_m(_solved(Model(model.stations, model.powers, known))))
+        for prior, text, known in _surveys_without(model, position)
+    ]
 
 
 def _radius95_m(solved: _Solved) -> float:

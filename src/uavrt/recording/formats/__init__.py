@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         recognised,
     )
     from uavrt.recording.formats.tagtracker import read_tagtracker, write_tagtracker
-    from uavrt.recording.formats.text import cells_of, read_lines
+    from uavrt.recording.formats.text import cells_of, read_lines, with_commas
     from uavrt.recording.formats.ucsd import (
         TargetEstimate,
         read_ucsd_estimates,
@@ -65,6 +65,7 @@ __all__ = [
     "read_ucsd_pings",
     "recognised",
     "tag_numbers",
+    "with_commas",
     "write_bearing_file",
     "write_position_file",
     "write_tagtracker",
@@ -87,6 +88,7 @@ __getattr__ = lazily(
         "pulse_logs_in": "recognise",
         "read_bearing_file": "bearings_csv",
         "read_lines": "text",
+        "with_commas": "text",
         "read_position_file": "positions_csv",
         "read_pulse_log": "recognise",
         "read_pulses": "recognise",

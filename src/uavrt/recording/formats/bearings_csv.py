@@ -13,7 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import FormatError
-from uavrt.recording.formats.text import finite, latitude, longitude, number_or_nan, whole
+from uavrt.recording.formats.text import (
+    finite,
+    latitude,
+    longitude,
+    number_or_nan,
+    whole,
+    with_commas,
+)
 from uavrt.recording.formats.whole_file import write_whole
 
 _COLUMNS = 10
@@ -58,7 +65,7 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
             remedy="A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …",
         ) from None
     rows = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(with_commas(lines), start=1):
         cells = [cell.strip() for cell in line.split(",")]
         if not line.strip() or line.startswith("#") or cells[0] == "tag_id":
             continue

@@ -24,7 +24,7 @@ from uavrt.recording.formats.sensorgnome import (
     read_pulse_lines,
 )
 from uavrt.recording.formats.tagtracker import is_heading, read_tagtracker, row_kind
-from uavrt.recording.formats.text import cells_of, read_lines
+from uavrt.recording.formats.text import cells_of, read_lines, with_commas
 from uavrt.recording.formats.ucsd import read_ucsd_pings
 from uavrt.recording.layout import FlightLayout
 from uavrt.recording.pulse_files import read_pulse_file
@@ -40,6 +40,7 @@ ORIGINAL_DIGITS = (
     "pulse whose fraction is half a second or more are saturated and read as unknown."
 )
 _DECIMALS_OF_OURS = 9
+_TRACKERS = ("7", "10", "11", "20")
 _PATTERNS = (
     *("pulse_pose_log.txt", "pulse_pose.log.txt"),
     *("detector_log/*/output/pulse_pose_log.txt", "detector_log/*/output/pulse_pose.log.txt"),
@@ -189,7 +190,9 @@ def recognised(path: str | os.PathLike[str]) -> LogKind:
         return "pyradiotracking"
     if len(cells) == COLUMNS and _is_thesis(first):
         return "pulse_pose_log"
-    if is_heading(cells) or row_kind(cells[0]) in ("7", "10", "11", "20"):
+    if _is_tagtracker(lines):
+        return "tagtracker"
+    if is_heading(cells) or row_kind(cells[0]) in _TRACKERS:
         return "tagtracker"
     if cells[0].isdigit() and len(lines) <= 2:
         return "pulse_pose_log"  # a single line, cut off
@@ -202,6 +205,13 @@ def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
     return Path(path).name.lower() == "taginfo.txt" or (
         heading[0].strip("# ") == "id" and heading[1:] == ["freq_hz"]
     )
+
+
+def _is_tagtracker(lines: Sequence[str]) -> bool:
+    """Whether a spreadsheet saved TagTracker's rows, with semicolons or tabs."""
+    rows = (cells_of(line) for line in with_commas(lines[:_FIRST_LINES]) if line.strip())
+    first = next(rows, [])
+    return len(first) > 3 and (is_heading(first) or row_kind(first[0]) in _TRACKERS)
 
 
 def _is_jsonl(lines: Sequence[str]) -> bool:

@@ -55,6 +55,7 @@ from uavrt.recording.formats.text import (
     seconds_ns,
     seconds_text,
     whole,
+    with_commas,
     wrong_line,
 )
 
@@ -145,7 +146,7 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
     FormatError
         It cannot be read, or a row is none of those above; its line is named.
     """
-    lines = read_lines(path)
+    lines = with_commas(read_lines(path))
     rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1)]
     rows = [(number, cells) for number, cells in rows if cells and not is_heading(cells)]
     layout = _layout([cells for _, cells in rows if cells[0] == "7"], path)

@@ -3,7 +3,9 @@
 import gzip
 import math
 import os
+import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 from uavrt.clock import parse_iso_utc
@@ -17,6 +19,8 @@ MAX_TIME_NS = 2**62
 MAX_BYTES = 512 * 1024 * 1024
 MAX_LINES = 10_000_000
 """Ends of lines pack well: a megabyte of gzip would be a hundred million lines."""
+_DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
+"""A number that fills its cell, with a comma for its point."""
 _PIECE_BYTES = 1 << 20
 _GZIP = b"\x1f\x8b"
 
@@ -80,6 +84,27 @@ def cells_of(line: str, separator: str = ",") -> list[str]:
     while cells and not cells[-1]:
         cells.pop()
     return cells
+
+
+def separator_of(lines: Sequence[str]) -> str:
+    """What parts the cells of a text file: a comma, or a spreadsheet's semicolon or tab."""
+    some = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    first = some[0] if some else ""
+    commas = first.count(",")
+    if 2 * first.count(";") > commas:  # each cell may have a decimal comma
+        return ";"
+    return "\t" if 2 * first.count("\t") > commas and ",\t" not in first else ","
+
+
+def with_commas(lines: Sequence[str]) -> list[str]:
+    """Lines as if a comma parted their cells, and a point their decimals.
+
+    Spreadsheets of many countries write semicolons or tabs, and a comma in numbers.
+    """
+    separator = separator_of(lines)
+    if separator == ",":
+        return list(lines)
+    return [_DECIMAL.sub(r"\1.\2", line).replace(separator, ",") for line in lines]
 
 
 def finite(cell: str) -> float:

@@ -130,9 +130,15 @@ def _ping(cells: Sequence[str]) -> tuple[float, int, float, Pose]:
         longitude_deg=lon,
         altitude_amsl_m=number_or_nan(cells[6]),
         altitude_relative_m=math.nan,
-        quaternion_wxyz=from_euler_deg(finite(cells[7]), 0.0, 0.0),
+        # A whip has no heading: where none is told, none is needed.
+        quaternion_wxyz=from_euler_deg(_zero_if_empty(cells[7]), 0.0, 0.0),
     )
     return finite(cells[2]), time_ns, number_or_nan(cells[3]), pose
+
+
+def _zero_if_empty(cell: str) -> float:
+    value = number_or_nan(cell)
+    return 0.0 if math.isnan(value) else value
 
 
 def _estimate(cells: Sequence[str]) -> TargetEstimate:
