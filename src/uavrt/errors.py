@@ -150,7 +150,7 @@ class RecordingError(UavrtError):
 
 
 class StoreError(RecordingError):
-    """An object store does not answer, or ends in the middle: another time it may not."""
+    """An object store does not answer or breaks off; trying again may help."""
 
 
 @contextmanager

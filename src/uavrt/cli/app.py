@@ -21,7 +21,7 @@ COMMANDS = {
     "range": "How far a tag is heard, before a flight.",
     "coverage": "Where a tag is heard, before a flight and after it.",
     "batch": "Pulses of all recordings of an archive, to Parquet.",
-    "archive": "Questions over all that a batch has searched.",
+    "archive": "Ask questions of an archive that batch has searched.",
     "attach": "Poses from an autopilot's log for pulses without any.",
     "report": "A report of a flight, to look at and hand on.",
     "season": "A folder of flights in numbers: minutes, animals, batteries.",
@@ -30,12 +30,12 @@ COMMANDS = {
     "tags": "Check, convert and measure tags.",
     "simulate": "A recording, telemetry and truth of a simulated world.",
     "channelize": "The channelizer alone.",
-    "experiment": "Claims as repeatable experiments.",
+    "experiment": "Repeat the experiments behind our claims.",
     "monitor": "Watch a running system in a terminal.",
     "doctor": "What is wrong with this computer, and what to do.",
     "service": "Start the drone side at boot.",
     "starter": "The ground station in the desktop's menu.",
-    "update": "Another version, offline, signed, with a way back.",
+    "update": "Install another version offline, with a way back.",
 }
 """Each is the function of this name in the module of this name, imported when it is called."""
 

@@ -65,7 +65,7 @@ def query(
     directory
         What uavrt batch wrote.
     sql
-        As DuckDB has it.
+        An SQL query, in DuckDB's dialect.
     output
         Write the answer to a .parquet or .csv file instead of the terminal.
     overwrite

@@ -63,7 +63,7 @@ def batch(
     ----------
     paths
         Recordings, and folders with recordings and flights: SigMF, WAV, and raw files that a
-        name or the manifest tells the rate and frequency of; also in object stores that fsspec
+        or manifest gives a rate and frequency; also in object stores that fsspec
         knows (s3://BUCKET/FOLDER). A track beside a recording has its
         name and ends in .ulg, .bin, .tlog, .gpx or .nmea.
     tags
@@ -72,7 +72,7 @@ def batch(
         Directory for the tables.
     manifest
         CSV with columns path, format, sample_rate_hz, center_frequency_hz, start_time, track,
-        clock_offset_s for what recordings do not say; empty cells are not told.
+        clock_offset_s for what recordings do not say; leave unknown cells empty.
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
     workers
@@ -82,11 +82,11 @@ def batch(
         files under the same names.
     cell
         The detector starts anew so often, in seconds of each recording: cells are worked on
-        side by side, and the result does not depend on by whom.
+        in parallel, and the result does not depend on which process does which.
     lead_in
-        So many seconds before each cell are read again, so that the detector knows the noise.
+        Seconds before each cell that are read again, so that the detector knows the noise.
     chunk
-        So many seconds of a cell are lost at most when a process dies; changes no result.
+        Seconds of a cell that are lost at most when a process dies; changes no result.
     steps
         Only these of detect, attach, bearing, localize, integrate; by default all but the last,
         which judges tags below the noise over each whole flight that kept its channels, and

@@ -75,7 +75,7 @@ def coverage(
 ) -> None:
     """Map the probability that a tag is heard, hills included.
 
-    Before a flight, SOURCE is a plan or an area; of several heights the best is told. After a
+    Before a flight, SOURCE is a plan or an area; the best of several heights is named. After a
     flight it is the flight directory: the map then tells with which probability a tag would
     have been heard at each place, given where the drone was, how its antenna pointed and how
     noisy it was, by groups of pulses, or by the whole flight where uavrt integrate has looked
@@ -92,9 +92,9 @@ def coverage(
         Heights of the ground: an SRTM tile (N47E008.hgt), a GeoTIFF, or a folder of these.
         Without it the ground is level.
     sea
-        What no elevation file covers is water at height 0.
+        Take ground that no elevation file covers for water at height 0.
     area
-        Outline (GeoJSON, KML, .plan) for which the probability is told.
+        Outline (GeoJSON, KML, .plan) of the area to give the probability for.
     prior
         Probability before the flight that the tag is in --area, after a flight; by default
         the tag may be anywhere on the map alike.

@@ -54,7 +54,7 @@ def demo(
         The drone finds three animals by itself, one of them walking, with nobody touching it;
         its decisions are printed as it takes them. Exits with 1 unless all are found.
     drones
-        So many drones fly, up to four, each with a receiver of its own, side by side; one
+        Number of drones, up to four, that fly side by side, each with its own receiver; one
         ground station has a page for each. Two take about half of a core. With --search they
         search together, each deciding by itself.
     scenario
@@ -65,7 +65,7 @@ def demo(
         three have such tags, the walking one, too.
     duration
         Length of the flight in seconds, at least 40; 120 unless given, or the scenario
-        file's. With --search, after which the drone returns at the latest; 600 unless given.
+        file's. With --search, the time after which the drone returns; 600 unless given.
     seed
         Seed of everything random in the simulated world; 1 unless given, or the scenario
         file's.

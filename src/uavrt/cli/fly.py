@@ -103,7 +103,7 @@ def fly(
         this height above home [m], once a pilot has armed; stop: stand still and take no more
         commands; status: who flies; fence: which fence the autopilot holds.
     numbers
-        Of goto where to, in degrees: after "--" where one is negative; of takeoff its height.
+        goto: the place, in degrees, after "--" if one is negative; takeoff: the height.
     area
         Outline of a survey or a search: GeoJSON, KML, or a .plan of QGroundControl; at most 20
         corners, of a search 19, and one less for every two tags that are named. Outlines in it
@@ -123,13 +123,13 @@ def fly(
         Of a survey: lines over the area; around it, along the outline; points in it, with a
         whole turn at each.
     radius
-        Of a search around the drone, in place of --area.
+        Search within this radius [m] of the drone, in place of --area.
     tags
         Numbers of the tags to search for, like 2,4; all that are listed unless given.
     radius_wish
-        A tag counts as found when a circle of this radius holds it with 95 %.
+        A tag counts as found when it is within this radius [m] with 95 % probability.
     minutes
-        A search lasts at most; the drone returns then, or when all are found.
+        Longest duration of a search; the drone then returns, or when all are found.
     sticks_unseen
         You know that the drone does not see the sticks of any remote control.
     save
@@ -151,13 +151,13 @@ def fly(
     component_id
         Our MAVLink component id in system 254.
     yes
-        Do not ask, for scripts: only without a key, which is with the simulator.
+        Do not ask (for scripts). Only without a key, that is, with the simulator.
     json_lines
         Print JSON lines instead of text.
     """
     if yes and command_key is not None:
         raise ConfigError(
-            "a drone is not moved without a person's word",
+            "a real drone moves only when a person confirms",
             remedy="Leave --yes out; it is for the simulator, which needs no key",
         )
     keys = read_link_keys(command_key, signing_key, component_id)
@@ -242,7 +242,7 @@ def _numbers(text: str | None) -> tuple[int, ...]:
         return () if text is None else tuple(map(int, text.replace(",", " ").split()))
     except ValueError:
         raise ConfigError(
-            f"{text!r} are no numbers of tags", remedy="Give them like 2,4"
+            f"{text!r} is not a list of tag numbers", remedy="Give them like 2,4"
         ) from None
 
 

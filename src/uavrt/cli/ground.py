@@ -115,7 +115,7 @@ def ground(
     my_place
         GPS receiver of this computer, for the page: serial:///dev/ttyACM0, with :4800 and the
         like after it where it is not 9600 baud; udpin://127.0.0.1:10110; tcp://HOST:2947. It
-        speaks NMEA. "" for none any more.
+        must send NMEA. "" forgets the saved one.
     dem
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them, for the page's positions,
         reports and exports: hills weaken what is heard, and explain silence. "" for none any

@@ -92,7 +92,7 @@ def integrate(
         Probability with which noise alone shows a tag, for a whole flight and each tag.
     drift
         Largest relative change of a tag's interval over the flight, up or down: 0.01 is 1 %.
-        Costs time, and some tenths of a decibel.
+        Takes longer, and costs some tenths of a decibel.
     dem
         Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken pulses, and
         explain silence. Without it the ground is taken as level.

@@ -77,7 +77,7 @@ def range(
     noise_figure
         Noise that receiver, drone and sky add to the thermal noise [dB].
     flight
-        A past flight: what the drone's noise rose to in the air is added to the noise. Of
+        A past flight: how much the drone's noise rose in the air is added to the noise. Of
         several, the median counts.
     whole_flight
         Add a row for each tag of a flight that is judged at once, by uavrt integrate: the drone

@@ -76,11 +76,11 @@ def _show(found: "Season") -> None:
         f"{counted(found.batteries, 'battery', 'batteries')} flown with, "
         f"{found.batteries_used:.1f} full charges used"
         if found.batteries
-        else "no flight tells of its battery",
+        else "no flight has battery data",
     ]
     if found.batteries and found.flights_without_battery:
         count = found.flights_without_battery
-        tell = "flights do not tell of their battery"
+        tell = "flights have no battery data"
         lines.append(
             "1 flight does not tell of its battery" if count == 1 else f"{count} {tell}"
         )

@@ -62,7 +62,7 @@ def simulate(
     if recording.outside:
         ids = ", ".join(map(str, recording.outside))
         console.print(
-            f"Tags outside the recorded band, of which there is nothing in it: {ids}. "
+            f"These tags are outside the recorded band and not in the recording: {ids}. "
             "Record at a higher --sample-rate, or set radio.center_frequency_hz"
         )
     if recording.cut:

@@ -88,7 +88,7 @@ def update(
         raise UsageError(f"there is no file {file}", remedy="Check its name")
     place = Installation(prefix) if prefix else Installation.of(sys.executable)
     if place is None:
-        text = "this uavrt is not installed so that it could be exchanged"
+        text = "this uavrt was not installed by deploy/install.sh, so it cannot update itself"
         raise UsageError(text, remedy="Call /opt/uavrt/venv/bin/uavrt, or give --prefix")
     place.require()
     again = partial(updating.restart_by, shlex.split(restart))
