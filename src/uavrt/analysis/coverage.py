@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -389,11 +388,9 @@ def _covered(
 
 
 def write_maps(
-    directory: Path, name: str, coverage: Coverage, way: Sequence[tuple[float, float]]
+    directory: Path, name: str, coverage: Coverage, picture: bytes | None = None
 ) -> list[Path]:
     """Write a map as GeoTIFF (probabilities) and PNG (a picture).
-
-    Without matplotlib the picture has the map's squares alone.
 
     Parameters
     ----------
@@ -401,8 +398,8 @@ def write_maps(
         Where, and how the files are called before their endings.
     coverage : Coverage
         The map.
-    way : sequence of (longitude, latitude)
-        Where the drone flies or flew [deg].
+    picture : bytes, optional
+        The PNG; without it one with the map's squares alone.
 
     Raises
     ------
@@ -419,7 +416,7 @@ def write_maps(
     )
     files = {
         f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
-        f"{name}.png": _picture(coverage, way),
+        f"{name}.png": picture or png_bytes(chance(coverage.heard[::-1])),
     }
     written = []
     for file, content in files.items():
@@ -432,14 +429,6 @@ def write_maps(
             ) from error
         written.append(path)
     return written
-
-
-def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    if find_spec("matplotlib") is None:
-        return png_bytes(chance(coverage.heard[::-1]))
-    from uavrt.analysis.report.silences import coverage_png
-
-    return coverage_png(coverage, way)
 
 
 def best_of(covered: Sequence[Coverage]) -> int:

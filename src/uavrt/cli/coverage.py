@@ -24,9 +24,10 @@ import uavrt.cli.one_thread  # noqa: F401  before numpy
 # isort: on
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -378,7 +379,11 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
         best = best_of(maps)
         for number, (height_m, one) in enumerate(zip(asked.heights_m, maps, strict=True)):
             name = f"coverage_tag_{tag.tag_id}_{height_m:g}m"
-            files = () if asked.output is None else write_maps(asked.output, name, one, way)
+            files = (
+                ()
+                if asked.output is None
+                else write_maps(asked.output, name, one, _picture(one, way))
+            )
             told.append(
                 _Told(
                     tag=tag,
@@ -429,7 +434,11 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
         if cells is not None and not found.heard:
             silence = absence(one, cells, asked.prior)
         name = f"coverage_tag_{tag.tag_id}"
-        files = () if asked.output is None else write_maps(asked.output, name, one, way)
+        files = (
+            ()
+            if asked.output is None
+            else write_maps(asked.output, name, one, _picture(one, way))
+        )
         told.append(
             _Told(
                 tag=tag,
@@ -445,6 +454,15 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
             )
         )
     return told
+
+
+def _picture(one: "Coverage", way: Sequence[tuple[float, float]]) -> bytes | None:
+    """The map as a report draws it; None without what draws reports."""
+    if find_spec("matplotlib") is None:
+        return None
+    from uavrt.analysis.report import coverage_png
+
+    return coverage_png(one, way)
 
 
 def _mean(one: "Coverage", cells: Any) -> float:

@@ -11,6 +11,7 @@ from uavrt.recording.formats.whole_file import write_whole
 
 if TYPE_CHECKING:
     from uavrt.analysis.report.folds import draw_fold
+    from uavrt.analysis.report.silences import coverage_png
     from uavrt.analysis.report.style import FAINT, INK, TAG_COLORS, new_figure, styled, svg_data
 
 
@@ -18,6 +19,7 @@ __all__ = [
     "FAINT",
     "INK",
     "TAG_COLORS",
+    "coverage_png",
     "draw_fold",
     "html_page",
     "new_figure",
@@ -61,6 +63,7 @@ __getattr__ = lazily(
         "FAINT": "style",
         "INK": "style",
         "TAG_COLORS": "style",
+        "coverage_png": "silences",
         "draw_fold": "folds",
         "new_figure": "style",
         "styled": "style",
