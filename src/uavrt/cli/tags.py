@@ -293,7 +293,7 @@ def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
     """Report which tags of one band may be taken for each other, and what would part them."""
     from uavrt.config import DetectionSettings, tags_by_band, words_of_near_codes
-    from uavrt.detection.track import part
+    from uavrt.detection.track import part, small_ratio
 
     window_hz = DetectionSettings().frequency_window_hz
     yield from words_of_near_codes(found, window_hz)
@@ -301,6 +301,8 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
         for one, two in combinations(together, 2):
             if abs(one.frequency_hz - two.frequency_hz) >= 2.0 * window_hz:
                 continue
+            if (ratio := small_ratio(one, two)) is not None:
+                yield _at_a_ratio(one, two, ratio)
             parting = part(one, two)
             if parting.certain and parting.pulses is not None:
                 continue
@@ -319,6 +321,19 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
                 f"or less for each, one alone is told apart after {parting.pulses} pulses "
                 f"({parting.seconds:.3g} s); `uavrt tags measure` measures intervals"
             )
+
+
+def _at_a_ratio(one: "Tag", two: "Tag", ratio: tuple[int, int]) -> str:
+    slow, fast = one, two
+    if max(one.pulse_intervals_s) < max(two.pulse_intervals_s):
+        slow, fast = two, one
+    more, fewer = ratio
+    return (
+        f"the intervals of tags {slow.tag_id} and {fast.tag_id} may be as {more} to {fewer}: "
+        f"while many pulses of tag {fast.tag_id} fade, the others may pass for tag "
+        f"{slow.tag_id}'s, and where both begin together one hides the other. Intervals "
+        "further from such ratios, or 1 kHz between the tags, avoid it"
+    )
 
 
 def _sentence(tag: "Tag") -> str:

@@ -124,6 +124,19 @@ def test_a_detector_config_is_checked_and_converted(
     assert (tag.tag_id, tag.frequency_hz, tag.k) == (4, 148_710_500.0, 3)
 
 
+@pytest.mark.parametrize(("interval_ms", "told"), [(750, True), (840, False)])
+def test_intervals_at_a_small_ratio_are_warned_of(
+    interval_ms: int, told: bool, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "TagInfo.txt").write_text(
+        "2, 148700000, 1500, 20, 5, 1, 3, 0.05\n"
+        f"4, 148700000, {interval_ms}, 20, 5, 1, 3, 0.05\n"
+    )
+    assert uavrt("tags", "check", "TagInfo.txt") == 0
+    said = capsys.readouterr()
+    assert ("tags 2 and 4 may be as 2 to 1" in said.out + said.err) == told
+
+
 @pytest.mark.parametrize(
     ("written", "instead", "says"),
     [
