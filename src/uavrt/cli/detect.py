@@ -131,7 +131,8 @@ def detect(
             beeping = [tag for tag in wanted if not tag.coded]
             if beeping:
                 listeners.append(Outside(beeping, frequency_window))
-        _warn_of_cost(wanted, frequency_window, live=source.total_samples is None)
+        searched = _searched(known, frequency_window)
+        _warn_of_cost(wanted, searched, live=source.total_samples is None)
         writer = None
         if flown is None:
             keep_inputs(output or "-", (recording, tags))
@@ -139,7 +140,6 @@ def detect(
             write = stack.enter_context(_pulse_output(output or "-", bursts=coded))
         else:
             directory = None if output in (None, "-") else Path(str(output))
-            searched = _searched(known, frequency_window)
             writer = stack.enter_context(
                 closing(FlightWriter(flown, source, wanted, directory, searched))
             )
@@ -175,13 +175,11 @@ def detect(
         sys.exit(128 + number)
 
 
-def _warn_of_cost(tags: Sequence[Tag], frequency_window_hz: float, *, live: bool) -> None:
+def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
     """Say before the work begins that a tag list needs more than a core in real time."""
-    for words in words_of_near_codes(tags, frequency_window_hz):
+    for words in words_of_near_codes(tags, settings.frequency_window_hz):
         print(f"warning: {words}", file=sys.stderr)
-    cores = search_cost(
-        tags, settings=DetectionSettings(frequency_window_hz=frequency_window_hz)
-    )
+    cores = search_cost(tags, settings=settings)
     if cores <= 1.0:
         return
     effect = (
