@@ -2,8 +2,9 @@
 
 Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
 4 GiB) as in EBU Tech 3306; the ``auxi`` chunk (start time, radio frequency) as SDR#, HDSDR and
-``airspy_rx -w`` write it, or as SDR Console does, in XML. Parsed by hand: the standard ``wave`` module refuses float samples,
-RF64, and files whose writer was killed before it could fill in the size.
+``airspy_rx -w`` write it, or as SDR Console does, in XML. Parsed by hand: the standard ``wave``
+module refuses float samples, RF64, and files whose writer was killed before it could fill in
+the size.
 """
 
 import re
