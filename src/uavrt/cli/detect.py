@@ -169,7 +169,7 @@ def detect(
                 writer = None
             raise
         finally:
-            _report(summary, wanted, writer)
+            _report(summary, wanted, writer, source)
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
@@ -413,7 +413,10 @@ def _progress(source: SampleSource) -> Iterator[Callable[[int, int | None], None
 
 
 def _report(
-    summary: DetectionSummary, tags: Sequence[Tag], writer: FlightWriter | None
+    summary: DetectionSummary,
+    tags: Sequence[Tag],
+    writer: FlightWriter | None,
+    source: SampleSource,
 ) -> None:
     """Say on stderr what was done."""
     if not summary.samples:
@@ -442,17 +445,8 @@ def _report(
         f"{summary.signal_s:.1f} s of samples in {summary.elapsed_s:.1f} s "
         f"({summary.times_real_time:.1f} × real time), {summary.samples_lost} samples lost"
     )
-    if summary.samples_unsure:
-        share = summary.samples_unsure / (summary.samples + summary.samples_unsure)
-        most = most_lost(
-            summary.samples_unsure,
-            samples=summary.samples,
-            sample_rate_hz=summary.samples / max(summary.signal_s, 1e-3),
-        )
-        lines.append(
-            f"rate or loss: the radio is {1e6 * share:.0f} ppm slow, or up to {most} more "
-            "samples are lost"
-        )
+    if source.total_samples is None:
+        lines.append(_may_be_lost(summary, source))
     if summary.invalid_samples:
         lines.append(f"{summary.invalid_samples} channel samples were not numbers")
     if writer is not None:
@@ -461,3 +455,22 @@ def _report(
             lines.append("no pulse lies within the flight: check --start-time")
         lines.append(f"flight: {writer.directory}")
     print("\n".join(lines), file=sys.stderr)
+
+
+def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:
+    """Say what a live stream may have lost beside what is known."""
+    why = getattr(source, "unseen_losses", None)
+    if why is not None:
+        return f"{why}: times count from the first sample, and losses do not show"
+    most = most_lost(
+        summary.samples_unsure,
+        samples=summary.samples,
+        sample_rate_hz=summary.samples / max(summary.signal_s, 1e-3),
+    )
+    if not summary.samples_unsure:
+        return f"up to {most} more samples may be lost: so few look like the radio's own rate"
+    share = summary.samples_unsure / (summary.samples + summary.samples_unsure)
+    return (
+        f"rate or loss: the radio is {1e6 * share:.0f} ppm slow, or up to {most} more "
+        "samples are lost"
+    )

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +18,7 @@ from uavrt.errors import ConfigError, TagFileError, UavrtError
 if TYPE_CHECKING:
     from uavrt.analysis.measure import MeasuredCode, MeasuredRate, MeasuredTag, TagSource
     from uavrt.messages import Tag
-    from uavrt.radio import SampleSource
+    from uavrt.radio import RecordingSource, SampleSource
 
 tags = App(
     name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
@@ -96,6 +96,7 @@ def measure(
     format: str | None = None,
     sample_rate: Hertz | None = None,
     center_frequency: HertzOrZero | None = None,
+    start_time: str | None = None,
     overwrite: bool = False,
 ) -> None:
     """Find unknown tags in a recording: frequency, pulse width, intervals, jitter, drift.
@@ -123,10 +124,14 @@ def measure(
         Samples per second, unless the recording states it.
     center_frequency
         Radio frequency in hertz, unless the recording states it.
+    start_time
+        Time of the first sample, ISO 8601, UTC; by default as stated in the recording, else the
+        file's modification time minus its duration.
     overwrite
         Replace the output if it exists.
     """
     from uavrt.analysis.measure import MeasuredTag, measure_tags
+    from uavrt.cli.detect import start_time_ns
     from uavrt.config import MAX_ID, check_tag_file_name, format_tags_toml, write_tags
     from uavrt.radio import open_recording
 
@@ -137,16 +142,21 @@ def measure(
         check_place(output, overwrite=overwrite)
         keep_inputs(output, (recording,))
         check_tag_file_name(output)
+    start_ns = start_time_ns(start_time)
     faults: list[UavrtError] = []
 
-    def opened() -> "SampleSource":
+    def opened() -> "RecordingSource":
         return open_recording(
             recording,
             format,
             sample_rate_hz=sample_rate,
             center_frequency_hz=center_frequency,
+            start_time_ns=start_ns,
         )
 
+    with closing(opened()) as source:
+        if source.origin:
+            print(source.origin, file=sys.stderr)
     with _progress("measuring") as on_progress, _telling(faults):
         found = measure_tags(
             opened,

@@ -62,6 +62,18 @@ def test_a_recording_cut_off_in_mid_sample_is_measured_and_its_fault_told(
     assert tag.pulse_intervals_s[0] == pytest.approx(1.254, abs=1e-3)
 
 
+def test_a_time_taken_from_the_files_date_is_told_with_the_measurement(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt("tags", "measure", "a.cf32", *RADIO) == 0
+    assert "by the date of the file" in capsys.readouterr().err
+    begun = ("--start-time", "2026-05-01T06:00:00Z")
+    assert uavrt("tags", "measure", "a.cf32", *RADIO, *begun) == 0
+    said = capsys.readouterr().err
+    assert "by the date of the file" not in said
+    assert "2026-05-01T06:00:0" in said
+
+
 def test_a_cut_off_recording_without_a_tag_is_told_with_both_reasons(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
