@@ -74,6 +74,8 @@ class Detecting:
         """Of recordings that can be opened, by path."""
         self.done_before = 0
         self.tasks: list[CellTask] = []
+        self.dated_by_file: dict[str, str] = {}
+        """Recordings that begin by the date of their file alone, with what is said of that."""
 
     def plan(self, recording: Recording) -> RecordingRow | None:
         """Add what is to be done with a recording; a row when nothing can be."""
@@ -127,6 +129,8 @@ class Detecting:
         settings = self._settings
         with closing(recording.open()) as source:
             rate_hz = source.sample_rate_hz
+            if source.dated_by_file:
+                self.dated_by_file[recording.name] = source.origin
             cells = cells_of(
                 source.segments, rate_hz, cell_s=settings.cell_s, lead_in_s=settings.lead_in_s
             )

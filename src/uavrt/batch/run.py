@@ -105,6 +105,8 @@ def _run(
     flights = Ledger(output, PLACED, FlightRow, [POSES, BEARINGS, POSITIONS, INTEGRATED])
     detecting = Detecting(sought, output, settings, recordings)
     rows = [row for one in found.recordings if (row := detecting.plan(one)) is not None]
+    for name, origin in detecting.dated_by_file.items():
+        watch.on_origin(name, origin)
     for row in rows:
         watch.on_row(row)
     done_now = len(rows)

@@ -62,6 +62,9 @@ class BatchWatch:
     """Takes how much was done since the last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
     """Takes each recording and each flight that is finished."""
+    on_origin: Callable[[str, str], None] = lambda _name, _origin: None
+    """Takes each recording to be searched whose start is not known from itself, and what it was
+    taken from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -174,6 +174,7 @@ def batch(
             on_stage=on_stage,
             on_done=on_done,
             on_row=_tell,
+            on_origin=_tell_origin,
         )
         summary = run_batch(found, sought, output, settings, watch)
         number = stopped()
@@ -205,6 +206,12 @@ def _progress() -> Iterator[tuple[Callable[[str, int], None], Callable[[int], No
 def _tell(row: "RecordingRow | FlightRow") -> None:
     if row.state in ("truncated", "failed"):
         print(f"{row.path}: {row.state}: {row.fault}", file=sys.stderr)
+
+
+def _tell_origin(name: str, origin: str) -> None:
+    print(
+        f"{name}: {origin.replace('--start-time', 'start_time in --manifest')}", file=sys.stderr
+    )
 
 
 def _report(summary: "BatchSummary", output: Path) -> None:

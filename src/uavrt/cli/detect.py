@@ -132,7 +132,8 @@ def detect(
             beeping = [tag for tag in wanted if not tag.coded]
             if beeping:
                 listeners.append(Outside(beeping, frequency_window))
-        _warn_of_cost(wanted, frequency_window, live=source.total_samples is None)
+        searched = _searched(known, frequency_window)
+        _warn_of_cost(wanted, searched, live=source.total_samples is None)
         writer = None
         if flown is None:
             keep_inputs(output or "-", (recording, tags))
@@ -140,7 +141,6 @@ def detect(
             write = stack.enter_context(_pulse_output(output or "-", bursts=coded))
         else:
             directory = None if output in (None, "-") else Path(str(output))
-            searched = _searched(known, frequency_window)
             writer = stack.enter_context(
                 closing(FlightWriter(flown, source, wanted, directory, searched))
             )
@@ -170,19 +170,17 @@ def detect(
                 writer = None
             raise
         finally:
-            _report(summary, wanted, writer)
+            _report(summary, wanted, writer, source)
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
 
 
-def _warn_of_cost(tags: Sequence[Tag], frequency_window_hz: float, *, live: bool) -> None:
+def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
     """Say before the work begins that a tag list needs more than a core in real time."""
-    for words in words_of_near_codes(tags, frequency_window_hz):
+    for words in words_of_near_codes(tags, settings.frequency_window_hz):
         print(f"warning: {words}", file=sys.stderr)
-    cores = search_cost(
-        tags, settings=DetectionSettings(frequency_window_hz=frequency_window_hz)
-    )
+    cores = search_cost(tags, settings=settings)
     if cores <= 1.0:
         return
     effect = (
@@ -420,7 +418,10 @@ def _progress(source: SampleSource) -> Iterator[Callable[[int, int | None], None
 
 
 def _report(
-    summary: DetectionSummary, tags: Sequence[Tag], writer: FlightWriter | None
+    summary: DetectionSummary,
+    tags: Sequence[Tag],
+    writer: FlightWriter | None,
+    source: SampleSource,
 ) -> None:
     """Say on stderr what was done."""
     if not summary.samples:
@@ -449,17 +450,8 @@ def _report(
         f"{summary.signal_s:.1f} s of samples in {summary.elapsed_s:.1f} s "
         f"({summary.times_real_time:.1f} × real time), {summary.samples_lost} samples lost"
     )
-    if summary.samples_unsure:
-        share = summary.samples_unsure / (summary.samples + summary.samples_unsure)
-        most = most_lost(
-            summary.samples_unsure,
-            samples=summary.samples,
-            sample_rate_hz=summary.samples / max(summary.signal_s, 1e-3),
-        )
-        lines.append(
-            f"rate or loss: the radio is {1e6 * share:.0f} ppm slow, or up to {most} more "
-            "samples are lost"
-        )
+    if source.total_samples is None:
+        lines.append(_may_be_lost(summary, source))
     if summary.invalid_samples:
         lines.append(f"{summary.invalid_samples} channel samples were not numbers")
     if writer is not None:
@@ -468,3 +460,22 @@ def _report(
             lines.append("no pulse lies within the flight: check --start-time")
         lines.append(f"flight: {writer.directory}")
     print("\n".join(lines), file=sys.stderr)
+
+
+def _may_be_lost(summary: DetectionSummary, source: SampleSource) -> str:
+    """Say what a live stream may have lost beside what is known."""
+    why = getattr(source, "unseen_losses", None)
+    if why is not None:
+        return f"{why}: times count from the first sample, and losses do not show"
+    most = most_lost(
+        summary.samples_unsure,
+        samples=summary.samples,
+        sample_rate_hz=summary.samples / max(summary.signal_s, 1e-3),
+    )
+    if not summary.samples_unsure:
+        return f"up to {most} more samples may be lost: so few look like the radio's own rate"
+    share = summary.samples_unsure / (summary.samples + summary.samples_unsure)
+    return (
+        f"rate or loss: the radio is {1e6 * share:.0f} ppm slow, or up to {most} more "
+        "samples are lost"
+    )

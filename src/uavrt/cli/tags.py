@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +18,7 @@ from uavrt.errors import ConfigError, TagFileError, UavrtError
 if TYPE_CHECKING:
     from uavrt.analysis.measure import MeasuredCode, MeasuredRate, MeasuredTag, TagSource
     from uavrt.messages import Tag
-    from uavrt.radio import SampleSource
+    from uavrt.radio import RecordingSource, SampleSource
 
 tags = App(
     name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
@@ -119,6 +119,7 @@ def measure(
     format: str | None = None,
     sample_rate: Hertz | None = None,
     center_frequency: HertzOrZero | None = None,
+    start_time: str | None = None,
     overwrite: bool = False,
 ) -> None:
     """Find unknown tags in a recording: frequency, pulse width, intervals, jitter, drift.
@@ -146,10 +147,14 @@ def measure(
         Samples per second, unless the recording states it.
     center_frequency
         Radio frequency in hertz, unless the recording states it.
+    start_time
+        Time of the first sample, ISO 8601, UTC; by default as stated in the recording, else the
+        file's modification time minus its duration.
     overwrite
         Replace the output if it exists.
     """
     from uavrt.analysis.measure import MeasuredTag, measure_tags
+    from uavrt.cli.detect import start_time_ns
     from uavrt.config import MAX_ID, check_tag_file_name, format_tags_toml, write_tags
     from uavrt.radio import open_recording
 
@@ -160,16 +165,21 @@ def measure(
         check_place(output, overwrite=overwrite)
         keep_inputs(output, (recording,))
         check_tag_file_name(output)
+    start_ns = start_time_ns(start_time)
     faults: list[UavrtError] = []
 
-    def opened() -> "SampleSource":
+    def opened() -> "RecordingSource":
         return open_recording(
             recording,
             format,
             sample_rate_hz=sample_rate,
             center_frequency_hz=center_frequency,
+            start_time_ns=start_ns,
         )
 
+    with closing(opened()) as source:
+        if source.origin:
+            print(source.origin, file=sys.stderr)
     with _progress("measuring") as on_progress, _telling(faults):
         found = measure_tags(
             opened,
@@ -316,7 +326,7 @@ def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
     """Report which tags of one band may be taken for each other, and what would part them."""
     from uavrt.config import DetectionSettings, tags_by_band, words_of_near_codes
-    from uavrt.detection.track import part
+    from uavrt.detection.track import part, small_ratio
 
     window_hz = DetectionSettings().frequency_window_hz
     yield from words_of_near_codes(found, window_hz)
@@ -324,6 +334,8 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
         for one, two in combinations(together, 2):
             if abs(one.frequency_hz - two.frequency_hz) >= 2.0 * window_hz:
                 continue
+            if (ratio := small_ratio(one, two)) is not None:
+                yield _at_a_ratio(one, two, ratio)
             parting = part(one, two)
             if parting.certain and parting.pulses is not None:
                 continue
@@ -342,6 +354,19 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
                 f"or less for each, one alone is told apart after {parting.pulses} pulses "
                 f"({parting.seconds:.3g} s); `uavrt tags measure` measures intervals"
             )
+
+
+def _at_a_ratio(one: "Tag", two: "Tag", ratio: tuple[int, int]) -> str:
+    slow, fast = one, two
+    if max(one.pulse_intervals_s) < max(two.pulse_intervals_s):
+        slow, fast = two, one
+    more, fewer = ratio
+    return (
+        f"the intervals of tags {slow.tag_id} and {fast.tag_id} may be as {more} to {fewer}: "
+        f"while many pulses of tag {fast.tag_id} fade, the others may pass for tag "
+        f"{slow.tag_id}'s, and where both begin together one hides the other. Intervals "
+        "further from such ratios, or 1 kHz between the tags, avoid it"
+    )
 
 
 def _sentence(tag: "Tag") -> str:

@@ -1,8 +1,8 @@
 """Measure what searching for a tag list costs on this computer, before it starts.
 
-The cost of a tag goes with K, its uncertainty of interval, its width and the window, and with
-the computer; so it is measured here, on noise, for a moment: the detectors are run as they will
-be, past the time in which they only gather samples.
+The cost of a tag goes with the square of K, its uncertainty of interval and the window, and
+with the computer; so it is measured here, for a moment, on noise and on the tag's own pulses:
+the detectors are run as they will be.
 """
 
 from collections import Counter
@@ -11,21 +11,30 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavrt.clock import cpu_s
 from uavrt.config import DetectionSettings
-from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector
 from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 
-CHEAP_PULSES: Final = 150
-"""Tag lists with fewer pulses of all groups together (50 tags of K = 3) are not measured."""
+CHEAP_TAGS: Final = 50
+"""Lists that are no dearer than so many usual tags (K = 3, ± 60 ms, ± 500 Hz: a fifth of a core
+here) are not measured."""
+_USUAL: Final = 3**2 * 0.06 * 1000.0
+"""K², uncertainty [s] and width of the search [Hz] of such a tag."""
+_LEAST_UNCERTAINTY_S: Final = 0.003
 _RATE_HZ: Final = 7500.0
 """Of the channels that the front end makes."""
 _BLOCK: Final = 655
 _MEASURED_S: Final = 3.0
 """Of signal, some searches of each detector."""
 _TOGETHER: Final = 4
+_DEAR: Final = 10.0
+"""Tags that cost as much as so many usual ones are measured one by one."""
+_HEARD_POWER: Final = 40.0
+"""ENR of the pulses of a tag that is heard."""
 _CODE_SHARE: Final = 2e-4
 """Of a core, for each code: 500 take less than a tenth of one."""
 _MOST_CPU_S: Final = 2.0
@@ -52,33 +61,41 @@ def search_cost(
     Returns
     -------
     float
-        Processor cores that the detectors need in real time; 0.0 for lists too short to matter.
+        Processor cores that the detectors need in real time while one tag of each kind is
+        heard; 0.0 for lists too cheap to matter.
     """
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
-    if sum(tag.k for tag in tags) < CHEAP_PULSES:
-        return codes * _CODE_SHARE
     settings = DetectionSettings() if settings is None else settings
+    if sum(_weight(tag, settings) for tag in tags) < CHEAP_TAGS:
+        return codes * _CODE_SHARE
     kinds = Counter(replace(tag, tag_id=2, frequency_hz=1e8, name=None) for tag in tags)
-    dearest_first = sorted(kinds, key=lambda kind: -_weight(kind))
+    dearest_first = sorted(kinds, key=lambda kind: -_weight(kind, settings))
     spent_s, cost, share = 0.0, codes * _CODE_SHARE, 0.0
+    more = 0.0
     for kind in dearest_first:
         if spent_s < most_cpu_s:
             begun_s = cpu_s()
-            share = _measure(kind, settings)
+            share = _measure(kind, settings, heard=False)
+            more = max(0.0, _measure(kind, settings, heard=True) - share)
             spent_s += cpu_s() - begun_s
-        cost += kinds[kind] * share
+        cost += kinds[kind] * share + more
     return cost
 
 
-def _weight(tag: Tag) -> float:
-    """Order of the cost: pulses summed, times the intervals that are tried."""
-    return tag.k * (1.0 + 20.0 * tag.interval_uncertainty_s) * len(tag.pulse_intervals_s)
+def _weight(tag: Tag, settings: DetectionSettings) -> float:
+    """Estimate how many usual tags one is worth: intervals times frequencies tried."""
+    whole = settings.operating_mode == OperatingMode.ALL_NEVER_LOCK.value
+    width_hz = _RATE_HZ if whole else min(2.0 * settings.frequency_window_hz, _RATE_HZ)
+    uncertainty_s = max(tag.interval_uncertainty_s, _LEAST_UNCERTAINTY_S)
+    rates = len(tag.pulse_intervals_s)
+    return tag.k**2 * uncertainty_s * width_hz * rates / _USUAL
 
 
-def _measure(tag: Tag, settings: DetectionSettings) -> float:
-    """Run some detectors of a kind on noise; the cores that each needs."""
+def _measure(tag: Tag, settings: DetectionSettings, *, heard: bool) -> float:
+    """Run some detectors of a kind on noise, or one on its tag; the cores that each needs."""
     rng = np.random.default_rng(1)
+    together = 1 if heard or _weight(tag, settings) > _DEAR else _TOGETHER
     group = DetectorGroup()
     group.add(
         0,
@@ -92,7 +109,7 @@ def _measure(tag: Tag, settings: DetectionSettings) -> float:
                 frequency_window_hz=settings.frequency_window_hz,
                 operating_mode=settings.operating_mode,
             )
-            for number in range(_TOGETHER)
+            for number in range(together)
         ],
     )
     longest_s = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
@@ -103,7 +120,18 @@ def _measure(tag: Tag, settings: DetectionSettings) -> float:
         if not begun_at and at >= warm_at:
             begun_at, begun_s = at, cpu_s()
         noise = rng.standard_normal((_BLOCK, 2), np.float32).view(np.complex64)[:, 0]
+        if heard:
+            noise += _pulses(tag, at)
         group.put(0, noise, ns_from_s(at / _RATE_HZ))
         group.collect()
         at += _BLOCK
-    return (cpu_s() - begun_s) / ((at - begun_at) / _RATE_HZ) / _TOGETHER
+    return (cpu_s() - begun_s) / ((at - begun_at) / _RATE_HZ) / together
+
+
+def _pulses(tag: Tag, at: int) -> NDArray[np.complex64]:
+    """Samples of a tag's pulses, at the middle of the channel, from a place on."""
+    seconds = (at + np.arange(_BLOCK)) / _RATE_HZ
+    sent = seconds % tag.pulse_intervals_s[0] < tag.pulse_width_s
+    # Noise of variance 2: a pulse's energy over it is its ENR.
+    amplitude = np.sqrt(2.0 * _HEARD_POWER / (tag.pulse_width_s * _RATE_HZ))
+    return np.where(sent, amplitude, 0.0).astype(np.complex64)

@@ -78,6 +78,18 @@ class LiveSource:
         return self._placer.unsure
 
     @property
+    def unseen_losses(self) -> str | None:
+        """Why arrivals do not show what is lost, and times count from the first sample.
+
+        None: they show it.
+        """
+        if self._placer.told:
+            return "--start-time was given"
+        if self._placer.replayed:
+            return "the samples came faster than a radio takes them, as from a recording"
+        return None
+
+    @property
     def sample_rate_hz(self) -> float:
         """Nominal sample rate [Hz]."""
         return self._rate_hz

@@ -86,6 +86,16 @@ class Placer:
         times = self._nominal or self._keeper
         return times.sample_rate_hz
 
+    @property
+    def replayed(self) -> bool:
+        """Whether arrivals have shown that this is a recording: they tell nothing any more."""
+        return self._nominal is None and not self._keeper.live
+
+    @property
+    def told(self) -> bool:
+        """Whether the start was given: nobody looks at the arrivals."""
+        return self._nominal is not None
+
     def begin(self, now_ns: int) -> None:
         """Note when samples were first waited for."""
         if self._last is None:

@@ -182,6 +182,11 @@ class RecordingSource:
         self._pending_lost = 0 if self._done else segment.lost_before
 
     @property
+    def dated_by_file(self) -> bool:
+        """Whether nothing but the file's date tells when it begins."""
+        return self._layout.start_from == FILE_DATE
+
+    @property
     def origin(self) -> str:
         """What rate, frequency and start were taken from; empty when all was told."""
         layout = self._layout

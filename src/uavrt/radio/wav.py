@@ -2,10 +2,12 @@
 
 Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
 4 GiB) as in EBU Tech 3306; the ``auxi`` chunk (start time, radio frequency) as SDR#, HDSDR and
-``airspy_rx -w`` write it. Parsed by hand: the standard ``wave`` module refuses float samples,
-RF64, and files whose writer was killed before it could fill in the size.
+``airspy_rx -w`` write it, or as SDR Console does, in XML. Parsed by hand: the standard ``wave``
+module refuses float samples, RF64, and files whose writer was killed before it could fill in
+the size.
 """
 
+import re
 import struct
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -35,6 +37,9 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
 """What writers leave in the data chunk's size when they stream or are killed."""
+
+_MOST_READ = 1 << 16
+"""Bytes of a chunk; the longest are those with XML, some thousand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,12 +178,14 @@ def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
             # Some writers put auxi after the samples; with an unknown size it is not found.
             if header.frequency_hz is not None or length in _UNKNOWN_SIZE:
                 break
+        left = length
         if name in (b"fmt ", b"auxi", b"ds64"):
-            _read_chunk(name, file.read(min(length, 4096)), header, path)
-            length = max(length - 4096, 0)
-        if file.tell() + length > size:
+            _read_chunk(name, file.read(min(length, _MOST_READ)), header, path)
+            left = max(length - _MOST_READ, 0)
+        if file.tell() + left > size:
             break
-        file.seek(length + (length & 1), 1)
+        # A chunk of odd length is followed by a byte that it does not count.
+        file.seek(left + (length & 1), 1)
     if header.data_start == 0 or header.channels == 0:
         raise FormatError(
             f"{path} has no {'samples' if header.channels else 'format'} in it",
@@ -198,10 +205,28 @@ def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:
             header.kind = struct.unpack("<H", body[24:26])[0]
     elif name == b"ds64" and len(body) >= 16:
         header.long_data_size = struct.unpack("<Q", body[8:16])[0]
+    elif name == b"auxi" and (text := _xml(body)) is not None:
+        header.start_ns = _number(text, "UTCSeconds", NANOSECONDS_PER_SECOND)
+        header.frequency_hz = _number(text, "RadioCenterFreq", 1)
     elif name == b"auxi" and len(body) >= 36:
         header.start_ns = _system_time_ns(struct.unpack("<8H", body[:16]))
         frequency_hz = struct.unpack("<I", body[32:36])[0]
         header.frequency_hz = float(frequency_hz) if frequency_hz else None
+
+
+def _xml(body: bytes) -> str | None:
+    """Read an ``auxi`` chunk of SDR Console; None if it is the binary one, or another's."""
+    body = body.removeprefix(b"\xff\xfe").removeprefix(b"\xef\xbb\xbf")
+    if body[:1] != b"<":
+        return None
+    encoding = "utf-16-le" if body[1:2] == b"\0" else "utf-8"
+    return body.decode(encoding, errors="replace")
+
+
+def _number(text: str, name: str, unit: int) -> int | None:
+    """Read a positive whole number from an attribute; None without one."""
+    found = re.search(rf'\b{name}\s*=\s*"(\d{{1,12}})"', text)
+    return int(found[1]) * unit or None if found else None
 
 
 def _system_time_ns(fields: tuple[int, ...]) -> int | None:

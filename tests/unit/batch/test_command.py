@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from archived import TAGS as ARCHIVED
 from archived import record
+from command_line import uavrt
 
 from uavrt.analysis.measure import read_tag_source
 from uavrt.batch import BatchSettings, find_recordings, read_manifest, run_batch
@@ -42,6 +43,22 @@ def start(archive: Path, output: Path) -> subprocess.Popen[str]:
         text=True,
         start_new_session=True,
     )
+
+
+def test_a_start_taken_from_the_files_date_is_told(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "manifest.csv").write_text(
+        "path,sample_rate_hz,center_frequency_hz\nb.cf32,24000,148.7e6\n"
+    )
+    samples = (archive / "a.cf32").read_bytes()[: 8 * 24_000 * 10]
+    (tmp_path / "b.cf32").write_bytes(samples)
+    arguments = ["batch", str(tmp_path), "--tags", str(archive / "tags.txt"), "--workers", "1"]
+    arguments += ["--manifest", str(tmp_path / "manifest.csv"), "-o", str(tmp_path / "out")]
+    assert uavrt(*arguments) == 0
+    said = capsys.readouterr().err
+    assert "b.cf32: begun" in said
+    assert "the date of the file, which copying may change: give start_time" in said
 
 
 def wait_for_a_cell(output: Path, before: int) -> None:

@@ -62,6 +62,18 @@ def test_a_recording_cut_off_in_mid_sample_is_measured_and_its_fault_told(
     assert tag.pulse_intervals_s[0] == pytest.approx(1.254, abs=1e-3)
 
 
+def test_a_time_taken_from_the_files_date_is_told_with_the_measurement(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt("tags", "measure", "a.cf32", *RADIO) == 0
+    assert "by the date of the file" in capsys.readouterr().err
+    begun = ("--start-time", "2026-05-01T06:00:00Z")
+    assert uavrt("tags", "measure", "a.cf32", *RADIO, *begun) == 0
+    said = capsys.readouterr().err
+    assert "by the date of the file" not in said
+    assert "2026-05-01T06:00:0" in said
+
+
 def test_a_cut_off_recording_without_a_tag_is_told_with_both_reasons(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -122,6 +134,19 @@ def test_a_detector_config_is_checked_and_converted(
     assert "operating mode" in capsys.readouterr().out
     (tag,) = read_tags(folder / "m.toml")
     assert (tag.tag_id, tag.frequency_hz, tag.k) == (4, 148_710_500.0, 3)
+
+
+@pytest.mark.parametrize(("interval_ms", "told"), [(750, True), (840, False)])
+def test_intervals_at_a_small_ratio_are_warned_of(
+    interval_ms: int, told: bool, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "TagInfo.txt").write_text(
+        "2, 148700000, 1500, 20, 5, 1, 3, 0.05\n"
+        f"4, 148700000, {interval_ms}, 20, 5, 1, 3, 0.05\n"
+    )
+    assert uavrt("tags", "check", "TagInfo.txt") == 0
+    said = capsys.readouterr()
+    assert ("tags 2 and 4 may be as 2 to 1" in said.out + said.err) == told
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from uavrt.detection import DetectorGroup, PulseDetector
-from uavrt.detection.track.senders import part
+from uavrt.detection.track.senders import part, small_ratio
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.one_band import OneBand
 from uavrt_experiments.detection.signals import (
@@ -163,12 +163,43 @@ def test_of_many_tags_in_a_chain_of_overlapping_bands_all_are_told() -> None:
         assert kept(own, others, of(tag, pulses)) >= 0.8
 
 
-def test_every_second_pulse_of_a_tag_is_not_a_tag_of_twice_the_interval() -> None:
-    tags = (tag_of(2, 1.254), tag_of(4, 2.508))
-    [train], pulses = heard(tags, [(1.254, 16.0)])
-    assert kept(train, [], of(tags[0], pulses)) > 0.9
-    assert not [p for p in of(tags[1], pulses) if p.confirmed]
+MULTIPLES = [(1.5, 0.75), (2.508, 1.254), (1.5, 0.5), (1.254, 0.836)]
+"""Intervals as 2 to 1, 3 to 1 and 3 to 2."""
+
+
+@pytest.mark.parametrize(("slow_s", "fast_s"), MULTIPLES)
+@pytest.mark.parametrize("slow_first", [False, True])
+def test_the_pulses_of_a_fast_tag_are_not_those_of_an_absent_one_at_a_ratio_of_its_interval(
+    slow_s: float, fast_s: float, slow_first: bool
+) -> None:
+    slow, fast = tag_of(2 if slow_first else 6, slow_s), tag_of(4, fast_s)
+    [train], pulses = heard((slow, fast), [(fast_s, 20.0)])
+    assert kept(train, [], of(fast, pulses)) > 0.9
+    assert not [p for p in of(slow, pulses) if p.confirmed]
     assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {()}
+
+
+@pytest.mark.parametrize(("slow_s", "fast_s"), MULTIPLES)
+@pytest.mark.parametrize("slow_first", [False, True])
+def test_a_slow_tag_alone_is_not_a_fast_one_that_misses_pulses(
+    slow_s: float, fast_s: float, slow_first: bool
+) -> None:
+    slow, fast = tag_of(2 if slow_first else 6, slow_s), tag_of(4, fast_s)
+    [train], pulses = heard((slow, fast), [(slow_s, 20.0)])
+    assert kept(train, [], of(slow, pulses)) > 0.9
+    assert not [p for p in of(fast, pulses) if p.confirmed]
+
+
+@pytest.mark.parametrize(("slow_s", "fast_s"), MULTIPLES)
+@pytest.mark.parametrize("slow_first", [False, True])
+def test_two_tags_at_a_ratio_of_intervals_are_both_told(
+    slow_s: float, fast_s: float, slow_first: bool
+) -> None:
+    slow, fast = tag_of(2 if slow_first else 6, slow_s), tag_of(4, fast_s)
+    trains, pulses = heard((slow, fast), [(slow_s, 20.0), (fast_s, 20.0)])
+    for tag, own, other in zip((slow, fast), trains, trains[::-1], strict=True):
+        assert kept(own, [other], of(tag, pulses)) >= 0.9
+        assert kept(other, [own], of(tag, pulses)) < 0.1
 
 
 def test_two_tags_of_one_interval_go_by_frequency() -> None:
@@ -201,6 +232,23 @@ def test_the_figures_at_which_two_tags_part() -> None:
     assert fine.pulses is not None
     assert fine.pulses > 3
     assert fine.seconds == pytest.approx(fine.pulses * 1.264)
+
+
+def test_intervals_at_a_small_ratio_are_known_from_their_bounds() -> None:
+    def ratio(slow_s: float, fast_s: float, uncertainty_s: float) -> tuple[int, int] | None:
+        slow, fast = (
+            tag_of(number, interval_s, uncertainty_s=uncertainty_s)
+            for number, interval_s in ((2, slow_s), (4, fast_s))
+        )
+        assert small_ratio(slow, fast) == small_ratio(fast, slow)
+        return small_ratio(slow, fast)
+
+    assert ratio(1.5, 0.75, 0.005) == (2, 1)
+    assert ratio(1.5, 0.5, 0.005) == (3, 1)
+    assert ratio(1.254, 0.836, 0.005) == (3, 2)
+    assert ratio(1.5, 0.77, 0.005) is None
+    assert ratio(1.5, 0.77, 0.02) == (2, 1)
+    assert ratio(1.254, 1.294, 0.06) is None
 
 
 def test_tags_do_not_change_places_where_their_trains_cross() -> None:

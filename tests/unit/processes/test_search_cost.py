@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from uavrt.cli import detect
+from uavrt.config import DetectionSettings
 from uavrt.messages import Tag
 from uavrt.processes.search_costs import search_cost
 from uavrt_experiments.detection.signals import THESIS_TAG
@@ -29,12 +30,23 @@ def test_the_cost_goes_with_the_number_of_tags_and_with_k() -> None:
     assert search_cost(tags(60, k=12)) > 1.2 * fifty
 
 
-@pytest.mark.parametrize(("cores", "said"), [(0.7, ""), (2.3, "2.3 of this computer's cores")])
+def test_few_tags_of_long_groups_or_over_the_whole_channel_are_dear() -> None:
+    usual = search_cost(tags(60)) / 60.0
+    long = search_cost(tags(3, k=40, interval_uncertainty_s=0.025))
+    assert long > 30.0 * usual
+    wide = DetectionSettings(frequency_window_hz=1e6)
+    assert search_cost(tags(1, k=20), settings=wide) > 30.0 * usual
+    assert search_cost(tags(1, k=20, interval_uncertainty_s=0.002)) == 0.0
+
+
+@pytest.mark.parametrize(("live", "effect"), [(True, "lose samples"), (False, "times as long")])
 def test_a_list_dearer_than_real_time_is_told(
-    cores: float, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    live: bool, effect: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(detect, "search_cost", lambda *_, **__: cores)
-    detect._warn_of_cost(tags(3), 500.0, live=True)
+    dear = tags(60, k=40, interval_uncertainty_s=0.025)
+    detect._warn_of_cost(dear, DetectionSettings(), live=live)
     told = capsys.readouterr().err
-    assert said in told
-    assert ("lose samples" in told) == bool(said)
+    assert "these 60 tags needs" in told
+    assert effect in told
+    detect._warn_of_cost(tags(3), DetectionSettings(), live=live)
+    assert not capsys.readouterr().err

@@ -75,7 +75,7 @@ def wav(path: Path, auxi: bytes = b"") -> Path:
     data = bytes(4 * 2000)
     chunks = b"fmt " + struct.pack("<IHHIIHH", 16, 1, 2, 250_000, 1_000_000, 4, 16)
     if auxi:
-        chunks += b"auxi" + struct.pack("<I", len(auxi)) + auxi
+        chunks += b"auxi" + struct.pack("<I", len(auxi)) + auxi + bytes(len(auxi) % 2)
     chunks += b"data" + struct.pack("<I", len(data)) + data
     path.write_bytes(b"RIFF" + struct.pack("<I", 4 + len(chunks)) + b"WAVE" + chunks)
     return path
@@ -114,6 +114,38 @@ def test_what_is_said_wins_over_the_header_and_the_header_over_the_name(tmp_path
     assert "MHz" not in said.origin
     assert "begun" not in said.origin
     said.close()
+
+
+SDR_CONSOLE = (
+    '<?xml version="1.0"?><SDR-XML-Root Description="Saved recording data">'
+    '<Definition CurrentTimeUTC="26-09-2014 22:47:52" RadioModel="Airspy" ADFrequency="0" '
+    'BitsPerSample="16" RadioCenterFreq="148650000" SampleRate="250000" '
+    'UTCSeconds="1411771664"/></SDR-XML-Root>'
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-8"])
+def test_a_header_in_xml_is_read_as_xml(encoding: str, tmp_path: Path) -> None:
+    told = open_recording(wav(tmp_path / "field.wav", SDR_CONSOLE.encode(encoding)))
+    assert told.center_frequency_hz == 148.65e6
+    assert told.start_time_ns == parse_iso_utc("2014-09-26T22:47:44Z")
+    told.close()
+
+
+def test_a_header_in_xml_without_figures_leaves_the_name_its_word(tmp_path: Path) -> None:
+    path = tmp_path / "HDSDR_20130105_123456Z_14100kHz_RF.wav"
+    named = open_recording(wav(path, ("<Nothing/>" + 40 * " ").encode("utf-16")))
+    assert named.center_frequency_hz == 14.1e6
+    assert named.start_time_ns == parse_iso_utc("2013-01-05T12:34:56Z")
+    named.close()
+
+
+@pytest.mark.parametrize("length", [1, 37, 165])
+def test_a_chunk_of_odd_length_does_not_hide_the_samples(length: int, tmp_path: Path) -> None:
+    path = tmp_path / "HDSDR_20130105_123456Z_14100kHz_RF.wav"
+    source = open_recording(wav(path, bytes(length)))
+    assert source.total_samples == 2000
+    source.close()
 
 
 def test_the_date_of_the_file_is_the_last_resort_and_says_so(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from uavrt.detection.track.ghosts import mark_ghosts
     from uavrt.detection.track.judging import Judge, share_a_pulse
     from uavrt.detection.track.reporting import Reporter
-    from uavrt.detection.track.senders import Senders, part
+    from uavrt.detection.track.senders import Senders, part, small_ratio
     from uavrt.detection.track.tracks import (
         CLOCK_ERROR,
         MOST_TOLD_BY_ONE,
@@ -45,6 +45,7 @@ __all__ = [
     "mark_ghosts",
     "part",
     "share_a_pulse",
+    "small_ratio",
 ]
 __getattr__ = lazily(
     __name__,
@@ -67,5 +68,6 @@ __getattr__ = lazily(
         "mark_ghosts": "ghosts",
         "part": "senders",
         "share_a_pulse": "judging",
+        "small_ratio": "senders",
     },
 )

@@ -53,6 +53,7 @@ _MOST_TRAINS = 6
 """Trains of one band at most that are shared out: those heard last."""
 _REMEMBERED_NS = 40_000_000_000
 """Pulses of confirmed trains are known for so long: longer than bursts are remembered."""
+_SMALL_RATIOS = (2, 1), (3, 1), (3, 2)
 _Figures = tuple[float, float, float, tuple[tuple[int, bool], ...]]
 """Interval, its deviation, frequency, and the detectors that follow a train, held or not."""
 _Share = tuple[int, int, tuple[int, ...], bool]
@@ -91,6 +92,34 @@ def part(one: Tag, two: Tag) -> "Parting":
         pulses=pulses,
         seconds=None if pulses is None else pulses * nominal_s,
     )
+
+
+def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
+    """Find the small ratio at which the intervals of two tags may be, by their bounds.
+
+    Parameters
+    ----------
+    one, two : Tag
+        In any order.
+
+    Returns
+    -------
+    tuple of int or None
+        Of the longer interval to the shorter one: 2 to 1, 3 to 1 or 3 to 2. The pulses that
+        both have are each as good for the one as for the other.
+    """
+    pairs = [
+        ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
+        for a in one.pulse_intervals_s
+        for b in two.pulse_intervals_s
+    ]
+    for more, fewer in _SMALL_RATIOS:
+        for pair in pairs:
+            (fast_s, fast_bound_s), (slow_s, slow_bound_s) = sorted(pair)
+            bound_s = fewer * slow_bound_s + more * fast_bound_s
+            if abs(fewer * slow_s - more * fast_s) <= bound_s:
+                return more, fewer
+    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -68,6 +68,9 @@ _PHASE_WALK_S = 0.3e-3
 _STEADY_GAIN = 0.1
 """The scatter of the frequency is a quarter of a single pulse's."""
 
+_PAST_PULSES = 24
+"""Three times the interval of another track's six slots, and one that began before them."""
+
 SlotState = Literal["open", "accepted", "reported", "missed"]
 Around = Callable[["Track", Measured], OnAir]
 
@@ -116,6 +119,9 @@ class Track:
     """Lattice place of the last slot."""
     slots: list[Slot] = field(default_factory=list)
     """Recent slots, oldest first."""
+    past_ns: list[int] = field(default_factory=list)
+    """Times of accepted pulses whose slots are no longer kept: a track of a longer interval
+    has its pulses further back."""
     confirmed: bool = False
     held: bool = False
     """Not reported until confirmed: another track has the tag's identity."""
@@ -256,7 +262,7 @@ class Track:
                 self._correct(time_s, measured.power)
                 self.last_accepted_s = time_s
                 self.tested += 1
-        del self.slots[: -max(2 * self.tag.k, 6)]
+        self._keep_slots(max(2 * self.tag.k, 6))
         # A second group on the lattice of the first is no accident of noise; of which of two
         # rates it is, nothing here tells.
         one_rate = len(self.tag.pulse_intervals_s) == 1
@@ -295,7 +301,7 @@ class Track:
         self.tested += 1
         slot.said = self._weighed(slot)
         self.slots.append(slot)
-        del self.slots[: -max(2 * self.tag.k, 6, 0 if self.confirmed else _MOST_TESTS)]
+        self._keep_slots(max(2 * self.tag.k, 6, 0 if self.confirmed else _MOST_TESTS))
         power = slot.measured.power
         if self.confirmed:
             self._weigh(slot)
@@ -331,11 +337,20 @@ class Track:
         self.gained, self.trust = 0.0, MOST_TRUST
         self.odds, self.stands_out = 0.0, False
         self.slots.clear()
+        self.past_ns.clear()
         self.rivals.clear()
         self.time_s -= since_s
         self.certain_s -= since_s
         self.settled_s -= since_s
         self.last_accepted_s = -math.inf
+
+    def _keep_slots(self, count: int) -> None:
+        """Keep the newest slots, and of the accepted before them the times."""
+        old = [s.time_ns for s in self.slots[:-count] if s.state in ("accepted", "reported")]
+        if old:
+            self.past_ns += old
+            del self.past_ns[:-_PAST_PULSES]
+        del self.slots[:-count]
 
     def _try_to_confirm(self, slot: Slot) -> None:
         self.gained += min(slot.measured.power, 14.0)

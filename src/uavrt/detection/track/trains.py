@@ -106,6 +106,9 @@ class Train(Generic[H]):
 def put_together(hearers: Iterable[H]) -> list[Train[H]]:
     """Group the tracks of the same pulses.
 
+    A fast tag's track comes before those of twice and three times its interval that have its
+    pulses by turns: they have none in common, and are one train only by way of it.
+
     Parameters
     ----------
     hearers : iterable of Hearer
@@ -117,20 +120,21 @@ def put_together(hearers: Iterable[H]) -> list[Train[H]]:
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
     """Tracks by frequency, each with the place of its train."""
-    for hearer in hearers:
-        for track in hearer.tracks:
-            if track.dead or not _is_active(track, hearer.now_s):
-                continue
-            place = math.floor(hearer.absolute_hz(track) / SAME_FREQUENCY_HZ)
-            others = [o for at in (-1, 0, 1) for o in near.get(place + at, ())]
-            others.sort(key=lambda other: other[2])
-            mate = next(
-                (at for h, t, at in others if _are_one(hearer, track, h, t)), len(trains)
-            )
-            if mate == len(trains):
-                trains.append(Train([]))
-            trains[mate].tracks.append((hearer, track))
-            near.setdefault(place, []).append((hearer, track, mate))
+    pairs = [
+        (hearer, track)
+        for hearer in hearers
+        for track in hearer.tracks
+        if not track.dead and _is_active(track, hearer.now_s)
+    ]
+    for hearer, track in sorted(pairs, key=lambda pair: _explains_most(pair[1])):
+        place = math.floor(hearer.absolute_hz(track) / SAME_FREQUENCY_HZ)
+        others = [o for at in (-1, 0, 1) for o in near.get(place + at, ())]
+        others.sort(key=lambda other: other[2])
+        mate = next((at for h, t, at in others if _are_one(hearer, track, h, t)), len(trains))
+        if mate == len(trains):
+            trains.append(Train([]))
+        trains[mate].tracks.append((hearer, track))
+        near.setdefault(place, []).append((hearer, track, mate))
     for train in trains:
         train.weigh_up()
     return trains
@@ -183,6 +187,14 @@ def heard_ns(track: Track) -> list[int]:
     return [slot.time_ns for slot in track.slots if slot.state in ("accepted", "reported")]
 
 
+def _explains_most(track: Track) -> tuple[bool, float]:
+    """Order of tracks: first what is confirmed and explains most in a second."""
+    if not track.slots:
+        return not track.confirmed, 0.0
+    spanned_s = track.slots[-1].time_s - track.slots[0].time_s + track.interval_s
+    return not track.confirmed, -evidence(track.slots, strength(track)) / spanned_s
+
+
 def _is_likely(track: Track) -> bool:
     return track.confirmed or (track.stands_out and track.odds > _LIKELY)
 
@@ -229,6 +241,10 @@ def _are_one(one_at: Hearer, one: Track, two_at: Hearer, two: Track) -> bool:
         return False
     near_ns = 0.75e9 * max(one.tag.pulse_width_s, two.tag.pulse_width_s)
     ones, twos = heard_ns(one), heard_ns(two)
+    intervals_s = one.interval_s, two.interval_s
+    if max(intervals_s) > _ALIKE * min(intervals_s):
+        # The slower one's pulses lie further back than the other's slots.
+        ones, twos = one.past_ns + ones, two.past_ns + twos
     if ones and twos:
         first, last = max(ones[0], twos[0]) - near_ns, min(ones[-1], twos[-1]) + near_ns
         ones = [t for t in ones if first <= t <= last]
