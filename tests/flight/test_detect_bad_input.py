@@ -60,7 +60,7 @@ def run(*arguments: str) -> int:
         (("cut.cf32", "--tags", "tags.txt", *RADIO), "truncated"),
         (("bad.sigmf-meta", "--tags", "tags.txt"), "JSON"),
         (("bad.wav", "--tags", "tags.txt"), "not a WAV"),
-        (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "no/such/p.csv"), "-o"),
+        (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "no/such/p.csv"), "mkdir -p"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "a.cf32"), "another name"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "full.csv"), "Free space"),
         (("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "tags.txt"), "another name"),

@@ -169,7 +169,8 @@ def test_a_whole_flight_is_flown_through_the_page(
     # The list before a first flight: the page and the drone's own computer agree.
     page.click("#tab-check")
     expect(page.locator('.check-row[data-ok="true"]')).to_have_count(8)
-    expect(page.locator("#check-sum")).to_contain_text("All is in order")
+    # In the air nobody is told to put the propellers on.
+    expect(page.locator("#check-sum")).to_contain_text("The vehicle is armed")
     watched.picture("check")
     on_board = bench_findings(drone.settings)
     assert [one.what for one in on_board if not one.ok] == []
