@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         read_polygon,
         write_maps,
     )
+    from uavrt.analysis.facts import NAME, Facts, read_facts, write_facts
     from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
     from uavrt.analysis.flown_with import USUAL_ANTENNA, antenna_is_told, flight_antenna
     from uavrt.analysis.fold_pictures import write_fold_pictures
@@ -67,11 +68,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LEAST_PART",
+    "NAME",
     "POSITION_M",
     "RASTERS",
     "USUAL_ANTENNA",
     "AnimalOfSeason",
     "DetectionPlots",
+    "Facts",
     "FlightNoise",
     "HeardStrength",
     "IntegratedRecord",
@@ -115,6 +118,7 @@ __all__ = [
     "positions_of_bearings",
     "positions_of_powers",
     "read_bearings",
+    "read_facts",
     "read_map",
     "read_places",
     "read_polygon",
@@ -126,12 +130,17 @@ __all__ = [
     "silent_map",
     "slots_of",
     "verdict_of",
+    "write_facts",
     "write_fold_pictures",
     "write_maps",
 ]
 __getattr__ = lazily(
     __name__,
     {
+        "Facts": "facts",
+        "NAME": "facts",
+        "read_facts": "facts",
+        "write_facts": "facts",
         "USUAL_ANTENNA": "flown_with",
         "antenna_is_told": "flown_with",
         "flight_antenna": "flown_with",

@@ -13,8 +13,7 @@ from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, pulse_of
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.localization import Bearing, Ellipse, Position, TrackPoint
-from uavrt.localization.results import Caution
+from uavrt.localization import Bearing, Caution, Ellipse, Position, TrackPoint
 from uavrt.messages import FlightInfo, Pose, PulsePose
 from uavrt.recording import FlightLayout, fields_of, read_flight
 

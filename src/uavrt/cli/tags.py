@@ -90,7 +90,7 @@ def _read(path: Path) -> "TagSource":
 
 def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
     """Tags of TagTracker's ``TagInfo.db``, with the ``TagManufacturer.db`` beside it."""
-    from uavrt.ground.web.tag_table import import_rows, tags_from_rows
+    from uavrt.ground.web import import_rows, tags_from_rows
 
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):

@@ -76,7 +76,8 @@ def format_tag_info(tags: Sequence[Tag]) -> str:
 
 def _cells(content: str) -> list[str]:
     """Cells; a comma between semicolons or tabs is a decimal one."""
-    for separator in (";", "\t", ","):
+    order = (",", ";", "\t") if content.count(",") >= len(COLUMNS) - 1 else (";", "\t", ",")
+    for separator in order if ";" not in content else (";",):
         if separator in content:
             cells = [cell.strip() for cell in content.split(separator)]
             while len(cells) > len(COLUMNS) and not cells[-1]:

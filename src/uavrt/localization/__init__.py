@@ -78,17 +78,19 @@ if TYPE_CHECKING:
         ArrayMethod,
         Bearing,
         BearingMethod,
+        Caution,
         Ellipse,
         Position,
         PositionGrid,
         PositionMethod,
         TrackPoint,
     )
-    from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
+    from uavrt.localization.survey_errors import FOREIGN_SHARE, HEIGHT_SIGMA_M
     from uavrt.tangent_plane import TangentPlane
 
 __all__ = [
     "ACCEPTED_EVIDENCE",
+    "FOREIGN_SHARE",
     "HEIGHT_SIGMA_M",
     "LEAST_TURNS",
     "MONOPOLE",
@@ -99,6 +101,7 @@ __all__ = [
     "Bearing",
     "BearingData",
     "BearingMethod",
+    "Caution",
     "Ellipse",
     "Expectation",
     "GridTracker",
@@ -163,6 +166,8 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "FOREIGN_SHARE": "survey_errors",
+        "Caution": "results",
         "ACCEPTED_EVIDENCE": "results",
         "AntennaPattern": "antenna",
         "ArrayMethod": "results",

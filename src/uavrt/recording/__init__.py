@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     )
     from uavrt.recording.iq_recorder import IQRecorder
     from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
+    from uavrt.recording.on_ground import spans_on_ground, told_of_ground
     from uavrt.recording.outline import (
         FlightOutline,
         HeardTag,
@@ -142,7 +143,9 @@ __all__ = [
     "read_search_reports",
     "read_stops",
     "require_writable",
+    "spans_on_ground",
     "tag_from_row",
+    "told_of_ground",
     "undelivered",
     "vehicle_note",
     "vehicle_of",
@@ -153,6 +156,8 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "spans_on_ground": "on_ground",
+        "told_of_ground": "on_ground",
         "FlightOutline": "outline",
         "HeardTag": "outline",
         "battery_note": "outline",

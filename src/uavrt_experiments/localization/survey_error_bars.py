@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
-from uavrt.localization import Position, TangentPlane, estimate_position
+from uavrt.localization import FOREIGN_SHARE, Position, TangentPlane, estimate_position
 from uavrt.localization.position import Propagation
-from uavrt.localization.survey_errors import FOREIGN_SHARE
 from uavrt_experiments.figures import measured, share
 from uavrt_experiments.localization.circle_bars import height_error_m
 from uavrt_experiments.localization.position_bars import survey

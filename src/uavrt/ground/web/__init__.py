@@ -23,7 +23,13 @@ if TYPE_CHECKING:
     from uavrt.ground.web.page import PageSettings, PageStation
     from uavrt.ground.web.server import ServerSettings
     from uavrt.ground.web.snapshots import hello, pose_record, snapshot, vehicle_record
-    from uavrt.ground.web.tag_table import read_table, rows_from_tags, table_version
+    from uavrt.ground.web.tag_table import (
+        import_rows,
+        read_table,
+        rows_from_tags,
+        table_version,
+        tags_from_rows,
+    )
 
 __all__ = [
     "ACTIONS",
@@ -37,17 +43,21 @@ __all__ = [
     "Situation",
     "action_states",
     "hello",
+    "import_rows",
     "pose_record",
     "read_table",
     "readout",
     "rows_from_tags",
     "snapshot",
     "table_version",
+    "tags_from_rows",
     "vehicle_record",
 ]
 __getattr__ = lazily(
     __name__,
     {
+        "import_rows": "tag_table",
+        "tags_from_rows": "tag_table",
         "ACTIONS": "actions",
         "Busy": "actions",
         "COMMAND_OF_ACTION": "actions",
