@@ -203,12 +203,12 @@ def _height(action: str, numbers: tuple[float, ...], height: float | None) -> fl
 def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Places:
     place = ((numbers[0], numbers[1]),) if len(numbers) == 2 else ()
     for north, east in place if action == "goto" else ():
-        if abs(north) > 90.0:
+        if not abs(north) <= 90.0:
             raise ConfigError(
                 f"{north:g} is not a latitude",
                 remedy="Give one from -90 to 90, then the longitude",
             )
-        if abs(east) > 180.0:
+        if not abs(east) <= 180.0:
             raise ConfigError(
                 f"{east:g} is not a longitude", remedy="Give one from -180 to 180"
             )
