@@ -57,7 +57,10 @@ def test_tags_that_the_band_does_not_reach_are_named(
     frequencies = {tag.tag_id: tag.frequency_hz for tag in demo_scenario(60.0).tags}
     outside = [one for one, hz in frequencies.items() if abs(hz - 148.68e6) >= 10e3]
     assert outside
-    assert f"of which there is nothing in it: {', '.join(map(str, outside))}." in said
+    assert (
+        f"outside the recorded band and not in the recording: {', '.join(map(str, outside))}."
+        in said
+    )
 
 
 def test_truth_telemetry_and_tags_stand_beside_the_samples(tmp_path: Path) -> None:
