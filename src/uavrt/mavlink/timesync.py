@@ -65,6 +65,8 @@ class TimeSync:
         self._jump_ns = ns_from_s(jump_s)
         self._trips: deque[RoundTrip] = deque()
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
+        self._skew = 0.0
+        """As last fitted. It outlives a restart, as the crystal does."""
         self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
         """Arrival and offset of the quickest message of each second."""
         self._one_way_bin_ns = 0
@@ -92,7 +94,7 @@ class TimeSync:
         return min(trip.round_trip_ns for trip in self._trips) / NANOSECONDS_PER_SECOND
 
     def reset(self) -> None:
-        """Forget everything: the boot clock started again."""
+        """Forget all but the skew: the boot clock started again, of the same crystal."""
         self._trips.clear()
         self._line = None
         self._one_way.clear()
@@ -198,7 +200,7 @@ class TimeSync:
         The shortest of every 2 s (at first of shorter pieces), and of these the shorter part,
         so that they cannot all lie together where the link happened to be quiet. While they
         span too little to tell the skew the line goes through the shortest with the tilt known
-        before, at first none.
+        before (also before a restart), at first none.
         """
         shortest: dict[int, RoundTrip] = {}
         span_ns = self._trips[-1].local_ns - self._trips[0].local_ns
@@ -211,13 +213,12 @@ class TimeSync:
         ordered = sorted(shortest.values(), key=lambda t: (t.round_trip_ns, -t.local_ns))
         best = ordered[: max(4, round(self._keep * len(ordered)))]
         base = best[0]
-        skew = 0.0 if self._line is None else self._line[2]
         xs = [(trip.remote_ns - base.remote_ns) / NANOSECONDS_PER_SECOND for trip in best]
         span_s = max(xs) - min(xs)
         uncertain_s = best[-1].round_trip_ns / NANOSECONDS_PER_SECOND / 2.0
         clear = span_s > CLEAR_SPAN_S and uncertain_s < CLEAR_SKEW * span_s
         if span_s < LEAST_SPAN_S and not clear:
-            return base.remote_ns, base.local_ns, skew
+            return base.remote_ns, base.local_ns, self._skew
         ys = [
             (trip.local_ns - base.local_ns - trip.remote_ns + base.remote_ns)
             / NANOSECONDS_PER_SECOND
@@ -226,7 +227,7 @@ class TimeSync:
         mean_x, mean_y = sum(xs) / len(xs), sum(ys) / len(ys)
         spread = sum((x - mean_x) ** 2 for x in xs)
         slope = sum((x - mean_x) * (y - mean_y) for x, y in zip(xs, ys, strict=True))
-        skew = max(-MAX_SKEW, min(MAX_SKEW, slope / spread))
+        skew = self._skew = max(-MAX_SKEW, min(MAX_SKEW, slope / spread))
         errors = [y - mean_y - skew * (x - mean_x) for x, y in zip(xs, ys, strict=True)]
         self.residual_s = math.sqrt(sum(error**2 for error in errors) / len(errors))
         remote = base.remote_ns + ns_from_s(mean_x)

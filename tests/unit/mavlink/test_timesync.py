@@ -43,6 +43,30 @@ def test_a_restarted_autopilot_is_believed_at_once() -> None:
     assert sync.resets == 1
 
 
+def test_a_slow_clock_is_right_from_its_restart_on_over_a_slow_link() -> None:
+    sync = TimeSync()
+    rng = random.Random(5)
+    rate = 1 - 0.015
+
+    def answer(now_ns: int, boot_at_ns: int) -> None:
+        way_s, back_s = (0.01 + rng.expovariate(50.0) for _ in range(2))
+        boot_ns = round((now_ns + way_s * SECOND - boot_at_ns) * rate)
+        sync.add_round_trip(now_ns, boot_ns, round(now_ns + (way_s + back_s) * SECOND))
+
+    for second in range(30):
+        answer(START_NS + second * SECOND, START_NS - 1000 * SECOND)
+    boot_at_ns = START_NS + 30 * SECOND
+    errors_s = []
+    for tenth in range(1, 35):
+        now_ns = boot_at_ns + tenth * SECOND // 10
+        answer(now_ns, boot_at_ns)
+        local_ns = sync.local_ns(round((now_ns - boot_at_ns) * rate))
+        assert local_ns is not None
+        errors_s.append((local_ns - now_ns) / SECOND)
+    assert sync.resets == 1
+    assert max(map(abs, errors_s[5:])) < 0.02  # 0.05 s, when the skew is forgotten
+
+
 def test_one_slow_answer_is_no_restart_and_moves_nothing() -> None:
     sync = TimeSync()
     feed(sync, START_NS, 1000 * SECOND, 20)
