@@ -28,6 +28,8 @@ class NameFacts:
     program: str
     """Who names recordings so."""
     center_frequency_hz: float | None = None
+    frequency_step_hz: float | None = None
+    """To which the name rounds it, if coarser than 1 Hz."""
     sample_rate_hz: float | None = None
     start_time_ns: int | None = None
     local_time: bool = False
@@ -103,6 +105,7 @@ def _facts(form: _Form, told: dict[str, str | None]) -> NameFacts:
     return NameFacts(
         program=form.program,
         center_frequency_hz=round(float(told["frequency"] or 0.0) * factor, 3) or None,
+        frequency_step_hz=_frequency_step_hz(form, told["frequency"] or "", factor),
         sample_rate_hz=(
             float(rate) * _FACTORS[told.get("rate_unit") or ""] or None if rate else None
         ),
@@ -110,6 +113,17 @@ def _facts(form: _Form, told: dict[str, str | None]) -> NameFacts:
         local_time=start_ns is not None and not utc,
         format_name=form.format_name,
     )
+
+
+def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
+    """What the last digit of a name's frequency stands for [Hz]; None for 1 Hz or less.
+
+    rtl_433 writes six digits in all and leaves zeros at the end out (C's ``%g``).
+    """
+    whole, _, decimals = number.partition(".")
+    places = max(0, 6 - len(whole)) if form.program == "rtl_433" else len(decimals)
+    step_hz: float = factor * 10.0**-places
+    return step_hz if step_hz > 1.0 else None
 
 
 def _start_ns(told: dict[str, str | None], *, utc: bool) -> int | None:

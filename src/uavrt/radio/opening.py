@@ -225,7 +225,6 @@ def _layout(
         )
     stored = sample_format(kind)
     file_size(path)
-    said = name_says(named)
     return raw_layout(
         path,
         stored,
@@ -240,9 +239,9 @@ def _layout(
             str(path),
         ),
         start_time_ns=named.start_time_ns if start_time_ns is None else start_time_ns,
-        frequency_from=said if center_frequency_hz is None else SAID,
-        rate_from=said if sample_rate_hz is None else SAID,
-        start_from=name_says(named, time=True) if start_time_ns is None else SAID,
+        frequency_from=name_says(named, "frequency") if center_frequency_hz is None else SAID,
+        rate_from=name_says(named, "rate") if sample_rate_hz is None else SAID,
+        start_from=name_says(named, "time") if start_time_ns is None else SAID,
     )
 
 

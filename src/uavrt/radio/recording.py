@@ -7,7 +7,7 @@ the samples lie and what is known of them, as a `Layout`; `RecordingSource` read
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, Literal, Protocol
 
 import numpy as np
 
@@ -254,11 +254,14 @@ class RecordingSource:
             filled += got
 
 
-def name_says(facts: NameFacts, *, time: bool = False) -> str:
-    """Report that a file's name tells something, and on whose clock."""
+def name_says(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
+    """Report that a file's name tells something, how exactly, and on whose clock."""
     said = f"the file's name (as {facts.program} gives)"
-    if time and facts.local_time:
+    if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
+    if about == "frequency" and facts.frequency_step_hz is not None:
+        khz = facts.frequency_step_hz / 1e3
+        said += f", rounded to {khz:g} kHz: give --center-frequency, or widen the window"
     return said
 
 

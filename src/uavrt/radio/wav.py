@@ -129,7 +129,7 @@ def wav_layout(
     if frequency_hz is None:
         frequency_hz, frequency_from = header.frequency_hz, HEADER
     if frequency_hz is None:
-        frequency_hz, frequency_from = named.center_frequency_hz, name_says(named)
+        frequency_hz, frequency_from = named.center_frequency_hz, name_says(named, "frequency")
     if frequency_hz is None:
         raise FormatError(
             f"{path} does not say its radio frequency", remedy="Give --center-frequency"
@@ -149,7 +149,7 @@ def wav_layout(
     if start_ns is None:
         start_ns, start_from = header.start_ns, HEADER
     if start_ns is None:
-        start_ns, start_from = named.start_time_ns, name_says(named, time=True)
+        start_ns, start_from = named.start_time_ns, name_says(named, "time")
     if start_ns is None:
         start_ns, start_from = file_start_ns(path, count, float(header.rate_hz)), FILE_DATE
     return Layout(

@@ -165,6 +165,30 @@ def test_local_time_in_a_name_says_so(tmp_path: Path) -> None:
     source.close()
 
 
+@pytest.mark.parametrize(
+    ("name", "rounded"),
+    [
+        (
+            "HDSDR_20130105_123456Z_148527kHz_RF.wav",
+            "rounded to 1 kHz: give --center-frequency",
+        ),
+        ("g001_148.5M_250k.cu8", "rounded to 1 kHz: give --center-frequency"),
+        ("g001_48.527M_250k.cu8", "rounded to 0.1 kHz: give --center-frequency"),
+        ("SDRSharp_20150804_204121Z_148527000Hz_IQ.wav", None),
+    ],
+)
+def test_a_name_that_rounds_the_frequency_says_so(
+    name: str, rounded: str | None, tmp_path: Path
+) -> None:
+    path = wav(tmp_path / name) if name.endswith(".wav") else tmp_path / name
+    if not path.exists():
+        path.write_bytes(bytes(4000))
+    source = open_recording(path, start_time_ns=1_000_000_000)
+    told = rounded or "rounded"
+    assert source.origin.count(told) == (rounded is not None)
+    source.close()
+
+
 def test_a_frequency_in_megahertz_is_known_by_its_error(tmp_path: Path) -> None:
     path = raw(tmp_path / "night.cf32")
     with pytest.raises(FormatError, match=r"megahertz.*--center-frequency 148\.7e6"):
