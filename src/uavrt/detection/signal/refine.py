@@ -26,6 +26,9 @@ _BURST = 9.0
 _BURST_SHARE = 0.65
 _WIDE = 6.0
 """Standard deviations of a window's noise energy from which on its spectrum is looked at."""
+_BESIDE_WINDOWS = 4.0
+"""Windows before a pulse, and after it, whose median power is the noise beside it: of a burst
+no longer than a pulse or two it knows nothing."""
 _NARROW_SHARE = 0.35
 """Of a window's energy one row holds all of a pulse, 0.1 to 0.3 of a burst of noise."""
 
@@ -307,8 +310,35 @@ class Refiner:
         ----------
         pulse : Measured
         floor : float
-            Mean power of a sample without pulses.
+            Mean power of a sample without pulses, as it is now: where it was more beside the
+            pulse, that counts.
         """
+        if not self._looks_like_impulse(pulse, floor):
+            return False
+        beside = self._floor_beside(pulse)
+        return beside <= floor or self._looks_like_impulse(pulse, beside)
+
+    def _floor_beside(self, pulse: Measured) -> float:
+        """Mean power of a sample beside a pulse: if before and after differ, what it was at."""
+        window, buffer, start = self._window, self._buffer, round(pulse.start)
+        sides = []
+        for near, far in ((-_BESIDE_WINDOWS, -0.5), (1.5, 1.0 + _BESIDE_WINDOWS)):
+            first = max(start + round(near * window), buffer.start)
+            last = min(start + round(far * window), self.upto)
+            if last - first < window:
+                continue
+            x = buffer.view(first, last)
+            power = x.real**2 + x.imag**2
+            power = power[power > 0.0]  # zeros stand for lost samples
+            if len(power) >= window // 2:
+                sides.append(float(np.median(power)) / math.log(2.0))
+        if not sides:
+            return 0.0
+        # The first moment of a rise, measured by the level before it, is an impulse.
+        return max(min(sides), min(max(sides), pulse.noise))
+
+    def _looks_like_impulse(self, pulse: Measured, floor: float) -> bool:
+        """Judge as `is_impulse`, by one floor."""
         window = self._window
         start = round(pulse.start)
         x = self._buffer.view(start, start + window)
