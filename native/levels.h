@@ -184,7 +184,7 @@ static int take_out_bursts(const float *common, float *weights, Py_ssize_t slots
 }
 
 /* Mean over the longest stretch back from each slot (`ahead`: forward) that agrees with all
-   shorter ones; `edge` is its other end, `least` what the loudest is less its error. */
+   shorter ones; `edge` is its other end, `least` what the loudest of these is less its error. */
 static void longest(const float *common, const double *sums, const double *total,
                     Py_ssize_t slots, double scale, int ahead, double *mean, Py_ssize_t *edge,
                     double *least)
@@ -192,7 +192,6 @@ static void longest(const float *common, const double *sums, const double *total
     for (Py_ssize_t slot = 0; slot < slots; slot++) {
         double low = 0.0, high = INFINITY, most = 0.0, best = common[slot];
         Py_ssize_t furthest = ahead ? slot + 1 : slot;
-        int going = 1;
         for (unsigned i = 0; i < sizeof stretches / sizeof stretches[0]; i++) {
             Py_ssize_t begin = slot, end = slot + 1;
             if (ahead)
@@ -203,16 +202,15 @@ static void longest(const float *common, const double *sums, const double *total
             const double here =
                 some > 0.0 ? (sums[end] - sums[begin]) / larger(some, 1e-9) : best;
             double error = scale / sqrt(larger(some, 1e-9));
-            most = larger(most, here * (1.0 - error));
+            const double surely = here * (1.0 - error);
             error *= SIGMAS;
             low = larger(low, here * (1.0 - error));
             high = smaller(high, here * (1.0 + error));
-            going &= low <= high;
-            if (going) {
-                best = here;
-                furthest = ahead ? end : begin;
-            } else if (ahead)
-                break; /* of these nobody asks for `least` */
+            if (low > high)
+                break; /* a longer one may reach back to before a fall */
+            most = larger(most, surely);
+            best = here;
+            furthest = ahead ? end : begin;
         }
         mean[slot] = best;
         edge[slot] = furthest;

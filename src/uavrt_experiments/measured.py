@@ -155,6 +155,33 @@ def commit() -> str:
     return told.stdout.strip() or uavrt.__version__
 
 
+def in_history(named: str, root: Path = ROOT) -> bool | None:
+    """Whether a commit that a table names is one of this clone's history.
+
+    Parameters
+    ----------
+    named : str
+        As written beneath a title; -dirty behind it does not count.
+    root : Path
+
+    Returns
+    -------
+    bool or None
+        None where nobody can tell: without git, or in a shallow clone.
+    """
+    if not (root / ".git").exists() or shutil.which("git") is None:
+        return None
+
+    def git(*command: str) -> subprocess.CompletedProcess[str]:
+        line = ("git", "-C", str(root), *command)
+        return subprocess.run(line, capture_output=True, text=True, check=False, timeout=10.0)
+
+    if git("rev-parse", "--is-shallow-repository").stdout.strip() != "false":
+        return None
+    bare = named.removesuffix("-dirty")
+    return git("merge-base", "--is-ancestor", bare, "HEAD").returncode == 0
+
+
 def measured_now(folders: Sequence[str]) -> str:
     """Line to write beneath the title of what is measured with the code as it is."""
     return f"Measured on commit `{commit()}`, code `{digest(folders)}` of {', '.join(folders)}."
@@ -273,7 +300,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts = read_parts()
     if asked.command == "show":
         changed = [part for part in parts if part.state == "changed"]
-        lines = [f"{p.name:16} {p.commit:20} {p.state:22} {p.path}" for p in parts]
+        elsewhere = {c for c in {p.commit for p in parts} if in_history(c) is False}
+        lines = [
+            f"{p.name:16} {p.commit:20} {p.state:22} {p.path}"
+            + (", on a commit that is not in this history" if p.commit in elsewhere else "")
+            for p in parts
+        ]
         sys.stdout.write("\n".join([*lines, *([report(changed)] if changed else [])]) + "\n")
         return 1 if changed else 0
     names = [name.strip() for name in asked.parts.split(",")]

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -295,7 +296,14 @@ class Heard:
     steady: float
 
 
-def hear(rng: np.random.Generator, rise: Rise, rows: Rows, *, enr_db: float) -> Heard:
+def hear(
+    rng: np.random.Generator,
+    rise: Rise,
+    rows: Rows,
+    *,
+    enr_db: float,
+    duration_s: float = _STRETCH_S,
+) -> Heard:
     """Follow a tag that keeps the same strength above the noise of the moment."""
     upwards, inside = bool(rng.integers(2)), bool(rng.integers(2))
     away_hz = float(rng.uniform(_INSIDE_HZ, _INSIDE_HZ + _EDGE_HZ))
@@ -312,14 +320,14 @@ def hear(rng: np.random.Generator, rise: Rise, rows: Rows, *, enr_db: float) -> 
 
         truth = pulse_train(
             rng,
-            duration_s=_STRETCH_S,
+            duration_s=duration_s,
             interval_s=1.254 + rng.uniform(-0.05, 0.05),
             offset_hz=_TAG_HZ,
             enr_db=strength_db,
             jitter_s=0.005,
         )
         samples = rising_noise(
-            rng, round(_STRETCH_S * RATE_HZ), happening, above_hz=above_hz, upwards=upwards
+            rng, round(duration_s * RATE_HZ), happening, above_hz=above_hz, upwards=upwards
         )
         for pulse in truth:
             add_pulse(
@@ -333,7 +341,7 @@ def hear(rng: np.random.Generator, rise: Rise, rows: Rows, *, enr_db: float) -> 
         comparison = compare(pulses, truth, THESIS_TAG)
         counts += [comparison.true, comparison.matched]
         shares.append(comparison.matched / comparison.true)
-    level_db = rise.level_db(np.arange(0.0, _STRETCH_S, 0.1))
+    level_db = rise.level_db(np.arange(0.0, duration_s, 0.1))
     loud = float((level_db > 0.5 * rise.depth_db).mean())
     return Heard(
         true=counts[0], found=counts[1], steady=loud * shares[2] + (1.0 - loud) * shares[1]
@@ -449,6 +457,35 @@ def _heard_case(enr_db: float, rows: Rows) -> Case:
     )
 
 
+def steps(rng: np.random.Generator) -> Rise:
+    """Steps of 20 dB up and down, one second each: the hardest that is asked for."""
+    return Rise(
+        depth_db=20.0,
+        up_s=0.01,
+        down_s=0.01,
+        high_s=1.0,
+        low_s=0.98,
+        first_s=3.0 + float(rng.uniform()),
+    )
+
+
+def _stepped_case(rows: Rows) -> Case:
+    name = f"tag of {_STRONG_DB:g} dB, steps of 20 dB every 2 s, {rows} rows"
+
+    def trial(rng: np.random.Generator, _: int, *, duration_s: float = _STRETCH_S) -> Heard:
+        return hear(rng, steps(rng), rows, enr_db=_STRONG_DB, duration_s=duration_s)
+
+    full = Case(
+        name=name,
+        trials=60,
+        least=3,
+        seconds=0.8,
+        trial=trial,
+        rows=lambda outcomes: heard_rows(outcomes, case=name, least=_STRONG_LEAST),
+    )
+    return replace(full, short=replace(full, least=1, trial=partial(trial, duration_s=60.0)))
+
+
 def _throttle(depth_db: float) -> Rise:
     return Rise(depth_db=depth_db, up_s=1.0, down_s=1.0, high_s=9.0, low_s=9.0, first_s=10.0)
 
@@ -468,6 +505,8 @@ E17 = Experiment(
             for rows in ("all", "half")
             for enr_db in (_STRONG_DB, _WEAK_DB)
         ),
+        _stepped_case("all"),
+        _stepped_case("half"),
         Case(
             name="all rows rising, from 3 MS/s",
             trials=30,

@@ -63,6 +63,60 @@ def test_a_block_that_another_overtakes_costs_no_pulse(block: int) -> None:
     assert detector.counters.samples_lost == 0
 
 
+def test_a_pulse_whose_phase_breaks_where_samples_are_lost_is_followed() -> None:
+    # A millisecond that nobody tells turns the phase of what lies away from the centre.
+    rng = np.random.default_rng(905)
+    truth = pulse_train(
+        rng, duration_s=40.0, interval_s=1.254, offset_hz=90.0, enr_db=15.0, jitter_s=0.005
+    )
+    samples = noise(rng, round(40.0 * RATE_HZ))
+    for pulse in truth:
+        at = round((pulse.start_s + 0.01) * RATE_HZ)
+        add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
+        if pulse.start_s > 15.0:
+            own = np.zeros_like(samples[at - 60 : at + 60])
+            moved = TruePulse(
+                start_s=pulse.start_s - (at - 60) / RATE_HZ,
+                offset_hz=pulse.offset_hz,
+                enr_db=pulse.enr_db,
+            )
+            add_pulse(own, moved, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
+            samples[at : at + 60] -= 2.0 * own[60:]
+    for first in range(round(15.0 * RATE_HZ), len(samples), 326):
+        samples[first : first + 16] = 0.0  # told a block later
+    pulses, _ = detect(samples, THESIS_TAG)
+    late = [pulse for pulse in truth if pulse.start_s > 15.0]
+    assert compare(pulses, late, THESIS_TAG).confirmed >= 0.8 * len(late)
+
+
+def test_a_break_of_phase_does_not_make_noise_stronger() -> None:
+    grid = make_grid(
+        sample_rate_hz=RATE_HZ, pulse_width_s=0.02, offset_hz=0.0, half_width_hz=500.0
+    )
+    rng = np.random.default_rng(906)
+    samples = noise(rng, 50_000)
+    buffer = SampleBuffer(sample_rate_hz=RATE_HZ, keep=len(samples), tolerance_s=0.02)
+    buffer.append(samples, START_NS)
+    refiner = Refiner(grid, buffer)
+    refiner.upto = buffer.end
+    unit = np.ones(grid.rows, np.float32)
+    whole, broken = [], []
+    for start in range(400, 49_000, 330):
+        found = refiner.search(np.array([float(start)]), 80.0, 40.0, 20.0, unit, spread=40.0)
+        split = refiner.search_broken(float(start), 80.0, 40.0, 20.0, unit, spread=40.0)
+        assert found is not None
+        assert split is not None
+        whole.append(found[0].power)
+        broken.append(split.power)
+    for share in (0.9, 0.98):
+        assert np.quantile(broken, share) < np.quantile(whole, share) + 0.3
+    assert not refiner.loses(5000.0)
+    buffer.view(5500, 5504)[:] = 0.0
+    assert refiner.loses(5000.0)
+    buffer.blanked.append((5500, 5504))
+    assert not refiner.loses(5000.0)
+
+
 def test_of_a_thousand_strong_pulses_none_is_taken_for_an_impulse() -> None:
     # By its noise one in sixty of 20 dB has a quarter of more than nine standard deviations.
     grid = make_grid(

@@ -5,8 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.detection import PulseDetector
-from uavrt.detection.search.grid import make_grid
+from uavrt.detection.search.grid import Spectrogram, make_grid
 from uavrt.detection.search.levelling import Leveller
+from uavrt.detection.signal.refine import Measured, Refiner
+from uavrt.detection.signal.samples import SampleBuffer
 from uavrt_experiments.detection.rising import Rise, rising_noise
 from uavrt_experiments.detection.signals import (
     START_NS,
@@ -24,8 +26,6 @@ STEP = 176
 
 def levelled(samples: NDArray[np.complex64]) -> tuple[NDArray[np.float32], Leveller]:
     """Cells of a stream after a leveller, and the leveller itself."""
-    from uavrt.detection.search.grid import Spectrogram
-
     power = np.ascontiguousarray(Spectrogram(GRID).push(samples).T)
     leveller = Leveller(rows=GRID.rows, keep=20 * STEP, steepness=9.0)
     unit = np.ones(GRID.rows, np.float32)
@@ -85,6 +85,43 @@ def test_a_strong_pulse_is_no_rise_of_the_noise(enr_db: float) -> None:
     _, leveller = levelled(samples)
     levels = [leveller.at(44, round(start_s / GRID.hop_s)) for start_s in starts_s[:-2]]
     assert max(abs(10.0 * np.log10(levels))) < 1.0
+
+
+def test_after_a_fall_no_moment_is_told_as_loud_as_before() -> None:
+    # The newest slots of each step once were, for 0.8 s: a tag's pulses there were lost.
+    rng = np.random.default_rng(8)
+    rise = Rise(depth_db=20.0, up_s=0.01, down_s=0.01, high_s=1.0, low_s=1.0, first_s=2.0)
+    power = np.ascontiguousarray(
+        Spectrogram(GRID).push(rising_noise(rng, round(8 * RATE_HZ), rise)).T
+    )
+    leveller = Leveller(rows=GRID.rows, keep=20 * STEP, steepness=9.0)
+    unit = np.ones(GRID.rows, np.float32)
+    told = []
+    for first in range(0, power.shape[1] - STEP, STEP):
+        leveller.level(power[:, first : first + STEP], unit, first)
+        # As a track asks that has waited for these columns.
+        told += [(c, leveller.at(40, c)) for c in range(first + STEP - 60, first + STEP)]
+    quiet = [
+        level
+        for column, level in told
+        if rise.level_db(np.arange(-0.1, 0.1, 0.01) + column * GRID.hop_s).max() == 0.0
+    ]
+    assert len(quiet) > 200
+    assert max(quiet) < 4.0
+
+
+def test_loud_noise_is_no_impulse_though_most_of_a_step_is_quiet() -> None:
+    rng = np.random.default_rng(10)
+    samples = noise(rng, 1000)
+    samples[:620] *= np.float32(10.0)
+    pulse = TruePulse(start_s=500 / RATE_HZ, offset_hz=40.0, enr_db=34.0)
+    add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
+    buffer = SampleBuffer(sample_rate_hz=RATE_HZ, keep=len(samples), tolerance_s=0.02)
+    buffer.append(samples, START_NS)
+    refiner = Refiner(GRID, buffer)
+    refiner.upto = buffer.end
+    measured = Measured(start=500.0, offset_hz=40.0, power=25.0, noise=100.0, contrast=1.0)
+    assert not refiner.is_impulse(measured, floor=1.0)
 
 
 def test_silence_and_what_follows_it_are_survived() -> None:

@@ -419,7 +419,7 @@ def _longest(
     begin : ndarray, shape (slots,)
         Its first slot; it ends with the slot itself.
     least : ndarray, shape (slots,)
-        What the loudest of the stretches is, less its error.
+        What the loudest of the stretches that agree is, less its error.
     """
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
@@ -432,12 +432,14 @@ def _longest(
         some = total[end] - total[begin]
         here = np.where(some > 0, (sums[end] - sums[begin]) / np.maximum(some, 1e-9), mean)
         error = scale / np.sqrt(np.maximum(some, 1e-9))
-        least = np.maximum(least, here * (1.0 - error))
+        surely = here * (1.0 - error)
         error *= _SIGMAS
         low = np.maximum(low, here * (1.0 - error))
         high = np.minimum(high, here * (1.0 + error))
         going &= low <= high
         mean, first = np.where(going, here, mean), np.where(going, begin, first)
+        # Not of a longer one: it may reach back to before a fall.
+        least = np.where(going, np.maximum(least, surely), least)
     return mean, first, least
 
 

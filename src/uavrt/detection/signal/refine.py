@@ -26,6 +26,14 @@ _BURST = 9.0
 _BURST_SHARE = 0.65
 _WIDE = 6.0
 """Standard deviations of a window's noise energy from which on its spectrum is looked at."""
+_BESIDE_WINDOWS = 4.0
+"""Windows before a pulse, and after it, whose median power is the noise beside it: of a burst
+no longer than a pulse or two it knows nothing."""
+_BREAKS = (0.25, 0.5, 0.75)
+"""Where in a pulse its phase may break."""
+_BROKEN = 3.5
+"""Noise powers that a break anywhere gives to the strongest of a place: as often as without."""
+_LOSING_S = 0.3
 _NARROW_SHARE = 0.35
 """Of a window's energy one row holds all of a pulse, 0.1 to 0.3 of a burst of noise."""
 
@@ -170,6 +178,69 @@ class Refiner:
             for index in range(len(starts))
         ]
 
+    def search_broken(
+        self,
+        start: float,
+        half_width: float,
+        offset_hz: float,
+        half_band_hz: float,
+        noise: NDArray[np.float32],
+        *,
+        spread: float,
+    ) -> Measured | None:
+        """Find a pulse in whose middle samples are missing: its phase breaks there.
+
+        Parameters
+        ----------
+        start : float
+            Expected index of its first sample.
+        half_width, offset_hz, half_band_hz, noise, spread
+            As of `search`.
+
+        Returns
+        -------
+        Measured or None
+            With the frequency asked for, as a broken pulse does not tell it, and with what the
+            freedom of the phase gives to noise taken off its power. None when the samples are
+            not there.
+        """
+        window, buffer = self._window, self._buffer
+        lead = math.ceil(half_width)
+        length = window + 2 * lead + 1
+        first = math.floor(start) - lead
+        if first < buffer.start or first + length > self.upto:
+            return None
+        count = max(3, 2 * math.ceil(half_band_hz / (0.15 * self._bin_hz)) + 1)
+        _, turns = _turns(self._grid.sample_rate_hz, half_band_hz, count, -(-length // 64) * 64)
+        sums = self._sums(np.array([first]), length, offset_hz, turns[:, :length])[0]
+        begin, end = sums[:, :-window], sums[:, window:]
+        places = begin.shape[1]
+        size = np.zeros(places)
+        for share in _BREAKS:
+            at = round(share * window)
+            middle = sums[:, at : at + places]
+            size = np.maximum(size, (abs(middle - begin) + abs(end - middle)).max(axis=0))
+        level = self.noise_at(offset_hz, noise, start)
+        away = (first + np.arange(places) - start) / spread
+        likely = size**2 - 0.5 * window * level * away**2
+        best = int(likely.argmax())
+        return Measured(
+            start=float(first + best),
+            offset_hz=offset_hz,
+            power=max(float(size[best]) ** 2 / (window * level) - _BROKEN, 0.0),
+            noise=level,
+            contrast=math.inf,
+        )
+
+    def loses(self, start: float) -> bool:
+        """Whether samples are being lost about a pulse: zeros that no impulse left."""
+        buffer, near = self._buffer, round(_LOSING_S * self._grid.sample_rate_hz)
+        first = max(math.floor(start) - near, buffer.start)
+        last = min(math.ceil(start) + near, self.upto)
+        missing = last - first - np.count_nonzero(buffer.view(first, last))
+        blanked = sum(max(0, min(b, last) - max(a, first)) for a, b in buffer.blanked)
+        return bool(missing > blanked)
+
     def powers(
         self,
         first: NDArray[np.int64],
@@ -214,14 +285,24 @@ class Refiner:
         turns: NDArray[np.complex128],
     ) -> NDArray[np.float64]:
         """Matched-filter power at frequencies around one, shape (pulses, turns, starts)."""
-        window = self._window
+        sums = self._sums(first, length, offset_hz, turns)
+        filtered = sums[..., self._window :] - sums[..., : -self._window]
+        return np.asarray(filtered.real**2 + filtered.imag**2)
+
+    def _sums(
+        self,
+        first: NDArray[np.int64],
+        length: int,
+        offset_hz: float,
+        turns: NDArray[np.complex128],
+    ) -> NDArray[np.complex128]:
+        """Sums of the samples before each, turned back by frequencies around one."""
         stretch = np.stack([self._buffer.view(int(a), int(a) + length) for a in first])
         radian = -2j * np.pi / self._grid.sample_rate_hz * offset_hz
         still = stretch * np.exp(radian * np.arange(length))
         sums = np.zeros((len(first), len(turns), length + 1), np.complex128)
         np.cumsum(still[:, np.newaxis, :] * turns[np.newaxis], axis=2, out=sums[..., 1:])
-        filtered = sums[..., window:] - sums[..., :-window]
-        return np.asarray(filtered.real**2 + filtered.imag**2)
+        return sums
 
     def _polish(self, start: int, offset_hz: float, noise: NDArray[np.float32]) -> Measured:
         """Refine the frequency at a fixed time, then the time between samples."""
@@ -307,8 +388,35 @@ class Refiner:
         ----------
         pulse : Measured
         floor : float
-            Mean power of a sample without pulses.
+            Mean power of a sample without pulses, as it is now: where it was more beside the
+            pulse, that counts.
         """
+        if not self._looks_like_impulse(pulse, floor):
+            return False
+        beside = self._floor_beside(pulse)
+        return beside <= floor or self._looks_like_impulse(pulse, beside)
+
+    def _floor_beside(self, pulse: Measured) -> float:
+        """Mean power of a sample beside a pulse: if before and after differ, what it was at."""
+        window, buffer, start = self._window, self._buffer, round(pulse.start)
+        sides = []
+        for near, far in ((-_BESIDE_WINDOWS, -0.5), (1.5, 1.0 + _BESIDE_WINDOWS)):
+            first = max(start + round(near * window), buffer.start)
+            last = min(start + round(far * window), self.upto)
+            if last - first < window:
+                continue
+            x = buffer.view(first, last)
+            power = x.real**2 + x.imag**2
+            power = power[power > 0.0]  # zeros stand for lost samples
+            if len(power) >= window // 2:
+                sides.append(float(np.median(power)) / math.log(2.0))
+        if not sides:
+            return 0.0
+        # The first moment of a rise, measured by the level before it, is an impulse.
+        return max(min(sides), min(max(sides), pulse.noise))
+
+    def _looks_like_impulse(self, pulse: Measured, floor: float) -> bool:
+        """Judge as `is_impulse`, by one floor."""
         window = self._window
         start = round(pulse.start)
         x = self._buffer.view(start, start + window)

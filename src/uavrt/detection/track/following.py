@@ -15,6 +15,12 @@ from uavrt.detection.track.tracks import Slot, Track
 from uavrt.detection.track.two_rates import become, lags, set_up_rivals, settle_rivalry
 from uavrt.units import ns_from_s
 
+_SURE_POWER = 20.0
+"""A weaker pulse may be one in whose middle samples are missing."""
+_TOLD = 0.25
+"""Of how far a frequency lies beside the track's, where samples are being lost: a break of the
+phase moves it by up to 20 Hz, and a pulse so far away passed for a burst."""
+
 
 class Follower:
     """Follows the tracks of one detector.
@@ -169,6 +175,8 @@ class Follower:
                 noise,
                 spread=track.spread_s() * grid.sample_rate_hz,
             )
+            if found is not None and track.confirmed and self._refiner.loses(start):
+                found = [self._broken(track, start, half, found[0], noise)]
             if found is not None and found[0].power > 8.0:
                 found = None if self._refiner.is_impulse(found[0], floor) else found
         if found is None:
@@ -186,6 +194,26 @@ class Follower:
             track.confirmed &= was_confirmed
             track.dead = True
         return True
+
+    def _broken(
+        self,
+        track: Track,
+        start: float,
+        half: float,
+        found: Measured,
+        noise: NDArray[np.float32],
+    ) -> Measured:
+        """What was found where samples are being lost, or a broken pulse that is stronger."""
+        if found.power < _SURE_POWER:
+            spread = track.spread_s() * self._grid.sample_rate_hz
+            offset_hz, band_hz = track.offset_hz, TRACK_BAND_HZ
+            broken = self._refiner.search_broken(
+                start, half, offset_hz, band_hz, noise, spread=spread
+            )
+            if broken is not None and broken.power > found.power:
+                return broken
+        found.offset_hz = track.offset_hz + _TOLD * (found.offset_hz - track.offset_hz)
+        return found
 
     def _slot(self, track: Track, measured: Measured, half_s: float) -> Slot:
         """Make a place of a track of what was found there."""
