@@ -316,7 +316,9 @@ class World:
             frequency_window_hz=self.window_hz,
         )
 
-    def judge(self, energies: SlotEnergies, false_alarm_probability: float) -> Judgement:
+    def judge(
+        self, energies: SlotEnergies, false_alarm_probability: float, most_drift: float = 0.0
+    ) -> Judgement:
         """Judge a flight as `uavrt integrate` does."""
         places, chosen = looked_at(self.course)
         return judge(
@@ -325,6 +327,7 @@ class World:
             places.time_s,
             self.tag,
             false_alarm_probability=false_alarm_probability,
+            most_drift=most_drift,
         )
 
 

@@ -107,15 +107,7 @@ def best_known(
     weights = Weights.over(
         weight[np.newaxis], np.ones((1, 1)), course.time_s, energies, INTERVAL_S
     )
-    train = best_train(world, energies, weights=weights)
-    middle_s = np.average(course.time_s, weights=weight**2)
-    spread_s = math.sqrt(np.average((course.time_s - middle_s) ** 2, weights=weight**2))
-    hypotheses = train.hypotheses * min(1.0, math.sqrt(12.0) * spread_s / course.duration_s)
-    return replace(
-        train,
-        hypotheses=hypotheses,
-        false_alarm_probability=chance(train.log_probability, hypotheses),
-    )
+    return best_train(world, energies, weights=weights)
 
 
 def fly(
