@@ -79,7 +79,7 @@ function verdict(one: Verdict): HTMLElement {
   const where = isPlace(one)
     ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
     : one.places > 1
-      ? ` in one of ${one.places} places that this flight cannot tell apart`
+      ? ` in one of ${one.places} places that this flight cannot tell apart: ${one.parts.map(partOf).join("; ")}`
       : one.bearing_deg !== null
         ? ` at ${fixed(one.bearing_deg, 0)}°, ±\u202f${fixed((one.arc95_deg ?? 360) / 2, 0)}° (95\u202f%), from the middle of the flight`
         : "";
@@ -91,6 +91,10 @@ function verdict(one: Verdict): HTMLElement {
     where,
     remarks(one),
   );
+}
+
+function partOf(one: Verdict["parts"][number]): string {
+  return `${fixed(one.latitude_deg, 5)}, ${fixed(one.longitude_deg, 5)}, within ${metres(one.radius95_m)} (${Math.round(100 * one.probability)}\u202f%)`;
 }
 
 function remarks(one: Verdict): HTMLElement | string {

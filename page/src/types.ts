@@ -306,6 +306,10 @@ export interface Verdict {
   pulses: number;
   heard_live: number;
   remarks: string;
+  /** The places that the flight cannot tell apart, the likeliest first. */
+  parts: { latitude_deg: number; longitude_deg: number; radius95_m: number; probability: number }[];
+  /** Latitudes and longitudes around its parts. */
+  region95: [number, number][][];
 }
 
 export interface Hindsight {
