@@ -256,7 +256,7 @@ def _integrated(survey: Survey) -> list[dict[str, Any]]:
 
 
 def integrated_places(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
-    """Where whole flights place tags; both places of a tag that was passed on a straight way."""
+    """Where whole flights place tags; both places beside a straight way."""
     return [
         (
             (part.longitude_deg, part.latitude_deg),

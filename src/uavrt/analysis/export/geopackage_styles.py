@@ -85,8 +85,11 @@ def qml(table: str, kind: str) -> str:
 
 
 def _shape(table: str) -> str:
-    return {"positions": "star", "integrated_places": "star", "strongest_signal": "cross2"}.get(table, "circle")
+    if table == "strongest_signal":
+        return "cross2"
+    return "star" if table in ("positions", "integrated_places") else "circle"
 
 
 def _size(table: str) -> str:
-    return "4" if table in ("positions", "integrated_places", "strongest_signal") else "1.6"
+    large = ("positions", "integrated_places", "strongest_signal")
+    return "4" if table in large else "1.6"

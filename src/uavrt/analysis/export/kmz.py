@@ -9,7 +9,11 @@ import zipfile
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from uavrt.analysis.export.geojson import bearing_properties, integrated_places, integrated_regions
+from uavrt.analysis.export.geojson import (
+    bearing_properties,
+    integrated_places,
+    integrated_regions,
+)
 from uavrt.analysis.export.png import disc, heat, png_bytes, signal
 from uavrt.analysis.export.xml_text import printable
 from uavrt.analysis.measure import (
