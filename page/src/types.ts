@@ -317,6 +317,12 @@ export interface Hindsight {
   pulses: { tag_id: number; time_ns: number; longitude_deg: number; latitude_deg: number }[];
 }
 
+/** How far uavrt integrate is with a flight. */
+export type IntegrationAnswer = { state: "working"; flight: string | null } | { state: "done" } | { state: "failed"; error: string };
+
+/** A flight folded at the interval of each tag, by its number; PNG, base64. */
+export type Folds = Record<string, { picture: string; interval_s: number }>;
+
 /** Where a tag would have been heard (uavrt coverage). */
 export interface SilenceMap {
   corners: [[number, number], [number, number], [number, number], [number, number]];
