@@ -7,7 +7,7 @@ import { fixed, metres } from "./format";
 import type { LonLat } from "./geo";
 import { store } from "./store";
 import { catchTaps } from "./tap";
-import type { Absence, SilenceAnswer, SilenceMap, Verdict } from "./types";
+import type { Absence, IntegrationAnswer, SilenceAnswer, SilenceMap, Verdict } from "./types";
 import type { FlightMap } from "./view";
 
 const AGAIN_MS = 700;
@@ -28,6 +28,8 @@ export function afterPanel(made: FlightMap): HTMLElement {
     { id: "after", class: "after", hidden: true },
     h("h3", {}, "In the whole flight"),
     h("ul", { id: "verdicts", class: "verdicts" }),
+    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, "Look below the noise"),
+    h("p", { id: "integrate-told", class: "told", role: "status" }),
     h("h3", {}, "Where it would have been heard"),
     h(
       "div",
@@ -70,16 +72,50 @@ function drawAfter(): void {
     by("verdicts"),
     ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, "Nobody has looked below the noise yet: uavrt integrate FLIGHT, where its samples are.")]),
   );
+  by("integrate-begin").hidden = review === null || tags.length > 0;
+}
+
+/** Let the ground station judge the whole flight from the samples that it kept. */
+async function lookBelow(): Promise<void> {
+  const id = store.review?.flight_id;
+  if (!id) return;
+  const button = by("integrate-begin") as HTMLButtonElement;
+  button.disabled = true;
+  say(by("integrate-told"), "Looking: seconds to minutes.");
+  let told = "";
+  try {
+    for (;;) {
+      const answer = await send<IntegrationAnswer>("POST", `/flights/${encodeURIComponent(id)}/integrate`, {});
+      if (answer.state === "failed") throw new ApiError(answer.error, 500);
+      if (answer.state === "done" || store.review?.flight_id !== id) break;
+      await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+    }
+    await store.hindsightAgain();
+  } catch (error) {
+    told = error instanceof ApiError ? error.message : "the server cannot be reached";
+  }
+  say(by("integrate-told"), told);
+  button.disabled = false;
+}
+
+function fold(one: Verdict): HTMLElement | string {
+  const picture = store.folds[one.tag_id];
+  if (!picture) return "";
+  return h("img", {
+    class: "fold",
+    src: `data:image/png;base64,${picture.picture}`,
+    alt: "The flight folded at the interval: time downwards, phase to the right. A tag is a line in the middle.",
+  });
 }
 
 function verdict(one: Verdict): HTMLElement {
   const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
   const name = `Tag ${[one.tag_id, row?.name].filter(Boolean).join(" ")}`;
-  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`, remarks(one));
+  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`, remarks(one), fold(one));
   const where = isPlace(one)
     ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
     : one.places > 1
-      ? ` in one of ${one.places} places that this flight cannot tell apart`
+      ? ` in one of ${one.places} places that this flight cannot tell apart: ${one.parts.map(partOf).join("; ")}`
       : one.bearing_deg !== null
         ? ` at ${fixed(one.bearing_deg, 0)}°, ±\u202f${fixed((one.arc95_deg ?? 360) / 2, 0)}° (95\u202f%), from the middle of the flight`
         : "";
@@ -90,7 +126,12 @@ function verdict(one: Verdict): HTMLElement {
     ` found, every ${fixed(one.interval_s, 4)} s; noise alone shows as much ${often(one.false_alarm_probability)}. ${one.pulses} pulses in hindsight (rings), ${one.heard_live} heard in flight.`,
     where,
     remarks(one),
+    fold(one),
   );
+}
+
+function partOf(one: Verdict["parts"][number]): string {
+  return `${fixed(one.latitude_deg, 5)}, ${fixed(one.longitude_deg, 5)}, within ${metres(one.radius95_m)} (${Math.round(100 * one.probability)}\u202f%)`;
 }
 
 function remarks(one: Verdict): HTMLElement | string {

@@ -167,7 +167,7 @@ export function isPlace(one: Verdict): boolean {
   return one.found && one.places === 1 && one.latitude_deg !== null && one.longitude_deg !== null && (one.radius95_m ?? Infinity) <= POSITION_M;
 }
 
-/** Pulses seen in hindsight, and the places that a whole flight tells, with their circles. */
+/** Pulses seen in hindsight, and the places that a whole flight tells: of several that it cannot tell apart all, and the region with 95 %. */
 export function hindsightFeatures(): GeoJSON.FeatureCollection {
   const told = store.hindsight;
   if (!told) return collection([]);
@@ -177,10 +177,16 @@ export function hindsightFeatures(): GeoJSON.FeatureCollection {
     features.push(point([one.longitude_deg, one.latitude_deg], { part: "pulse", colour: tagColour(store.tagOrder(one.tag_id)) }));
   }
   for (const one of told.tags) {
-    if (!isPlace(one) || store.hidden.has(one.tag_id) || Number.isFinite(store.until)) continue;
+    if (!one.found || store.hidden.has(one.tag_id) || Number.isFinite(store.until)) continue;
     const colour = tagColour(store.tagOrder(one.tag_id));
-    const at: LonLat = [one.longitude_deg!, one.latitude_deg!];
-    features.push(linesOf({ part: "circle", colour }, [circle(at, one.radius95_m!)]), point(at, { part: "place", colour }));
+    if (isPlace(one)) {
+      const at: LonLat = [one.longitude_deg!, one.latitude_deg!];
+      features.push(linesOf({ part: "circle", colour }, [circle(at, one.radius95_m!)]), point(at, { part: "place", colour }));
+      continue;
+    }
+    const rings = one.region95.map((ring) => ring.map(([lat, lon]): LonLat => [lon, lat]));
+    if (rings.length) features.push(linesOf({ part: "circle", colour }, rings));
+    if (one.places > 1) for (const each of one.parts) features.push(point([each.longitude_deg, each.latitude_deg], { part: "place", colour }));
   }
   return collection(features);
 }

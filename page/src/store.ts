@@ -10,6 +10,7 @@ import type {
   BearingRecord,
   Download,
   Estimates,
+  Folds,
   Hindsight,
   FlightSummary,
   LogLine,
@@ -83,6 +84,7 @@ class Store {
   other: Stored | null = null;
   /** What a whole flight's samples say of the flight that is looked at. */
   hindsight: Hindsight | null = null;
+  folds: Folds = {};
   download: Download | null = null;
   /** Columns of the live waterfall that nobody has drawn yet. */
   waterfall: WaterfallRecord[] = [];
@@ -259,10 +261,21 @@ class Store {
     void this.loadHindsight(flightId, ticket);
   }
 
+  /** Ask again what the whole flight that is shown said. */
+  async hindsightAgain(): Promise<void> {
+    if (this.review) await this.loadHindsight(this.review.flight_id, this.loading);
+  }
+
   private async loadHindsight(flightId: string, ticket: number): Promise<void> {
     const found = await get<Hindsight>(`/flights/${encodeURIComponent(flightId)}/integrated`).catch(() => null);
     if (ticket !== this.loading) return;
     this.hindsight = found;
+    this.folds = {};
+    this.emit("hindsight");
+    if (!found?.tags.length) return;
+    const folds = await get<Folds>(`/flights/${encodeURIComponent(flightId)}/folds`).catch(() => ({}));
+    if (ticket !== this.loading) return;
+    this.folds = folds;
     this.emit("hindsight");
   }
 

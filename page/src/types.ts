@@ -306,12 +306,22 @@ export interface Verdict {
   pulses: number;
   heard_live: number;
   remarks: string;
+  /** The places that the flight cannot tell apart, the likeliest first. */
+  parts: { latitude_deg: number; longitude_deg: number; radius95_m: number; probability: number }[];
+  /** Latitudes and longitudes around its parts. */
+  region95: [number, number][][];
 }
 
 export interface Hindsight {
   tags: Verdict[];
   pulses: { tag_id: number; time_ns: number; longitude_deg: number; latitude_deg: number }[];
 }
+
+/** How far uavrt integrate is with a flight. */
+export type IntegrationAnswer = { state: "working"; flight: string | null } | { state: "done" } | { state: "failed"; error: string };
+
+/** A flight folded at the interval of each tag, by its number; PNG, base64. */
+export type Folds = Record<string, { picture: string; interval_s: number }>;
 
 /** Where a tag would have been heard (uavrt coverage). */
 export interface SilenceMap {

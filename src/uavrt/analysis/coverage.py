@@ -15,6 +15,7 @@ from uavrt.config import AntennaSettings, read_text
 from uavrt.errors import RecordingError, UsageError
 from uavrt.guidance import area_in, way_in
 from uavrt.localization import (
+    MONOPOLE,
     AntennaPattern,
     Headings,
     PoseColumns,
@@ -204,7 +205,7 @@ def plan_coverage(
         height_m=height_m,
         speed_m_s=speed_m_s,
         interval_s=tag.pulse_intervals_s[0],
-        nose_first=pattern is not None,
+        nose_first=_has_boresight(pattern),
     )
     return _covered(area, way, tag, budget, pattern, level_sigma_db, 500.0, on_pulse)
 
@@ -237,7 +238,7 @@ def flight_coverage(
     window_hz = frequency_window_hz(flight)
     if whole_flight and searched is not None:
         window_hz = searched.frequency_window_hz
-    if pattern is None:
+    if not _has_boresight(pattern):
         way = replace(way, headings=None)
     found = _covered(
         area,
@@ -252,6 +253,11 @@ def flight_coverage(
         most_drift=0.0 if searched is None else searched.most_drift,
     )
     return replace(found, limitations=(*found.limitations, *limitations))
+
+
+def _has_boresight(pattern: AntennaPattern | None) -> bool:
+    """Whether the heading matters: not to an upright whip."""
+    return pattern is not None and pattern.name != MONOPOLE
 
 
 def frequency_window_hz(flight: Flight) -> float:

@@ -22,7 +22,7 @@ from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
 from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
 from uavrt.clock import parse_iso_intervals
 from uavrt.errors import RecordingError, UsageError
-from uavrt.localization import MONOPOLE, PATTERNS, AntennaPattern, pattern_named
+from uavrt.localization import PATTERNS, pattern_named
 from uavrt.messages import Tag
 from uavrt.planning import Coverage, LinkBudget
 from uavrt.recording import Flight, IntegratedVerdict, SearchedFor, read_integrated
@@ -156,7 +156,7 @@ class ListenedFlight:
             tag,
             budget,
             noise=self.noise,
-            pattern=_pattern(named),
+            pattern=pattern_named(named),
             level_sigma_db=level_sigma_db,
             whole_flight=judged,
             searched=searched,
@@ -239,11 +239,6 @@ def _shown(verdict: IntegratedVerdict) -> bool:
     return verdict.found or verdict.false_alarm_probability <= _FALSE_ALARM
 
 
-def _pattern(antenna: str) -> AntennaPattern | None:
-    """The pattern of that name; none of an upright whip, which hears alike on all sides."""
-    return None if antenna == MONOPOLE else pattern_named(antenna)
-
-
 def silent_map(
     directory: Path,
     flight: Flight,
@@ -268,7 +263,7 @@ def silent_map(
     elevation : Elevation, optional
         None takes the ground for level.
     antenna : str, optional
-        Name of its pattern, `MONOPOLE` hears alike on all sides; by default the flight's.
+        Name of its pattern; by default the flight's.
     on_pulse : callable, optional
         Takes how many pulses are done, and of how many.
 

@@ -126,7 +126,8 @@ def coverage(
         Height of the tag above the ground [m].
     antenna
         Name of the antenna's pattern, or a CSV file of angles and gains. It points where the
-        drone flies, or as the flight recorded it. monopole: all directions are alike. By
+        drone flies, or as the flight recorded it. monopole: alike on all sides, and deaf
+        to what is below. By
         default monopole before a flight, and after it what the drone was set up with
         (bearings.antenna), else RA-23K.
     antenna_gain
@@ -348,7 +349,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
     from uavrt.localization import MONOPOLE, pattern_named
 
     antenna = asked.antenna or MONOPOLE
-    pattern = None if antenna == MONOPOLE else pattern_named(antenna)
+    pattern = pattern_named(antenna)
     plane, corners = read_places(asked.source, asked.spacing_m)
     east, north = np.array(corners).T
     latitude, longitude = plane.to_geodetic(east, north)

@@ -307,20 +307,16 @@ def slot_energies(
     # Rows a quarter of a bin apart; every second loses 0.1 dB in the mean (sinc² at 1/8 bin).
     rows = np.arange(middle % 2, grid.rows, 2)
     chunk = max(round(_CHUNK_S * sample_rate_hz), 4 * grid.window)
-    padded = np.concatenate(
-        (np.zeros(-spectrogram.needed(), np.complex64), samples, np.zeros(chunk, np.complex64))
-    )
-    shift = -spectrogram.needed()
     columns = len(samples) // hop
     power = np.zeros((len(rows), columns), np.float32)
     done = 0
     while done < columns:
-        first = spectrogram.needed() + shift
-        if first >= len(padded):
+        first = spectrogram.needed()
+        if first >= len(samples) + chunk:
             break
-        new = spectrogram.push(padded[first : first + chunk])
+        new = spectrogram.push(_zeros_around(samples, first, first + chunk))
         count = min(len(new), columns - done)
-        if not count and first + chunk >= len(padded):
+        if not count and first >= len(samples):
             break
         power[:, done : done + count] = new[:count, rows].T
         done += count
@@ -366,6 +362,15 @@ def slot_energies(
     )
 
 
+def _zeros_around(
+    samples: NDArray[np.complex64], first: int, end: int
+) -> NDArray[np.complex64]:
+    """Samples between two numbers; zeros stand before the first and after the last."""
+    before, after = max(0, -first), max(0, end - max(first, len(samples)))
+    part = samples[max(first, 0) : max(end, 0)]
+    return np.pad(part, (before, after)) if before or after else part
+
+
 def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArray[np.float32]:
     """Largest of the columns within `reach` of those wanted."""
     tops = sliding_maximum(np.ascontiguousarray(power.T), reach).T if reach else power
@@ -379,25 +384,36 @@ def _channel_columns(
     columns: int,
     sample_rate_hz: float,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Of each column its largest sample over noise, and whether the whole channel is loud."""
-    power = (samples.real**2 + samples.imag**2).astype(np.float32)
-    first = np.minimum(np.arange(columns) * hop, max(len(power) - 1, 0))
+    """Of each column its largest sample over noise, and whether the whole channel is loud.
+
+    Stretch by stretch: sums over a whole flight fill new pages, which cost more than they do.
+    """
     crest, wide = np.zeros(columns, np.float32), np.zeros(columns, bool)
     length = max(1, round(_LEVEL_S * sample_rate_hz / hop))
-    total = np.concatenate(([0.0], np.cumsum(power, dtype=np.float64)))
-    energy = total[np.minimum(first + window, len(power))] - total[first]
-    peaks = np.maximum.reduceat(power, first) if columns else crest
-    for beside in range(-(-window // hop)):
-        crest[: columns - beside] = np.maximum(crest[: columns - beside], peaks[beside:])
+    beyond = -(-window // hop)
     for low in range(0, columns, length):
-        some = energy[low : low + length]
+        high = min(low + length, columns)
+        more = min(high + beyond, columns)
+        end = len(samples) if more == columns else more * hop
+        part = samples[low * hop : max(end, min(high * hop + window, len(samples)))]
+        power = part.real**2 + part.imag**2
+        first = np.arange(more - low) * hop
+        total = np.zeros(len(power) + 1)
+        np.cumsum(power, out=total[1:])
+        at = first[: high - low]
+        some = total[np.minimum(at + window, len(power))] - total[at]
         there = some[some > 0.0]
+        peaks = np.maximum.reduceat(power, first)
+        largest = peaks.copy()
+        for beside in range(1, min(beyond, len(peaks))):
+            largest[:-beside] = np.maximum(largest[:-beside], peaks[beside:])
+        crest[low:high] = largest[: high - low]
         if not len(there):
             continue
         middle = float(np.median(there))
         sigma = 1.4826 * float(np.median(np.abs(there - middle)))
-        wide[low : low + length] = some > middle + _WIDE_SIGMAS * sigma
-        crest[low : low + length] /= max(middle / window, 1e-30)
+        wide[low:high] = some > middle + _WIDE_SIGMAS * sigma
+        crest[low:high] /= max(middle / window, 1e-30)
     return crest, wide
 
 
@@ -405,10 +421,15 @@ def _whole_windows(
     there: NDArray[np.bool_], hop: int, window: int, columns: int
 ) -> NDArray[np.bool_]:
     """Columns whose window misses no sample."""
-    missing = np.concatenate(([0], np.cumsum(~there)))
-    first = np.arange(columns) * hop
-    last = np.minimum(first + window, len(there))
-    return np.asarray((missing[last] == missing[first]) & (first + window <= len(there)))
+    whole = np.ones(columns, bool)
+    whole[max(0, (len(there) - window) // hop + 1) :] = False
+    missing = np.flatnonzero(~there)
+    breaks = np.flatnonzero(np.diff(missing) > 1)
+    firsts = missing[np.concatenate(([0], breaks + 1))] if len(missing) else missing
+    ends = missing[np.concatenate((breaks, [-1]))] + 1 if len(missing) else missing
+    for low, high in zip(firsts.tolist(), ends.tolist(), strict=True):
+        whole[max(0, -(-(low - window + 1) // hop)) : -(-high // hop)] = False
+    return whole
 
 
 def _standardise(

@@ -178,15 +178,19 @@ def places_around(
     place_east, place_north = east_north(
         np.tile(bearing, _RANGES), np.repeat(ranges, _BEARINGS)
     )
-    gain_db = track.gain_db(place_east, place_north)
-    strongest_db = gain_db.max(axis=1)
+    gain = track.gain_db(place_east, place_north)
+    strongest_db = gain.max(axis=1)
+    # In place: of a long flight these are many, and new pages cost more than the sums.
+    gain -= strongest_db[:, np.newaxis]
+    gain *= 0.1
+    np.power(10.0, gain, out=gain)
     return Places(
         plane=plane,
         east_m=place_east,
         north_m=place_north,
         area=np.repeat(ranges**2, _BEARINGS),
         time_s=(time_ns - start_ns) / NANOSECONDS_PER_SECOND,
-        gain=np.asarray(10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0)),
+        gain=gain,
         strongest_db=strongest_db,
         track=track,
     )

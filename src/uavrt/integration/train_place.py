@@ -46,6 +46,8 @@ _WITHIN = 7
 _LIKELY = 100
 """Places by which a flight's share is told."""
 _KEPT = 0.998
+_BLOCK = 20_000
+"""Places times pulses looked up at once."""
 _BETWEEN_DB = 3.0
 """Of a tag's level from one flight to another: posture, receiver, ground."""
 _EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
@@ -474,16 +476,29 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 
 
 def _logs(pulses: TrainPulses, gain_db: _Floats, table: _Floats, levels_db: _Floats) -> _Floats:
-    """Log likelihood ratio of each place and level."""
+    """Log likelihood ratio of each place and level, levels a whole number of steps apart."""
     amplitude = np.sqrt(np.maximum(pulses.energy, 0.0))
     column = np.minimum(np.rint(amplitude / _AMPLITUDES[1]), len(_AMPLITUDES) - 1)
-    chosen = np.ascontiguousarray(table[:, column.astype(np.intp)])
+    chosen = table[:, column.astype(np.intp)].T.astype(np.float32)
+    step_db = _STRENGTHS_DB[1] - _STRENGTHS_DB[0]
+    # Levels lie so many of the table's steps apart: those of a place and pulse follow each
+    # other among every so many of its rows.
+    apart = round((levels_db[1] - levels_db[0]) / step_db)
+    beyond = apart * len(levels_db)
+    padded = np.pad(chosen, ((0, 0), (beyond, beyond + apart)), mode="edge")
+    width = padded.shape[1] // apart
+    padded = padded[:, : width * apart].reshape(len(padded), width, apart)
+    thinned = np.ascontiguousarray(np.moveaxis(padded, 2, 0))
+    levels = np.lib.stride_tricks.sliding_window_view(thinned, len(levels_db), axis=2)
     at = np.arange(len(column))
     logs = np.empty((len(gain_db), len(levels_db)))
-    for level, level_db in enumerate(levels_db):
-        strength = np.rint((gain_db + level_db - _STRENGTHS_DB[0]) / 0.5)
-        strength = np.clip(strength, 0, len(_STRENGTHS_DB) - 1).astype(np.intp)
-        logs[:, level] = chosen[strength, at].sum(axis=1)
+    # Few places at a time: what is looked up stays in the processor's cache.
+    block = max(1, _BLOCK // max(len(at), 1))
+    for low in range(0, len(gain_db), block):
+        some = slice(low, low + block)
+        first = np.rint((gain_db[some] + levels_db[0] - _STRENGTHS_DB[0]) / step_db)
+        first = np.clip(first, -beyond, len(_STRENGTHS_DB) - 1).astype(np.intp) + beyond
+        logs[some] = levels[first % apart, at, first // apart].sum(axis=1)
     return logs
 
 

@@ -101,6 +101,9 @@ class Weights:
     """(frequencies, places) of that sum."""
     interval_s: float
     """For which both hold: sums over longer ones have fewer pulses."""
+    spread: float = 1.0
+    """How long the pulses that count are apart, of the flight: the mean over the places. So
+    much of the intervals that a fold tells apart differ for a place."""
 
     @classmethod
     def of(
@@ -125,12 +128,16 @@ class Weights:
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)
+        moments = np.zeros((3, len(mixing)))
         for first in range(0, basis.shape[1], _MOMENT_SLOTS):
             part = slice(first, first + _MOMENT_SLOTS)
             weight = (mixing @ basis[:, part]).T.astype(np.float32)
             energy = energies.energy[:, part]
-            square += energy**2 @ weight**2
-            cube += energy**3 @ weight**3
+            power = weight**2
+            square += energy**2 @ power
+            cube += energy**3 @ (power * weight)
+            along = (np.arange(len(power)) + first + 0.5) / basis.shape[1]
+            moments += np.stack((along**0, along, along**2)) @ power
         each = energies.slot_s / interval_s
         deviation = np.sqrt(np.maximum(each * square, 1e-12))
         return cls(
@@ -139,6 +146,7 @@ class Weights:
             deviation=deviation,
             skewness=np.maximum(each * cube / deviation**3, _LEAST_SKEWNESS),
             interval_s=interval_s,
+            spread=_spread(*moments),
         )
 
     @classmethod
@@ -195,10 +203,19 @@ class Peaks:
         )
 
 
+def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
+    """Spread over the flight of what counts, 1 where all of it does alike; mean over places."""
+    some = np.maximum(count, 1e-30)
+    variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)
+    return float(np.minimum(np.sqrt(12.0 * variance), 1.0).mean())
+
+
 def pulse_weights(gain: _Floats, design_enr: float = DESIGN_ENR) -> _Floats:
     """Weights of pulses from their energies relative to the strongest, of any shape."""
-    strength = design_enr * gain
-    return np.asarray(strength / (1.0 + strength))
+    strength = np.asarray(design_enr * gain)
+    above = 1.0 + strength
+    strength /= above
+    return strength
 
 
 def low_rank_weights(
@@ -335,9 +352,14 @@ def cells_searched(slots: int, slot_s: float, between_s: tuple[float, float]) ->
 
 
 def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
-    """Independent hypotheses of the search for weak pulses."""
+    """Independent hypotheses of the search for weak pulses.
+
+    Where only a part of the flight counts for a place, as where a drone passes it, trains whose
+    intervals differ by a cell of the whole flight are the same to it: of the cells as many
+    count as that part is long (`Weights.spread`).
+    """
     own = float(np.sum(correlation_slots(energies) ** -2.0))
-    cells = _cells(energies, tag) * len(weights.basis) * own
+    cells = _cells(energies, tag) * len(weights.basis) * own * weights.spread
     independent = _INDEPENDENT * (_OF_BURSTS if energies.pulses > 1 else 1.0)
     return independent * cells / (1.0 - _LOUD_SHARE)
 

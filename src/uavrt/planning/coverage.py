@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import roots_hermitenorm
 
 from uavrt.detection import detection_probability
-from uavrt.localization import AntennaPattern, Headings
+from uavrt.localization import MONOPOLE, AntennaPattern, Headings, monopole_gain_db
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
@@ -149,7 +149,8 @@ def coverage_of(
     budget : LinkBudget
         Of `uavrt range`; its height is not used, the way's is.
     pattern : AntennaPattern, optional
-        With the way's headings.
+        With the way's headings; an upright whip's is the same on all sides, and deaf to what
+        is below. By default all directions are alike.
     level_sigma_db : float
         Standard deviation of what the tag's level is off, the same for all pulses.
     frequency_window_hz : float
@@ -264,7 +265,8 @@ class _View:
         hills: bool,
     ) -> None:
         self._ground, self._budget, self._way, self._hills = ground, budget, way, hills
-        self._pattern = pattern if way.headings is not None else None
+        self._upright = pattern is not None and pattern.name == MONOPOLE
+        self._pattern = None if self._upright or way.headings is None else pattern
         self._level: _Singles | None = None
         self._at = (math.inf, math.inf, math.inf)
         self._towards: tuple[_Singles, _Singles, _Singles] | None = None
@@ -306,9 +308,12 @@ class _View:
                 frequency_hz=budget.frequency_hz,
             )
         self._level = np.maximum(level, np.float32(_NOTHING_DB))
+        down = np.float32(height_m - budget.tag_height_m) + rise
+        slant = np.maximum(np.sqrt(over * over + down * down), np.float32(1.0))
+        if self._upright:
+            below_deg = np.degrees(np.arcsin(np.clip(down / slant, -1.0, 1.0)))
+            self._level += monopole_gain_db(below_deg).astype(np.float32)
         if self._pattern is not None:
-            down = np.float32(height_m - budget.tag_height_m) + rise
-            slant = np.maximum(np.sqrt(over * over + down * down), np.float32(1.0))
             self._towards = (dy / slant, dx / slant, down / slant)
 
     def _gain_db(self, pulse: int, pattern: AntennaPattern) -> _Singles:

@@ -11,9 +11,10 @@ from uavrt_experiments.integrate.false_alarms import I1
 from uavrt_experiments.integrate.place import I4
 from uavrt_experiments.integrate.sensitivity import I2, I3
 from uavrt_experiments.integrate.several import I6
+from uavrt_experiments.integrate.ways import I7
 from uavrt_experiments.result import Row
 
-EXPERIMENTS: dict[str, Experiment] = {one.name: one for one in (I1, I2, I3, I4, I5, I6)}
+EXPERIMENTS: dict[str, Experiment] = {one.name: one for one in (I1, I2, I3, I4, I5, I6, I7)}
 FOLDERS = ("integration", "detection")
 """Of the package: where the figures come from."""
 

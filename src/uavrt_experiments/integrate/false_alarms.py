@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from uavrt_experiments.integrate.flights import (
     Truth,
     World,
     add_pulses,
+    lawnmower,
+    passing,
     turning,
 )
 from uavrt_experiments.result import Row
@@ -23,6 +25,10 @@ NOMINAL = 0.01
 _SECOND = "second tag of 0 to 12 dB on the frequency"
 _WORLD = World(course=turning(100), slack_s=0.020, window_hz=60.0)
 """A search that takes a tenth of a second: 100 pulses, ± 20 ms, ± 60 Hz."""
+_PASS = replace(_WORLD, course=passing(100, speed_m_s=40.0))
+_LANES = replace(_WORLD, course=lawnmower(speed_m_s=40.0))
+"""Four times as fast as they are flown, over the same ground: a fourth of the pulses."""
+_STILL = replace(_WORLD, course=replace(passing(100, speed_m_s=0.0), name="in one place"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,9 +45,10 @@ def flown(
     rng: np.random.Generator,
     world: World,
     make: Callable[[np.random.Generator, World], Samples],
+    most_drift: float = 0.0,
 ) -> Chance:
     """Judge a flight without the tag."""
-    judged = world.judge(world.energies(make(rng, world)), NOMINAL)
+    judged = world.judge(world.energies(make(rng, world)), NOMINAL, most_drift)
     train = judged.train
     return Chance(
         log_expected=math.log(train.hypotheses) + train.log_probability,
@@ -125,12 +132,19 @@ def gumbel_share(log_expected: Sequence[float], nominal: float = NOMINAL) -> tup
     return share / nominal, low / nominal, high / nominal
 
 
-def _case(name: str, make: Callable[[np.random.Generator, World], Samples]) -> Case:
+def _case(
+    name: str,
+    make: Callable[[np.random.Generator, World], Samples],
+    world: World = _WORLD,
+    *,
+    most_drift: float = 0.0,
+    seconds: float = 0.12,
+) -> Case:
     return Case(
         name=name,
         trials=2000,
-        seconds=0.12,
-        trial=lambda rng, _: flown(rng, _WORLD, make),
+        seconds=seconds,
+        trial=lambda rng, _: flown(rng, world, make, most_drift),
         rows=_rows(name),
         least=30,
     )
@@ -203,5 +217,9 @@ I1 = Experiment(
         _case(_SECOND, second),
         _case("tilted noise with hum", humming),
         _case("5 impulses a second of up to 40 dB", impulses),
+        _case("white noise, in one place, hears all round", white, _STILL),
+        _case("white noise, a straight pass", white, _PASS, seconds=0.15),
+        _case("white noise, 5 lanes over 2 km square", white, _LANES, seconds=0.6),
+        _case("white noise, drift of up to 1 %", white, most_drift=0.01, seconds=0.45),
     ),
 )

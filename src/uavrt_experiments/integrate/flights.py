@@ -246,12 +246,16 @@ class World:
     spread_s: float | None = None
     """Half-width within which true intervals lie; by default 0.8 of the slack."""
     spread_hz: float | None = None
+    second_s: float | None = None
+    """Another rate of the tag: it has each in one half of the flight."""
 
     @property
     def tag(self) -> Tag:
         """As it is listed."""
+        second = () if self.second_s is None else (self.second_s,)
         return replace(
             THESIS_TAG,
+            pulse_intervals_s=(*THESIS_TAG.pulse_intervals_s, *second),
             interval_uncertainty_s=self.slack_s,
             interval_jitter_s=self.jitter_s,
         )
@@ -298,7 +302,10 @@ class World:
             start_s = max(at_s + rng.uniform(-self.jitter_s, self.jitter_s), 0.0)
             level = enr_db + float(np.interp(start_s, course.time_s, gain))
             found.append(TruePulse(start_s=start_s, offset_hz=truth.offset_hz, enr_db=level))
-            at_s += truth.interval_s * (1.0 + drift * (at_s / course.duration_s - 0.5))
+            interval_s = truth.interval_s
+            if self.second_s is not None and at_s > 0.5 * course.duration_s:
+                interval_s = self.second_s
+            at_s += interval_s * (1.0 + drift * (at_s / course.duration_s - 0.5))
         return found
 
     def energies(
@@ -316,7 +323,9 @@ class World:
             frequency_window_hz=self.window_hz,
         )
 
-    def judge(self, energies: SlotEnergies, false_alarm_probability: float) -> Judgement:
+    def judge(
+        self, energies: SlotEnergies, false_alarm_probability: float, most_drift: float = 0.0
+    ) -> Judgement:
         """Judge a flight as `uavrt integrate` does."""
         places, chosen = looked_at(self.course)
         return judge(
@@ -325,6 +334,7 @@ class World:
             places.time_s,
             self.tag,
             false_alarm_probability=false_alarm_probability,
+            most_drift=most_drift,
         )
 
 

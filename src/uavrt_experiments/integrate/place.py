@@ -2,20 +2,21 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import integrate, special
 
-from uavrt.integration import HeardTrain, place_belief, train_pulses
+from uavrt.integration import HeardTrain, PlaceBelief, place_belief, train_pulses
 from uavrt.localization import PATTERNS
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.detection import Case, Experiment
 from uavrt_experiments.figures import measured, median, share
 from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import (
+    PLANE,
     Course,
     Truth,
     World,
@@ -45,6 +46,10 @@ class Placed:
     bound_deg: float
     mirror: bool
     """Whether the region of 95 % also holds the place mirrored at the line flown."""
+    off_m: float
+    """From the nearest of the places told."""
+    bound_m: float
+    """Median of that by the bound."""
 
 
 def placed(
@@ -74,7 +79,45 @@ def placed(
         off_deg=off,
         bound_deg=bearing_bound_deg(world, truth, enr_db, heard.mean_noise_energy),
         mirror=belief.cells.holds(-truth.east_m, truth.north_m, 0.95),
+        off_m=_nearest_m(belief, truth),
+        bound_m=position_bound_m(world, truth, enr_db, heard.mean_noise_energy),
     )
+
+
+def _nearest_m(belief: PlaceBelief, truth: Truth) -> float:
+    off = []
+    for one in belief.cells.parts():
+        east, north = PLANE.to_local([one.latitude_deg], [one.longitude_deg])
+        off.append(math.hypot(float(east[0]) - truth.east_m, float(north[0]) - truth.north_m))
+    return min(off)
+
+
+def position_bound_m(world: World, truth: Truth, enr_db: float, mean: float) -> float:
+    """Median error of a position by the Cramér-Rao bound, with unknown level and fall.
+
+    The fall with distance is believed in as the search does (n = 2.5 ± 0.7).
+    """
+    course = world.course
+    at_s = np.arange(truth.first_s, course.duration_s, truth.interval_s)
+
+    def gain_db(east_m: float, north_m: float, exponent: float) -> _Floats:
+        level = replace(course, exponent=exponent).level_db(east_m, north_m)
+        return np.asarray(np.interp(at_s, course.time_s, level))
+
+    here = np.array([truth.east_m, truth.north_m, course.exponent])
+    middle = gain_db(*here)
+    slopes = [np.ones(len(at_s))]
+    for number, step in enumerate((1.0, 1.0, 0.01)):
+        change = step * np.eye(3)[number]
+        slopes.append((gain_db(*(here + change)) - gain_db(*(here - change))) / (2.0 * step))
+    slope = np.stack(slopes, axis=1)
+    levels, told = _information(round(mean, 1))
+    each = np.interp(enr_db + middle - middle.max(), levels, told)
+    information = slope.T @ (each[:, np.newaxis] * slope)
+    information[3, 3] += 0.7**-2
+    covariance = np.linalg.inv(information)[1:3, 1:3]
+    drawn = np.random.default_rng(0).multivariate_normal((0.0, 0.0), covariance, 4000)
+    return float(np.median(np.hypot(*drawn.T)))
 
 
 def bearing_bound_deg(world: World, truth: Truth, enr_db: float, mean: float) -> float:
@@ -162,6 +205,10 @@ def _rows(
             rows.append(
                 measured("I4", name, "95 % region holds the mirror", both, share, least=0.9)
             )
+            bound = float(np.median([one.bound_m for one in found] or [math.nan]))
+            off = [one.off_m for one in found]
+            what = "median error of the nearer place, m"
+            rows.append(measured("I4", name, what, off, median, most=1.3 * bound, bound=bound))
         else:
             bound = _MEDIAN_OF_NORMAL * float(
                 np.median([one.bound_deg for one in found] or [math.nan])

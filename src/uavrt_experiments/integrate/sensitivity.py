@@ -26,6 +26,7 @@ from uavrt_experiments.detection import Case, Experiment
 from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,
+    RATE_HZ,
     Course,
     Truth,
     World,
@@ -107,15 +108,7 @@ def best_known(
     weights = Weights.over(
         weight[np.newaxis], np.ones((1, 1)), course.time_s, energies, INTERVAL_S
     )
-    train = best_train(world, energies, weights=weights)
-    middle_s = np.average(course.time_s, weights=weight**2)
-    spread_s = math.sqrt(np.average((course.time_s - middle_s) ** 2, weights=weight**2))
-    hypotheses = train.hypotheses * min(1.0, math.sqrt(12.0) * spread_s / course.duration_s)
-    return replace(
-        train,
-        hypotheses=hypotheses,
-        false_alarm_probability=chance(train.log_probability, hypotheses),
-    )
+    return best_train(world, energies, weights=weights)
 
 
 def fly(
@@ -126,10 +119,29 @@ def fly(
     drift: float = 0.0,
     searched_drift: float = 0.0,
     lost: bool = False,
+    missing: bool = False,
+    second_s: float | None = None,
     known: bool = False,
 ) -> Heard:
-    """Fly past a tag whose strongest pulse has a level."""
-    world = narrow_world(course)
+    """Fly past a tag whose strongest pulse has a level.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    course : Course
+    enr_db : float
+    drift, searched_drift : float
+        Relative change of the interval over the flight: the tag's, and the largest looked for.
+    lost : bool
+        5 % of the samples are lost, a tenth of a second at a time.
+    missing : bool
+        A fifth of the flight is, in stretches of 20 s.
+    second_s : float, optional
+        Interval of the flight's second half.
+    known : bool
+        Also judge as who knows the place.
+    """
+    world = replace(narrow_world(course), second_s=second_s)
     samples = silence(rng, course)
     truth = world.truth(rng)
     drifts = drift * rng.choice((-1.0, 1.0))
@@ -138,7 +150,11 @@ def fly(
     if lost:
         for first in rng.integers(0, len(samples) - 375, len(samples) // 7500):
             there[first : first + 375] = False
-        samples[~there] = 0.0
+    if missing:
+        for first in range(0, len(samples), round(100.0 * RATE_HZ)):
+            late = first + round(rng.uniform(0.0, 80.0) * RATE_HZ)
+            there[late : late + round(20.0 * RATE_HZ)] = False
+    samples[~there] = 0.0
     energies = world.energies(samples, there)
     train = best_train(world, energies, searched_drift)
     best = best_known(world, energies, truth, enr_db) if known else None
@@ -316,6 +332,14 @@ I3 = Experiment(
             turning(), 4.2, name=", drift 1 %", drift=0.01, searched_drift=0.01, seconds=3.0
         ),
         _curve(turning(), 3.5, name=", 5 % lost", lost=True),
+        _curve(turning(), 4.2, name=", a fifth missing, 20 s at a time", missing=True),
+        _curve(
+            turning(),
+            5.2,
+            name=", half at another rate",
+            second_s=1.1 * INTERVAL_S,
+            seconds=0.7,
+        ),
         Case(
             name="time of drift",
             trials=3,

@@ -10,7 +10,13 @@ from page_driver import Ground, Watched, colour_at
 from past_flight import PLANE, TAG, write_flight
 from playwright.sync_api import Browser, expect
 
-from uavrt.recording import IntegratedVerdict, read_flight, write_integrated
+from uavrt.recording import (
+    FlightFold,
+    IntegratedPart,
+    IntegratedVerdict,
+    read_flight,
+    write_integrated,
+)
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
 SILENT = replace(TAG, tag_id=4, name="fox", frequency_hz=148_752_000.0)
@@ -18,7 +24,7 @@ MISSING = replace(TAG, tag_id=6, name="owl", frequency_hz=148_792_000.0)
 
 
 def integrated(directory: Path) -> None:
-    """What uavrt integrate would have written of two tags: one found, one not."""
+    """What uavrt integrate would have written: one found, one in two places, one not."""
     latitude, longitude = PLANE.to_geodetic(-200.0, 150.0)
     found = IntegratedVerdict(
         tag_id=4,
@@ -45,6 +51,36 @@ def integrated(directory: Path) -> None:
         frequency_hz=148_792_000.0,
         remarks="the elevation files do not cover the flight: the ground is taken as level",
     )
+    beside = [PLANE.to_geodetic(east, 100.0) for east in (-300.0, 300.0)]
+    twice = replace(
+        found,
+        tag_id=2,
+        places=2,
+        radius95_m=2600.0,
+        parts=tuple(
+            IntegratedPart(
+                latitude_deg=float(lat),
+                longitude_deg=float(lon),
+                radius95_m=80.0,
+                probability=0.49,
+            )
+            for lat, lon in beside
+        ),
+        region95=tuple(
+            tuple(
+                (float(lat) + north, float(lon) + east)
+                for north, east in ((0, 0), (0, 1e-3), (1e-3, 1e-3), (1e-3, 0), (0, 0))
+            )
+            for lat, lon in beside
+        ),
+    )
+    fold = FlightFold(
+        tag_id=4,
+        interval_s=1.2003,
+        length_s=300.0,
+        profile=(0.0, 7.0, 0.0),
+        raster=((0.0, 5.0, 0.0), (0.0, 5.0, 0.0)),
+    )
     heard = read_flight(directory).pulse_poses[::3]
     pulses = [
         replace(
@@ -53,7 +89,7 @@ def integrated(directory: Path) -> None:
         )
         for one in heard
     ]
-    write_integrated(directory, [found, missing], pulses)
+    write_integrated(directory, [twice, found, missing], pulses, [fold])
 
 
 def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
@@ -71,13 +107,19 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
     page.locator(f'tr[data-flight="{flight}"] .open-flight').click()
     page.click("#show-after")
     verdicts = page.locator("#verdicts li")
-    expect(verdicts).to_have_count(2)
-    expect(verdicts.nth(0)).to_contain_text("Tag 4 fox found")
-    expect(verdicts.nth(0)).to_contain_text("one of 50,000 flights")
-    expect(verdicts.nth(0)).to_contain_text("24 pulses in hindsight")
-    expect(verdicts.nth(0)).to_contain_text("within 95 m")
-    expect(verdicts.nth(1)).to_contain_text("Tag 6 owl not found")
-    expect(verdicts.nth(1)).to_contain_text("do not cover the flight")
+    expect(verdicts).to_have_count(3)
+    expect(verdicts.nth(0)).to_contain_text(
+        "one of 2 places that this flight cannot tell apart"
+    )
+    expect(verdicts.nth(0)).to_contain_text("within 80 m (49")
+    expect(page.locator("#verdicts img.fold")).to_have_count(1)
+    expect(page.locator("#integrate-begin")).to_be_hidden()
+    expect(verdicts.nth(1)).to_contain_text("Tag 4 fox found")
+    expect(verdicts.nth(1)).to_contain_text("one of 50,000 flights")
+    expect(verdicts.nth(1)).to_contain_text("24 pulses in hindsight")
+    expect(verdicts.nth(1)).to_contain_text("within 95 m")
+    expect(verdicts.nth(2)).to_contain_text("Tag 6 owl not found")
+    expect(verdicts.nth(2)).to_contain_text("do not cover the flight")
     watched.picture("after")
 
     page.select_option("#silence-tag", "6")

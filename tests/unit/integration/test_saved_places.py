@@ -2,6 +2,8 @@
 
 import json
 import math
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,9 @@ from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 from tests.unit.integration.test_from_arrays_and_tracks import FIXED
 
 from uavrt.analysis import read_survey
+from uavrt.analysis.export import kml_text
 from uavrt.analysis.export.geojson import geojson_text
+from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.report.words import hindsight
 from uavrt.config import Settings
 from uavrt.errors import FormatError
@@ -99,6 +103,17 @@ def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
     layers = {one["properties"]["layer"]: one for one in features}
     both = [one for one in features if one["properties"]["layer"] == "integrated place"]
     assert len(both) == 2
+    kml = kml_text(survey)
+    for one in verdict.parts:
+        assert f"{one.longitude_deg:.8f},{one.latitude_deg:.8f}" in kml
+    assert kml.count("<LinearRing>") == len(verdict.region95)
+    write_geopackage(survey, tmp_path / "pass.gpkg")
+    with closing(sqlite3.connect(tmp_path / "pass.gpkg")) as layers_of:
+        (places,) = layers_of.execute("SELECT count(*) FROM integrated_places").fetchone()
+        (parts,) = layers_of.execute(
+            "SELECT count(*) FROM integrated_regions WHERE share = 95"
+        ).fetchone()
+    assert (places, parts) == (2, len(verdict.region95))
     (told,) = hindsight(survey, 2)
     for one in verdict.parts:
         assert f"{one.latitude_deg:.5f}, {one.longitude_deg:.5f}" in told

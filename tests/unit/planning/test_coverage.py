@@ -1,5 +1,7 @@
 """The probability that a tag is heard, at each place of a map."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -86,6 +88,19 @@ def test_an_antenna_hears_ahead_and_a_turned_one_to_that_side() -> None:
         found = coverage_of(ground, way, TAG, BUDGET, pattern=pattern_named("RA-23K"))
         behind = (60 - ahead[0], 60 - ahead[1])
         assert found.heard[ahead] > found.heard[behind] + 0.2
+
+
+def test_a_whip_does_not_hear_what_lies_below_it() -> None:
+    ground = land(np.zeros((41, 41)), cell_m=5.0)
+    weak = replace(BUDGET, tag_eirp_dbm=-75.0)
+    way = hovering(3, headings=Headings.level(np.full(3, 90.0)))
+    alike, whip = (
+        coverage_of(ground, way, TAG, weak, pattern=pattern_named(name), level_sigma_db=0.0)
+        for name in ("isotropic", "monopole")
+    )
+    assert alike.heard[20, 20] > 0.9
+    assert whip.heard[20, 20] < 0.1
+    assert whip.heard[20, 40] == pytest.approx(whip.heard[0, 20], abs=1e-6)
 
 
 def test_a_noisy_drone_hears_less() -> None:

@@ -244,28 +244,47 @@ def _positions(survey: Survey) -> list[dict[str, Any]]:
 
 def _integrated(survey: Survey) -> list[dict[str, Any]]:
     """Where whole flights place tags: each of the places, and the regions."""
-    features = []
-    for verdict in survey.verdicts:
-        tag = {"tag_id": verdict.tag_id, "places": verdict.places}
-        for part in verdict.parts:
-            place = _rounded((part.longitude_deg, part.latitude_deg))
-            properties = {
-                "layer": "integrated place",
-                **tag,
+    features = [
+        _feature("Point", _rounded(place), {"layer": "integrated place", **properties})
+        for place, properties in integrated_places(survey)
+    ]
+    for areas, properties in integrated_regions(survey):
+        told = {"layer": f"integrated {properties['share']} %", **properties}
+        rounded = [[[_rounded(point) for point in one]] for one in areas]
+        features.append(_feature("MultiPolygon", rounded, told))
+    return features
+
+
+def integrated_places(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+    """Where whole flights place tags; both places beside a straight way."""
+    return [
+        (
+            (part.longitude_deg, part.latitude_deg),
+            {
+                "tag_id": verdict.tag_id,
+                "places": verdict.places,
                 "probability": known(part.probability),
                 "radius95_m": known(part.radius95_m),
-            }
-            features.append(_feature("Point", place, properties))
+            },
+        )
+        for verdict in survey.verdicts
+        for part in verdict.parts
+    ]
+
+
+def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], dict[str, Any]]]:
+    """Rings of the regions with 50 and 95 % of whole flights, cut at the 180° meridian."""
+    regions = []
+    for verdict in survey.verdicts:
         for share, region in ((50, verdict.region50), (95, verdict.region95)):
             areas = [
-                [_rounded(point) for point in part]
+                part
                 for ring in region
                 for part in split_area_at_date_line(_counter_clockwise(ring))
             ]
-            if areas:
-                properties = {"layer": f"integrated {share} %", "share": share, **tag}
-                features.append(_feature("MultiPolygon", [[one] for one in areas], properties))
-    return features
+            told = {"share": share, "tag_id": verdict.tag_id, "places": verdict.places}
+            regions += [(areas, told)] if areas else []
+    return regions
 
 
 def _counter_clockwise(ring: Ring) -> list[Point]:

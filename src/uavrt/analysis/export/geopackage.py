@@ -2,7 +2,8 @@
 
 Layers ``pulses``, ``track``, ``bearings``, ``bearing_wedges``, ``positions``, ``regions95``
 (ellipse or circle), ``region_outlines`` (of the smallest regions with 50 and 95 %),
-``tag_tracks``, ``marks`` … Lines and areas are cut at the 180° meridian.
+``tag_tracks``, ``integrated_places`` and ``integrated_regions`` (of whole flights), ``marks``
+… Lines and areas are cut at the 180° meridian.
 A geometry is a header of 8 bytes and well-known binary, both little endian (OGC 12-128r18,
 §2.1.3)::
 
@@ -20,6 +21,8 @@ from typing import Any
 
 from uavrt.analysis.export.geojson import (
     bearing_properties,
+    integrated_places,
+    integrated_regions,
     mark_properties,
     position_properties,
     pulse_properties,
@@ -151,6 +154,10 @@ def _layers(survey: Survey) -> Iterable[tuple[str, str, list[Feature]]]:
     yield "tag_tracks", "POINT", [([place], told) for place, told in way_properties(survey)]
     yield "regions95", "POLYGON", _cut(regions, split_area_at_date_line)
     yield "region_outlines", "LINESTRING", outlines
+    found_whole = [([place], told) for place, told in integrated_places(survey)]
+    yield "integrated_places", "POINT", found_whole
+    areas = [(one, told) for rings, told in integrated_regions(survey) for one in rings]
+    yield "integrated_regions", "POLYGON", areas
     loudest = [found for one in survey.signals for found in strongest_properties(one)]
     yield "marks", "POINT", [([place], told) for place, told in mark_properties(survey)]
     yield "strongest_signal", "POINT", [([place], told) for place, told in loudest]

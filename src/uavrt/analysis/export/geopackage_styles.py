@@ -25,6 +25,8 @@ _COLOURS = {
     "tag_tracks": "179,38,30,160",
     "regions95": "179,38,30,50",
     "region_outlines": "179,38,30,255",
+    "integrated_places": "204,121,167,255",
+    "integrated_regions": "204,121,167,50",
     "marks": "0,114,178,255",
     "strongest_signal": "22,35,42,255",
 }
@@ -83,8 +85,11 @@ def qml(table: str, kind: str) -> str:
 
 
 def _shape(table: str) -> str:
-    return {"positions": "star", "strongest_signal": "cross2"}.get(table, "circle")
+    if table == "strongest_signal":
+        return "cross2"
+    return "star" if table in ("positions", "integrated_places") else "circle"
 
 
 def _size(table: str) -> str:
-    return "4" if table in ("positions", "strongest_signal") else "1.6"
+    large = ("positions", "integrated_places", "strongest_signal")
+    return "4" if table in large else "1.6"

@@ -9,7 +9,11 @@ import zipfile
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from uavrt.analysis.export.geojson import bearing_properties
+from uavrt.analysis.export.geojson import (
+    bearing_properties,
+    integrated_places,
+    integrated_regions,
+)
 from uavrt.analysis.export.png import disc, heat, png_bytes, signal
 from uavrt.analysis.export.xml_text import printable
 from uavrt.analysis.measure import (
@@ -35,6 +39,7 @@ _STYLES = {
     "wedge": ("8000a5ff", "2000a5ff", 1.0),
     "region": ("ff2828d7", "402828d7", 2.0),
     "outline": ("ff2828d7", None, 1.0),
+    "whole": ("ffa779cc", "40a779cc", 1.0),
 }
 _PICTURES = ("GroundOverlay", "Icon")
 
@@ -135,6 +140,22 @@ def _tag(document: ET.Element, survey: Survey, tag_id: int, files: dict[str, byt
     _pulses(folder, "pulses", "pulse", survey.pulses_of(tag_id))
     hindsight = [one for one in survey.integrated if one.pulse.tag_id == tag_id]
     _pulses(folder, "pulses seen in hindsight (integrated)", "integrated", hindsight)
+    _whole(folder, survey, tag_id)
+
+
+def _whole(folder: ET.Element, survey: Survey, tag_id: int) -> None:
+    """Where the whole flight places a tag: each of its places, and the region with 95 %."""
+    for place, told in integrated_places(survey):
+        if told["tag_id"] == tag_id:
+            percent = 100.0 * (told["probability"] or 0.0)
+            name = f"{survey.label(tag_id)}, whole flight, {percent:.0f} %"
+            _geometry(_placemark(folder, name, "position"), "Point", [place])
+    for rings, told in integrated_regions(survey):
+        if told["tag_id"] == tag_id and told["share"] == 95:
+            mark = _placemark(folder, f"{survey.label(tag_id)}, whole flight, 95 %", "whole")
+            several = ET.SubElement(mark, "MultiGeometry")
+            for ring in rings:
+                _polygon(several, ring)
 
 
 def _way(folder: ET.Element, name: str, position: Position) -> None:

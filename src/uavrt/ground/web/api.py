@@ -28,6 +28,7 @@ from uavrt.ground.web.coordinates import readout
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.ground.web.facts import tell_facts, told_facts
 from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
+from uavrt.ground.web.integrating import IntegrationDesk, fold_pictures
 from uavrt.ground.web.listeners import encode
 from uavrt.ground.web.reports import POLICY, Reporter
 from uavrt.ground.web.serial_ports import serial_ports
@@ -57,6 +58,7 @@ class Api:
         self._estimates: dict[tuple[Any, ...], Any] = {}
         self._reporter = Reporter(session.store.directory / "reports")
         self._silence = SilenceDesk()
+        self._integration = IntegrationDesk()
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
         """Path below ``/api``, method, handler."""
@@ -95,6 +97,8 @@ class Api:
             ("/flights/{flight_id}/track", "GET", self.track),
             ("/flights/{flight_id}/estimates", "GET", self.estimates),
             ("/flights/{flight_id}/integrated", "GET", self.integrated),
+            ("/flights/{flight_id}/integrate", "POST", self.integrate),
+            ("/flights/{flight_id}/folds", "GET", self.folds),
             ("/flights/{flight_id}/silence", "POST", self.silence),
             ("/flights/{flight_id}/absence", "POST", self.absence),
             ("/flights/{flight_id}/export/{name}", "GET", self.export),
@@ -369,6 +373,17 @@ class Api:
         """What ``uavrt integrate`` has found in a flight's samples."""
         path = await asyncio.to_thread(self._session.library.path, _flight_id(request))
         return await asyncio.to_thread(integrated_record, path)
+
+    async def integrate(self, request: Request) -> Any:
+        """Look below the noise of a whole flight, or tell how far that is."""
+        self._check_commander(request)
+        path = await asyncio.to_thread(self._session.library.path, _flight_id(request))
+        return await self._integration.answer(path, self._session.store.settings.dem)
+
+    async def folds(self, request: Request) -> Any:
+        """Pictures of a flight folded at its tags' intervals."""
+        path = await asyncio.to_thread(self._session.library.path, _flight_id(request))
+        return await asyncio.to_thread(fold_pictures, path)
 
     async def silence(self, request: Request) -> Any:
         """The map of where a tag would have been heard, or how far it is."""

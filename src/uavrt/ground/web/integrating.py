@@ -1,0 +1,94 @@
+"""Whole flights judged for the page, by ``uavrt integrate`` as a program of its own.
+
+It takes a core for seconds to a minute and up to a gigabyte, which the ground station, which
+serves pages meanwhile, does not spend itself.
+"""
+
+import asyncio
+import base64
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uavrt.analysis.export import chance, png_bytes
+from uavrt.recording import read_folds
+
+Record = dict[str, Any]
+_NONE_FOUND = 1
+"""What the program ends with where it found no tag."""
+_SIGMAS = (-1.0, 6.0)
+"""Of a fold's cells, from dark blue to yellow."""
+_LARGER = 4
+"""Points of the picture for each cell."""
+
+
+class IntegrationDesk:
+    """Judges whole flights, one at a time."""
+
+    def __init__(self) -> None:
+        self._flight: Path | None = None
+        self._work: asyncio.Task[str | None] | None = None
+
+    async def answer(self, flight: Path, dem: str) -> Record:
+        """Begin to judge a flight, or tell how that stands.
+
+        Parameters
+        ----------
+        flight : Path
+            Its directory, with the samples that it kept.
+        dem : str
+            Elevation file or folder; empty: the ground is taken as level.
+        """
+        if self._work is None:
+            self._flight = flight
+            self._work = asyncio.create_task(_judged(flight, dem))
+        await asyncio.wait([self._work], timeout=0.2)
+        if not self._work.done():
+            return {"state": "working", "flight": self._flight and self._flight.name}
+        fault, judged = self._work.result(), self._flight
+        self._work = self._flight = None
+        if judged != flight:
+            return {"state": "working", "flight": judged and judged.name}
+        return {"state": "done"} if fault is None else {"state": "failed", "error": fault}
+
+
+async def _judged(flight: Path, dem: str) -> str | None:
+    """Run the program; what went wrong, in its words."""
+    program = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "uavrt.cli", "integrate", str(flight)),
+        *(("--dem", dem) if dem else ()),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    try:
+        _, said = await program.communicate()
+    except asyncio.CancelledError:
+        program.kill()
+        raise
+    if program.returncode in (0, _NONE_FOUND):
+        return None
+    return said.decode("utf-8", "replace").strip()[-400:] or "the flight could not be judged"
+
+
+def fold_pictures(flight: Path) -> dict[str, Record]:
+    """Make pictures of a flight folded at its tags' intervals, by tag; phase to the right.
+
+    Raises
+    ------
+    FormatError
+        What lies beside the flight is damaged.
+    """
+    pictures = {}
+    for one in read_folds(flight):
+        cells = np.asarray(one.raster, np.float32)
+        if cells.ndim != 2 or not cells.size:
+            continue
+        low, high = _SIGMAS
+        share = np.clip((cells - low) / (high - low), 0.0, 1.0)
+        large = share.repeat(_LARGER, axis=0).repeat(_LARGER, axis=1)
+        picture = base64.b64encode(png_bytes(chance(large))).decode()
+        pictures[str(one.tag_id)] = {"picture": picture, "interval_s": one.interval_s}
+    return pictures
