@@ -338,9 +338,11 @@ class GroundSession:
         self.downloads.receive(frame)
         now_ns = self.clock.now_ns()
         pose = self.vehicle.receive(frame, now_ns)
+        drones_ns = now_ns - (self.skew_ns or 0)
+        self.flight.add_state(drones_ns, self.vehicle.armed, self.vehicle.landed)
         if pose is None:
             return
-        self.flight.add_pose(replace(pose, time_ns=now_ns - (self.skew_ns or 0)))
+        self.flight.add_pose(replace(pose, time_ns=drones_ns))
         if now_ns - self._last_pose_ns >= POSE_SEND_NS:
             self._last_pose_ns = now_ns
             self.hub.send("pose", pose_record(pose, now_ns))

@@ -175,7 +175,11 @@ class Estimator:
                 for number, one in heard.get(tag_id, [])
                 if (bearing := self._bearing(number, one, antenna, pattern))
             ]
-            theirs = [one for one in from_drone if one.tag_id == tag_id]
+            theirs = [
+                one
+                for one in from_drone
+                if one.tag_id == tag_id and not _on_ground(one, columns.on_ground_ns)
+            ]
             found = _with_the_drones(found, theirs, len(turns))
             bearings += [record for _, (_, record) in found]
             own[tag_id] = found
@@ -309,6 +313,12 @@ def _with_the_drones(
     return sorted(found, key=lambda item: item[0].start_time_ns)
 
 
+def _on_ground(one: LiveBearing, spans_ns: Sequence[tuple[int, int]]) -> bool:
+    """Whether a drone's bearing is of a turn on the ground, as was known only later."""
+    middle_ns = (one.start_time_ns + one.end_time_ns) // 2
+    return any(first <= middle_ns <= last for first, last in spans_ns)
+
+
 def _of_the_drone(one: LiveBearing, number: int) -> tuple[Turn, tuple[Bearing, Record]]:
     """A bearing as if it had been estimated here; its posterior is taken as von Mises."""
     turn = Turn(
@@ -346,7 +356,8 @@ def _von_mises(bearing_deg: float, sigma_deg: float) -> _Floats:
 def _pose_columns(columns: Columns) -> PoseColumns:
     """The vehicle's poses, and the pulses' own where no others are."""
     posed = np.flatnonzero(np.isfinite(columns["quaternion_w"]))
-    return _poses(columns.poses).completed(_poses(columns.pulses[_POSE_OF_PULSE], posed))
+    poses = replace(_poses(columns.poses), on_ground_ns=columns.on_ground_ns)
+    return poses.completed(_poses(columns.pulses[_POSE_OF_PULSE], posed))
 
 
 def _poses(rows: _Floats, chosen: NDArray[np.intp] | slice = slice(None)) -> PoseColumns:
