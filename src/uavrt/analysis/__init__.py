@@ -10,6 +10,7 @@ if TYPE_CHECKING:
         bearings_of_flight,
         bearings_of_pulses,
         learnt_antenna,
+        past_turns,
         pattern_of,
         read_bearings,
     )
@@ -112,6 +113,7 @@ __all__ = [
     "map_around",
     "maps_in",
     "over_ground",
+    "past_turns",
     "pattern_of",
     "plan_coverage",
     "position_of_strength",
@@ -166,6 +168,7 @@ __getattr__ = lazily(
         "TagOfFlights": "several_flights",
         "TagPosition": "positions",
         "bearings_of_flight": "bearings",
+        "past_turns": "bearings",
         "bearings_of_pulses": "bearings",
         "best_of": "coverage",
         "chance_in_words": "whole_flight",

@@ -360,9 +360,11 @@ class Api:
         key = (flight_id, summary.pulses, antenna)
         if key not in self._estimates:
             columns = await self._columns(request)
+            estimator, place = Estimator(), library.path(flight_id)
+            past = await asyncio.to_thread(estimator.past, place, antenna)
             self._estimates.clear()
             self._estimates[key] = await asyncio.to_thread(
-                Estimator().estimate, columns, antenna, (), summary.tags
+                estimator.estimate, columns, antenna, (), summary.tags, (), past
             )
         return self._estimates[key].record()
 
