@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.positions import (
         TagPosition,
         check_position_method,
+        names_of_tags,
         over_ground,
         position_of_strength,
         positions_of_bearings,
@@ -112,6 +113,7 @@ __all__ = [
     "learnt_antenna",
     "map_around",
     "maps_in",
+    "names_of_tags",
     "over_ground",
     "past_turns",
     "pattern_of",
@@ -189,6 +191,7 @@ __getattr__ = lazily(
         "maps_in": "map_files",
         "plan_coverage": "coverage",
         "position_of_strength": "positions",
+        "names_of_tags": "positions",
         "positions_of_bearings": "positions",
         "over_ground": "positions",
         "positions_of_powers": "positions",

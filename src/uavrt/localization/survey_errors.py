@@ -301,7 +301,7 @@ class SurveyEvidence:
         innovation, sigma = _unlike_neighbours(residual)
         own = np.exp(-0.5 * (innovation / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
         odd = (1.0 - FOREIGN_SHARE) * own < FOREIGN_SHARE / _ANY_DB
-        found = []
+        found: list[NDArray[np.bool_]] = []
         if self._over_hills is None and np.all(heard):
             mixed = np.log((1.0 - FOREIGN_SHARE) * own + FOREIGN_SHARE / _ANY_DB).sum(axis=1)
             near_best = np.flatnonzero(mixed > mixed.max() - _RIVALS_NATS)
@@ -351,7 +351,7 @@ class SurveyEvidence:
             variance = float(weight @ (shifts - mean) ** 2)
         nodes = max(variance**0.5, _LEAST_SIGMA_M) * _NODES
         nodes += max(mean, lowest - float(nodes[0]))
-        return nodes
+        return np.asarray(nodes)
 
     def _weights(self, shifts_m: _Floats, place: tuple[float, float], step_m: float) -> _Floats:
         """(shifts,) probability of each, over the places around one."""
