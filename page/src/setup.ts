@@ -48,6 +48,8 @@ let changed = false;
 let begun = "";
 let choices: Choices | null = null;
 let checking = 0;
+/** Tags not flown with, as an imported file says; kept when the table is saved. */
+let leftOut: number[] | null = null;
 
 export function buildSetup(): void {
   fill(
@@ -196,20 +198,31 @@ function kindChoice(field: Field, row: TagRow, place: number): HTMLElement {
 /** Whether a tag is searched for in the next flight; the table keeps it in any case. */
 function flyBox(row: TagRow): HTMLElement {
   const id = Number(row.id);
-  const out = store.settings?.left_out ?? [];
   const box = h("input", {
     type: "checkbox",
     class: "fly-tag",
     "aria-label": `Search for tag ${row.id}`,
-    checked: !out.includes(id),
+    checked: !notFlown().includes(id),
     onchange: () => {
-      const others = (store.settings?.left_out ?? []).filter((one) => one !== id);
-      void send("PUT", "/settings", { left_out: box.checked ? others : [...others, id] }).catch((error: unknown) =>
-        toast(error instanceof Error ? error.message : "the server cannot be reached", 3),
-      );
+      const others = notFlown().filter((one) => one !== id);
+      const out = box.checked ? others : [...others, id];
+      if (leftOut) leftOut = out;
+      else void keepLeftOut(out);
     },
   });
   return box;
+}
+
+function notFlown(): number[] {
+  return leftOut ?? store.settings?.left_out ?? [];
+}
+
+async function keepLeftOut(out: number[]): Promise<void> {
+  try {
+    store.settings = await send<Settings>("PUT", "/settings", { left_out: out });
+  } catch (error) {
+    toast(error instanceof Error ? error.message : "the server cannot be reached", 3);
+  }
 }
 
 function remove(place: number): void {
@@ -242,6 +255,7 @@ function drawConflict(): void {
 
 function takeTheirs(): void {
   changed = false;
+  leftOut = null;
   checking += 1;
   begun = store.tagsVersion;
   rows = structuredClone(store.tags);
@@ -271,6 +285,8 @@ export async function save(): Promise<boolean> {
     begun = answer.version;
     faults = [];
     changed = false;
+    if (leftOut) await keepLeftOut(leftOut);
+    leftOut = null;
     say(by("tag-state"), "saved");
     draw();
     drawConflict();
@@ -329,11 +345,14 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
   for (const file of input.files ?? []) files[file.name] = await file.text();
   input.value = "";
   try {
-    const answer = await send<{ rows: TagRow[] }>("POST", "/tags/import", files);
+    const answer = await send<{ rows: TagRow[]; left_out: number[] | null }>("POST", "/tags/import", files);
     rows = answer.rows;
+    leftOut = answer.left_out;
     touched();
     draw();
-    toast(`${rows.length} tags read; look at them, then save`, 6);
+    if (leftOut?.length) {
+      toast(`${rows.length} tags read; look at them, then save. Not selected in the file, so left out of this flight: ${leftOut.join(", ")}`, 4);
+    } else toast(`${rows.length} tags read; look at them, then save`, 6);
   } catch (error) {
     say(by("tag-fault"), error instanceof ApiError ? error.message : "the server cannot be reached");
   }

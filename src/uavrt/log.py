@@ -74,7 +74,7 @@ class Logger:
             Of this one.
         """
         if count.bit_count() == 1:
-            self.log(logging.WARNING, event, count=count, **facts)
+            self.log(logging.WARNING, event, times=count, **facts)
 
     def error(self, event: str, **facts: Any) -> None:
         """Log what does not work."""
@@ -132,11 +132,19 @@ def _json(level: str, event: str, facts: dict[str, Any]) -> str:
     )
 
 
+def in_words(event: str, facts: dict[str, Any]) -> str:
+    """Say an event and its facts to people: ``3 samples lost (in all 7)``."""
+    told = dict(facts)
+    count = told.pop("count", None)
+    text = event if count is None else f"{count} {event}"
+    details = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in told.items())
+    return f"{text} ({details})" if details else text
+
+
 def _text(level: str, event: str, facts: dict[str, Any]) -> str:
-    details = " ".join(f"{name}={value}" for name, value in facts.items())
     return (
         f"\x1b[2m{iso_utc(wall_ns())}\x1b[0m \x1b[{_COLOURS.get(level, '0')}m{level:<8}\x1b[0m "
-        f"{_sink.process}: {event} {details}".rstrip()
+        f"{_sink.process}: {in_words(event, facts)}"
     )
 
 

@@ -353,6 +353,14 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
     return found
 
 
+def names_of_tags(paths: Sequence[str | os.PathLike[str]]) -> dict[int, str | None]:
+    """Names that flights, those in folders too, list of their tags; none of logs and tables."""
+    flights = [
+        one for given in paths for one in (pulse_logs_in(given) if Path(given).is_dir() else ())
+    ]
+    return {tag.tag_id: tag.name for path in flights for tag in tags_of(path) if tag.name}
+
+
 def tags_of(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
     """The tags that a flight directory lists; none for a log."""
     inside = FlightLayout(Path(path)).database.is_file()

@@ -14,6 +14,7 @@ from uavrt.analysis import (
     bearings_of_pulses,
     flight_antenna,
     over_ground,
+    past_turns,
     positions_of_bearings,
     positions_of_powers,
 )
@@ -245,7 +246,13 @@ def _located(
         )
         return [], positions
     if flight is not None:
-        bearings = bearings_of_flight(flight, antenna=antenna, offset_deg=how.offset_deg)
+        past = past_turns(flight, antenna, how.offset_deg)
+        bearings = bearings_of_flight(
+            flight,
+            antenna=antenna,
+            offset_deg=how.offset_deg,
+            past=[one for turns in past for one in turns],
+        )
     else:
         bearings = bearings_of_pulses(posed, antenna=antenna, offset_deg=how.offset_deg)
     if "localize" not in task.steps:

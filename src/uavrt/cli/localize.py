@@ -32,6 +32,7 @@ def localize(
     height_error: MetresOfError = 7.0,
     dem: Path | None = None,
     sea: Annotated[bool, Parameter(negative="")] = False,
+    tags: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Estimate where each tag is, from bearings or, with a monopole, from signal strength.
@@ -68,15 +69,19 @@ def localize(
         and explain silence. Without it the ground is taken as level.
     sea
         Take ground that no elevation file covers for water at height 0.
+    tags
+        Tag file with the tags' names (tags.toml), for logs; a flight knows its own.
     as_json
         Print a list of objects.
     """
-    from uavrt.analysis import read_positions
+    from uavrt.analysis import names_of_tags, read_positions
     from uavrt.analysis.measure import antenna_named
+    from uavrt.config import read_tags
 
     if not flights:
         raise ConfigError("no flight was named", remedy="Name a flight or a log")
     require_content(flights)
+    names = {} if tags is None else {tag.tag_id: tag.name for tag in read_tags(tags)}
     found = read_positions(
         *flights,
         method=method,  # type: ignore[arg-type]
@@ -88,24 +93,26 @@ def localize(
         height_sigma_m=height_error,
         elevation=elevation_of(dem, sea=sea),
     )
+    names = names_of_tags(flights) | names
     if as_json:
         for one in found:
             if one.position is None:
-                print(f"uavrt: {_sentence(one)}", file=sys.stderr)
-        print(json.dumps([_record(one) for one in found if one.position], indent=2))
+                print(f"uavrt: {_sentence(one, names)}", file=sys.stderr)
+        print(json.dumps([_record(one, names) for one in found if one.position], indent=2))
         return
     for one in found:
-        print(_sentence(one))
+        print(_sentence(one, names))
     if not found:
         print(f"{', '.join(map(str, flights))}: no bearings")
 
 
-def _record(one: "TagPosition") -> dict[str, Any]:
+def _record(one: "TagPosition", names: dict[int, str | None]) -> dict[str, Any]:
     found = one.position
     assert found is not None
     ellipse = found.ellipse95
     return {
         "tag_id": one.tag_id,
+        "name": names.get(one.tag_id),
         "method": found.method,
         "latitude_deg": found.latitude_deg,
         "longitude_deg": found.longitude_deg,
@@ -143,13 +150,14 @@ def _record(one: "TagPosition") -> dict[str, Any]:
     }
 
 
-def _sentence(one: "TagPosition") -> str:
+def _sentence(one: "TagPosition", names: dict[int, str | None]) -> str:
     from uavrt.analysis.measure import straight_walk
 
-    found = one.position
+    found, name = one.position, names.get(one.tag_id)
+    tag = f"tag {one.tag_id} ({name})" if name else f"tag {one.tag_id}"
     if found is None:
-        return f"tag {one.tag_id}: no position: {one.reason}"
-    text = f"tag {one.tag_id}: {found.latitude_deg:.5f}, {found.longitude_deg:.5f}"
+        return f"{tag}: no position: {one.reason}"
+    text = f"{tag}: {found.latitude_deg:.5f}, {found.longitude_deg:.5f}"
     if found.radius50_m is not None and found.radius95_m is not None:
         text += f", within {found.radius50_m:.0f} m (50 %), {found.radius95_m:.0f} m (95 %)"
     if found.stations:

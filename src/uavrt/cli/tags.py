@@ -40,6 +40,7 @@ def check(file: Path) -> None:
     found = _read(file).tags
     for tag in found:
         print(_sentence(tag))
+    _tell_unselected(file)
     for warning in _likenesses(found):
         print(f"warning: {warning}")
     print(f"{file}: {len(found)} tag(s), no fault")
@@ -72,6 +73,7 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
         print(f"The names of {named} tag(s) are left out: TagInfo.txt has no place for them")
     if known.operating_modes:
         print("Channel, operating mode and excluded stretches are left out: no place for them")
+    _tell_unselected(source)
 
 
 def _read(path: Path) -> "TagSource":
@@ -92,6 +94,14 @@ def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
     """Tags of TagTracker's ``TagInfo.db``, with the ``TagManufacturer.db`` beside it."""
     from uavrt.ground.web import import_rows, tags_from_rows
 
+    found, faults = tags_from_rows(import_rows(_databases(path)))
+    if faults:
+        raise TagFileError(str(path), [one.text for one in faults])
+    return found
+
+
+def _databases(path: Path) -> dict[str, str]:
+    """Texts of a ``TagInfo.db`` and the ``TagManufacturer.db`` beside it, by their names."""
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):
         try:
@@ -101,10 +111,20 @@ def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
                 f"cannot read {one}: {error.strerror}",
                 remedy="TagTracker keeps TagInfo.db and TagManufacturer.db together",
             ) from error
-    found, faults = tags_from_rows(import_rows(files))
-    if faults:
-        raise TagFileError(str(path), [one.text for one in faults])
-    return found
+    return files
+
+
+def _tell_unselected(path: Path) -> None:
+    """Say which tags TagTracker does not search for: our tag files have no such mark."""
+    from uavrt.ground.web import not_selected
+
+    left_out = not_selected(_databases(path)) if path.suffix.lower() == ".db" else None
+    for number in left_out or ():
+        print(
+            f"warning: tag {number} is not selected in TagTracker, but a tag file searches for "
+            "all of its tags: take its line out, or import on the page, which leaves it out of "
+            "the flight"
+        )
 
 
 @tags.command(help_epilogue=examples("tags measure"))

@@ -52,6 +52,7 @@ from uavrt.ground.web import (
     snapshot,
     table_version,
 )
+from uavrt.localization import HeardInTurn
 from uavrt.log import get_logger
 from uavrt.mavlink import Frame
 from uavrt.messages import (
@@ -338,9 +339,11 @@ class GroundSession:
         self.downloads.receive(frame)
         now_ns = self.clock.now_ns()
         pose = self.vehicle.receive(frame, now_ns)
+        drones_ns = now_ns - (self.skew_ns or 0)
+        self.flight.add_state(drones_ns, self.vehicle.armed, self.vehicle.landed)
         if pose is None:
             return
-        self.flight.add_pose(replace(pose, time_ns=now_ns - (self.skew_ns or 0)))
+        self.flight.add_pose(replace(pose, time_ns=drones_ns))
         if now_ns - self._last_pose_ns >= POSE_SEND_NS:
             self._last_pose_ns = now_ns
             self.hub.send("pose", pose_record(pose, now_ns))
@@ -586,14 +589,20 @@ class GroundSession:
         columns = self.flight.columns()
         flight_id = self.flight.flight_id
         begun_s = monotonic_s()
+        antenna, estimator = self.store.settings.antenna_choice, self._estimator
+        past: Sequence[HeardInTurn] = ()
         try:
+            if flight_id is not None:
+                place = self.store.directory / flight_id
+                past = await asyncio.to_thread(estimator.past, place, antenna)
             found = await asyncio.to_thread(
-                self._estimator.estimate,
+                estimator.estimate,
                 columns,
-                self.store.settings.antenna_choice,
+                antenna,
                 tuple(self.drone_bearings.values()),
                 self.sent_tags,
                 [one.estimates.found for one in self.companions],
+                past,
             )
         except UavrtError as error:
             log.warning("no estimate", reason=str(error))

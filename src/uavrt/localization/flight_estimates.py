@@ -323,8 +323,8 @@ def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArr
 
 def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:
     """Find the turns of a flight, and the one that goes on, if any."""
-    if len(poses.time_ns) < 4:
-        return []
+    if len(poses.time_ns) < 4 or poses.on_ground.all():
+        return []  # what flew before is not among these poses any more
     slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS
     _, kept = np.unique(slots, return_index=True)
     every = find_turns(

@@ -210,11 +210,11 @@ def _told(radius95_m: float, widenings: tuple[Widening, ...]) -> str:
     least_m = max(_TOLD_M, _TOLD_SHARE * radius95_m)
     wider = [one for one in widenings if one.by_m >= least_m]
     narrower = [one for one in widenings if one.by_m <= -least_m]
-    parts = [f"{one.text} widens it by {one.by_m:.0f} m" for one in wider[:1]]
-    parts += [f"{one.text} by {one.by_m:.0f} m" for one in wider[1:]]
+    parts = [f"{one.by_m:.0f} m of it allow for {one.text}" for one in wider[:1]]
+    parts += [f"{one.by_m:.0f} m for {one.text}" for one in wider[1:]]
     parts += [
         f"without {one.text} it would be {one.radius95_without_m:.0f} m" for one in narrower
     ]
     if not parts:
-        parts.append(f"{' or '.join(one.text for one in widenings)} does not widen it")
+        parts.append(f"{' or '.join(one.text for one in widenings)} adds nothing to it")
     return f"95 % radius {radius95_m:.0f} m: " + ", ".join(parts)

@@ -7,6 +7,7 @@ reweighted) finds the place roughly, and what lies far outside the others' scatt
 out, and counted.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +43,14 @@ _LEAST_BEND, _FARTHEST = 0.05, 2.0
 FOREIGN_SHARE = 0.02
 """Of the pulses, beforehand; each as probable at any strength within 60 dB."""
 _ANY_DB = 60.0
+_LOG_FOREIGN = float(np.log(FOREIGN_SHARE / _ANY_DB))
+_LOG_OWN = float(np.log(1.0 - FOREIGN_SHARE))
+_MOST_READINGS = 4
+"""Choices of foreign pulses that are weighed against each other …"""
+_NO_MATTER_NATS = 6.0
+"""… none of them so much less probable than the best."""
+_ALIKE = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of its neighbours' fading that a pulse may have."""
 _MOST_FOREIGN = 0.25
 """Where more do not fit, the model does not, and nothing is left out."""
 _LEAST_PULSES = 20
@@ -116,18 +125,26 @@ class SurveyEvidence:
         heard = ~np.isnan(track.snr_db)
         if over_hills is not None or not np.all(heard):
             self._correlation = self._lasting()
-        self._heights = [self._evidence(0.0)]
-        self._log_prior = np.zeros(1)
-        if int(heard.sum()) < _LEAST_PULSES:
-            return
-        place, spread_m, shift_m = self._roughly(heard)
-        if errors.foreign_pulses:
-            self.kept = ~heard | ~self._foreign(heard, place, spread_m, shift_m)
-            self._heights = [self._evidence(0.0)]
-        # What is made of misses compares places, but not heights: a flight whose heights
-        # were true, with half of its pulses missed, was taken for one 30 m lower.
-        if errors.height_sigma_m > 0.0 and np.mean(heard) >= _HEARD_SHARE:
-            self._weigh_heights(place, spread_m)
+        shifts_m, self._log_prior = np.zeros(1), np.zeros(1)
+        readings = [self.kept]
+        if int(heard.sum()) >= _LEAST_PULSES:
+            place, spread_m, shift_m = self._roughly(heard)
+            if errors.foreign_pulses:
+                readings = self._readings(heard, place, spread_m, shift_m)
+                self.kept = readings[0]
+            # What is made of misses compares places, but not heights: a flight whose heights
+            # were true, with half of its pulses missed, was taken for one 30 m lower.
+            if errors.height_sigma_m > 0.0 and np.mean(heard) >= _HEARD_SHARE:
+                shifts_m = self._weigh_heights(place, spread_m)
+                self._log_prior = self._log_prior_of(shifts_m)
+        self._read = [
+            (
+                [self._evidence(float(shift), kept) for shift in shifts_m],
+                _log_prior_of_reading(kept),
+            )
+            for kept in readings
+        ]
+        """Evidences of the heights for each choice of what is left out, and its prior."""
 
     @property
     def foreign(self) -> int:
@@ -137,11 +154,17 @@ class SurveyEvidence:
     def fit(self, east_m: _Floats, north_m: _Floats) -> PowerFit:
         """Fit level and exponent at each of some places (places,)."""
         if self._over_hills is None:
-            return self._fit_heights(self._heights, east_m, north_m)
+            return _over_readings(
+                [
+                    (self._fit_heights(heights, east_m, north_m), log_prior)
+                    for heights, log_prior in self._read
+                ]
+            )
         score = np.full(len(east_m), -np.inf)
         middle = None
+        ((own, _),) = self._read
         for factor, share in FACTORS:
-            heights = [one.losing(factor) for one in self._heights]
+            heights = [one.losing(factor) for one in own]
             found = self._fit_heights(heights, east_m, north_m)
             score = np.logaddexp(score, found.log_likelihood + np.log(share))
             middle = found if factor == 1.0 else middle
@@ -162,19 +185,19 @@ class SurveyEvidence:
             exponent=np.take_along_axis(np.stack([o.exponent for o in fits]), best, 0)[0],
         )
 
-    def _evidence(self, shift_m: float) -> PowerEvidence:
-        kept = self._track.chosen(self.kept)
-        height_m = np.maximum(kept.height_m + shift_m, _LEAST_HEIGHT_M)
-        raised = replace(kept, height_m=height_m)
+    def _evidence(self, shift_m: float, kept: NDArray[np.bool_] | None = None) -> PowerEvidence:
+        kept = self.kept if kept is None else kept
+        track = self._track.chosen(kept)
+        height_m = np.maximum(track.height_m + shift_m, _LEAST_HEIGHT_M)
         over = self._over_hills
         return PowerEvidence(
-            self._east_m[self.kept],
-            self._north_m[self.kept],
-            raised,
+            self._east_m[kept],
+            self._north_m[kept],
+            replace(track, height_m=height_m),
             self._propagation,
             lasting=self._errors.lasting_fading,
             correlation=self._correlation,
-            over_hills=None if over is None else over.chosen(self.kept),
+            over_hills=None if over is None else over.chosen(kept),
         )
 
     def _lasting(self) -> float:
@@ -251,32 +274,67 @@ class SurveyEvidence:
         score = -z.shape[1] * np.log(scale) - 0.5 * (_FREEDOM + 1.0) * law.sum(axis=1)
         return residual, scale, score
 
-    def _foreign(
+    def _readings(
         self,
         heard: NDArray[np.bool_],
         place: tuple[float, float],
         step_m: float,
         shift_m: float,
-    ) -> NDArray[np.bool_]:
-        """(n,) pulses that are rather someone else's than so far from the others.
+    ) -> list[NDArray[np.bool_]]:
+        """Choices of what is kept (n,), the most probable first.
 
-        Wherever the tag may be around the rough place: a pulse that is odd there, and not at
-        the mirror image across a line of the survey, tells the one from the other.
+        Left out are pulses that are rather someone else's than so far from the others. Which
+        those are depends on the place: right beneath the drone a monopole hears nothing, and a
+        weak pulse of someone else's looks as if the tag were there. So places around the rough
+        one, and those beneath weak pulses, each tell what is odd there. Where pulses were
+        missed, or over hills, likelihoods of different pulses do not compare: then only what
+        is odd at all of those places is left out.
         """
         off = np.linspace(-_RIVALS_REACH * step_m, _RIVALS_REACH * step_m, _RIVALS_CELLS)
         north, east = (one.ravel() for one in np.meshgrid(place[1] + off, place[0] + off))
+        near = np.hypot(self._east_m - place[0], self._north_m - place[1])
+        beneath = heard & (near <= _RIVALS_REACH * step_m)
+        east = np.concatenate([east, self._east_m[beneath]])
+        north = np.concatenate([north, self._north_m[beneath]])
         residual, _, score = self._robust(east, north, heard, shift_m)
         residual = residual[score > score.max() - _RIVALS_NATS]
-        off_middle = np.abs(residual - np.median(residual, axis=1)[:, None])
-        sigma = np.maximum(1.4826 * np.median(off_middle, axis=1), 1.0)[:, None]
-        own = np.exp(-0.5 * (residual / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
-        odd = np.all((1.0 - FOREIGN_SHARE) * own < FOREIGN_SHARE / _ANY_DB, axis=0)
-        found = np.zeros(len(heard), bool)
-        if np.mean(odd) <= _MOST_FOREIGN:
-            found[np.flatnonzero(heard)[odd]] = True
-        return found
+        innovation, sigma = _unlike_neighbours(residual)
+        own = np.exp(-0.5 * (innovation / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
+        odd = (1.0 - FOREIGN_SHARE) * own < FOREIGN_SHARE / _ANY_DB
+        found: list[NDArray[np.bool_]] = []
+        if self._over_hills is None and np.all(heard):
+            mixed = np.log((1.0 - FOREIGN_SHARE) * own + FOREIGN_SHARE / _ANY_DB).sum(axis=1)
+            near_best = np.flatnonzero(mixed > mixed.max() - _RIVALS_NATS)
+            for number in near_best[np.argsort(-mixed[near_best], kind="stable")]:
+                if not any(np.array_equal(odd[number], one) for one in found):
+                    found.append(odd[number])
+                if len(found) == _MOST_READINGS:
+                    break
+        else:
+            found.append(np.all(odd, axis=0))
+        readings = []
+        for one in found:
+            if np.mean(one) <= _MOST_FOREIGN:
+                kept = np.ones(len(heard), bool)
+                kept[np.flatnonzero(heard)[one]] = False
+                readings.append(kept)
+        if len(readings) > 1:
+            near_best = score > score.max() - _RIVALS_NATS
+            weighed = [
+                np.logaddexp.reduce(
+                    self._evidence(shift_m, kept)
+                    .fit(east[near_best], north[near_best])
+                    .log_likelihood
+                )
+                + _log_prior_of_reading(kept)
+                for kept in readings
+            ]
+            order = np.argsort(weighed)[::-1]
+            least = max(weighed) - _NO_MATTER_NATS
+            readings = [readings[number] for number in order if weighed[number] >= least]
+        return readings or [np.ones(len(heard), bool)]
 
-    def _weigh_heights(self, place: tuple[float, float], step_m: float) -> None:
+    def _weigh_heights(self, place: tuple[float, float], step_m: float) -> _Floats:
         """Find how the height may be wrong, and three heights that stand for that."""
         shifts = np.array(self._shifts())
         weight = self._weights(shifts, place, step_m)
@@ -293,8 +351,7 @@ class SurveyEvidence:
             variance = float(weight @ (shifts - mean) ** 2)
         nodes = max(variance**0.5, _LEAST_SIGMA_M) * _NODES
         nodes += max(mean, lowest - float(nodes[0]))
-        self._heights = [self._evidence(float(shift)) for shift in nodes]
-        self._log_prior = self._log_prior_of(nodes)
+        return np.asarray(nodes)
 
     def _weights(self, shifts_m: _Floats, place: tuple[float, float], step_m: float) -> _Floats:
         """(shifts,) probability of each, over the places around one."""
@@ -331,6 +388,43 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
         )
         found.append(Caution(name="foreign", text=text))
     return tuple(found)
+
+
+def _log_prior_of_reading(kept: NDArray[np.bool_]) -> float:
+    """Of a choice of pulses (n,) that are kept, the others being anyone's of any strength."""
+    return float(np.sum(~kept)) * _LOG_FOREIGN + float(np.sum(kept)) * _LOG_OWN
+
+
+def _unlike_neighbours(residual: _Floats) -> tuple[_Floats, _Floats]:
+    """How far pulses are from what their neighbours say, (places, n), and how far usually.
+
+    Fading that lasts makes neighbours alike: beside them a pulse is odd that would be usual
+    anywhere else. Medians, which one odd neighbour does not move, tell how alike they are.
+    """
+    padded = np.pad(residual, ((0, 0), (2, 2)), mode="reflect")
+    count = residual.shape[1]
+    around = np.stack([padded[:, first : first + count] for first in (0, 1, 3, 4)])
+    around = np.sort(around, axis=0)
+    level = 0.5 * (around[1] + around[2])
+    middle = np.median(residual, axis=1)[:, None]
+    each = np.stack([residual - middle - alike * (level - middle) for alike in _ALIKE])
+    size = 1.4826 * np.median(np.abs(each), axis=2)
+    best = np.argmin(size, axis=0)
+    places = np.arange(len(residual))
+    return each[best, places], np.maximum(size[best, places], 1.0)[:, None]
+
+
+def _over_readings(fits: Sequence[tuple[PowerFit, float]]) -> PowerFit:
+    """Sum the likelihood over choices of what is left out; level and exponent of the best."""
+    if len(fits) == 1:
+        return fits[0][0]
+    score = np.stack([fit.log_likelihood + log_prior for fit, log_prior in fits])
+    best = np.argmax(score, axis=0)[None]
+    return PowerFit(
+        log_likelihood=np.logaddexp.reduce(score),
+        level_db=np.take_along_axis(np.stack([o.level_db for o, _ in fits]), best, 0)[0],
+        exponent=np.take_along_axis(np.stack([o.exponent for o, _ in fits]), best, 0)[0],
+    )
 
 
 def _over_heights(score: _Floats) -> _Floats:

@@ -12,7 +12,8 @@ from uavrt.errors import UsageError
 from uavrt.ipc import ProcessFrame
 from uavrt.localization.bearing import LiveBearings
 from uavrt.log import get_logger
-from uavrt.messages import FlightInfo, LiveBearing, Poses, PulsePose
+from uavrt.messages import FlightInfo, Health, LiveBearing, Poses, PulsePose
+from uavrt.on_ground import told_of_ground
 from uavrt.units import ns_from_s
 
 log = get_logger()
@@ -96,6 +97,8 @@ class Estimation:
                 self._new = True
             case Poses():
                 self._stage.add_poses(record.poses)
+            case Health(process="connection"):
+                self._stage.add_state(record.time_ns, *told_of_ground(record))
             case FlightInfo() if topic == "flight":
                 self._stage.begin(record.tags)
                 self._outgoing.clear()

@@ -6,7 +6,7 @@ from carrying by it.
 """
 
 from uavrt.messages import Health
-from uavrt.recording import told_of_ground
+from uavrt.on_ground import told_of_ground
 from uavrt.units import ns_from_s
 
 PERIOD_NS = ns_from_s(30.0)

@@ -194,9 +194,9 @@ class Placer:
             log.warning(
                 "samples lost",
                 count=self._unsaid,
-                before_index=self.index,
-                total=self.lost,
-                rate_or_loss=self.unsure,
+                before_sample=self.index,
+                lost_in_all=self.lost,
+                perhaps_the_clocks_rate=self.unsure,
             )
             self._unsaid = 0
             self._say_again = self.index + round(_LOG_S * self._rate_hz)

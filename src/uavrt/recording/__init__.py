@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         read_search_notes,
         read_search_reports,
         read_stops,
+        told_in,
     )
     from uavrt.recording.flight_recorder import FlightRecorder
     from uavrt.recording.heard import heard_tags
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
     )
     from uavrt.recording.iq_recorder import IQRecorder
     from uavrt.recording.layout import FlightLayout, new_flight_directory, require_writable
-    from uavrt.recording.on_ground import spans_on_ground, told_of_ground
     from uavrt.recording.outline import (
         FlightOutline,
         HeardTag,
@@ -143,9 +143,8 @@ __all__ = [
     "read_search_reports",
     "read_stops",
     "require_writable",
-    "spans_on_ground",
     "tag_from_row",
-    "told_of_ground",
+    "told_in",
     "undelivered",
     "vehicle_note",
     "vehicle_of",
@@ -156,8 +155,6 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "spans_on_ground": "on_ground",
-        "told_of_ground": "on_ground",
         "FlightOutline": "outline",
         "HeardTag": "outline",
         "battery_note": "outline",
@@ -216,6 +213,7 @@ __getattr__ = lazily(
         "read_search_notes": "flight_reader",
         "read_search_reports": "flight_reader",
         "read_stops": "flight_reader",
+        "told_in": "flight_reader",
         "require_writable": "layout",
         "tag_from_row": "schema",
         "undelivered": "spool",

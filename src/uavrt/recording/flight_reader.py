@@ -19,9 +19,9 @@ from uavrt.messages import (
     SearchReport,
     StatusText,
 )
+from uavrt.on_ground import GROUND_STATION, ToldStates, told_of_ground
 from uavrt.recording import schema
 from uavrt.recording.layout import FlightLayout
-from uavrt.recording.on_ground import spans_on_ground, told_of_ground
 from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
 from uavrt.recording.tag_names import tags_with_names
@@ -86,21 +86,21 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
             notes=tuple(
                 database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
             ),
-            on_ground_ns=_on_ground(database),
+            on_ground_ns=told_in(database).spans(),
         )
 
 
-def _on_ground(database: sqlite3.Connection) -> tuple[tuple[int, int], ...]:
-    """When the vehicle stood on the ground, by what the connection heard of the autopilot."""
+def told_in(database: sqlite3.Connection) -> ToldStates:
+    """What the autopilot told of arming and landing, to the drone or to the ground station."""
     rows = database.execute(
         "SELECT time_ns, process, status, ok, counters FROM health"
-        " WHERE process = 'connection' ORDER BY time_ns"
+        " WHERE process IN ('connection', ?) ORDER BY time_ns",
+        (GROUND_STATION,),
     )
-    told = [(one.time_ns, *told_of_ground(one)) for one in map(schema.health_from_row, rows)]
-    return spans_on_ground(
-        [(time_ns, bool(armed)) for time_ns, armed, _ in told if armed is not None],
-        [(time_ns, bool(landed)) for time_ns, _, landed in told if landed is not None],
-    )
+    told = ToldStates()
+    for one in map(schema.health_from_row, rows):
+        told.add(one.time_ns, *told_of_ground(one))
+    return told
 
 
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:

@@ -118,8 +118,9 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
     drone = willing(port)
-    tags = tmp_path / "TagInfo.txt"
-    tags.write_text("4, otter, 148700000, 1333, 2000, 15, 60, 20, 3, 0.01\n", encoding="utf-8")
+    tags, makers = tmp_path / "TagInfo.db", tmp_path / "TagManufacturer.db"
+    tags.write_text("1, 4, otter, 1, 148.7\n0, 6, stoat, 1, 148.72\n", encoding="utf-8")
+    makers.write_text("1, Two, 1333, 2000, Moving, Resting, 15, 60, 20\n", encoding="utf-8")
     write_map(tmp_path / "valley.mbtiles")
     watched = Watched(browser, ground.address, color_scheme="light")
     page, hand = watched.page, Hand(watched.page)
@@ -138,9 +139,14 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     hand.click("#tag-save")
     expect(page.locator("#tag-state")).to_have_text("saved")
     took["enter a tag"] = hand.took()
-    hand.give("#tag-import", tags)
+    hand.give("#tag-import", tags, makers)
+    expect(page.locator(".toast").last).to_contain_text("left out of this flight: 6")
     hand.click("#tag-save")
     expect(page.locator("#tag-state")).to_have_text("saved")
+    assert page.locator(".fly-tag").evaluate_all("all => all.map(one => one.checked)") == [
+        True,
+        False,
+    ]
     took["import tags"] = hand.took()
     hand.choose("#set-antenna", "H")
     page.wait_for_function("() => window.uavrt.store.settings.antenna === 'H'")

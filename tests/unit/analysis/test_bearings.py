@@ -282,7 +282,11 @@ def test_the_commands_print_lists_for_other_programs(tmp_path: Path) -> None:
 def test_localize_says_what_the_shared_errors_do_to_the_circle(tmp_path: Path) -> None:
     path = tmp_path / "bearings.csv"
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
-    told = uavrt("localize", str(path))
+    listed = tmp_path / "TagInfo.txt"
+    listed.write_text("2, lynx, 148700000, 1254, 0, 20, 60, 10, 3, 0.01\n", encoding="utf-8")
+    told = uavrt("localize", str(path), "--tags", str(listed))
+    assert "tag 2 (lynx): " in told
+    assert "tag 7: " in told
     assert "cannot be checked" in told
     assert "95 % radius" in told
     assert "the common heading error of 1.5°" in told

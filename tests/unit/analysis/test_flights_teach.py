@@ -10,11 +10,14 @@ from pulses import pulse_at
 
 from uavrt.analysis.bearings import TagBearing, read_bearings, read_bearings_together
 from uavrt.analysis.positions import read_positions
+from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.config import Settings
+from uavrt.ground.store.estimates import AntennaChoice, Estimator
+from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
 from uavrt.messages import FlightInfo, Pose, Poses, PulsePose, Tag
-from uavrt.recording import FlightRecorder, PulseWriter, vehicle_note
+from uavrt.recording import FlightRecorder, PulseWriter, read_flight, vehicle_note
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9
@@ -144,6 +147,38 @@ def test_past_flights_of_the_same_drone_teach_a_flight_of_two_turns(tmp_path: Pa
     other = as_flight(tmp_path, 4, 7)
     assert not clear(read_bearings(other, warn=told.append), 2)
     assert len(told) == 1
+
+
+def test_batch_and_page_are_taught_by_past_flights_as_the_command_line_is(
+    tmp_path: Path,
+) -> None:
+    *_, last = [as_flight(tmp_path, number, 1) for number in range(3)]
+    told = [one.bearing.interval90_deg for one in read_bearings(last)]
+    task = FlightTask(
+        path=str(last),
+        flight=last.name,
+        key="",
+        is_flight=True,
+        searched=(),
+        tags=(),
+        track=None,
+        clock_offset_s=None,
+        steps=("bearing",),
+        settings=PlacingSettings(),
+    )
+    result = task.work(lambda: False, lambda _done: None)
+    assert result is not None
+    assert [(one.interval90_from_deg, one.interval90_to_deg) for one in result.bearings] == told
+    estimator, antenna = Estimator(), AntennaChoice()
+    columns, listed = FlightLibrary(tmp_path).columns(last.name), read_flight(last).info.tags
+    page = estimator.estimate(
+        columns, antenna, (), listed, past=estimator.past(last, antenna)
+    ).bearings
+    for one, arc in zip(page, told, strict=True):
+        assert not one["multipath_suspected"]
+        assert one["interval90_deg"] == pytest.approx(arc, abs=0.02)
+    alone = Estimator().estimate(columns, antenna, (), listed).bearings
+    assert [one["interval90_deg"] for one in alone] != [one["interval90_deg"] for one in page]
 
 
 def as_pings(path: Path) -> Path:

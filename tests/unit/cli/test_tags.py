@@ -186,7 +186,7 @@ def test_the_databases_of_tagtracker_are_checked_and_converted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source, target = tmp_path / "TagInfo.db", tmp_path / "tags.toml"
-    source.write_text("1;2;luna;1;146,123456\n")
+    source.write_text("1;2;luna;1;146,123456\n0;4;sol;1;146,2\n")
     assert uavrt("tags", "check", str(source)) != 0
     assert "TagManufacturer.db" in capsys.readouterr().err
     makers = tmp_path / "TagManufacturer.db"
@@ -194,4 +194,5 @@ def test_the_databases_of_tagtracker_are_checked_and_converted(
     assert uavrt("tags", "check", str(source)) == 0
     assert "146.123456 MHz, 15 ms every 1333 and 2000 ms" in capsys.readouterr().out
     assert uavrt("tags", "convert", str(source), str(target)) == 0
-    assert [tag.name for tag in read_tags(target)] == ["luna"]
+    assert [tag.name for tag in read_tags(target)] == ["luna", "sol"]
+    assert "4 is not selected" in capsys.readouterr().out

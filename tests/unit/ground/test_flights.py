@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -575,6 +576,65 @@ def test_a_turn_flown_while_the_radio_was_silent_gives_its_bearing_afterwards(
     assert found["pulses"] >= 0.8 * second["pulses"]
 
 
+def test_a_drone_that_was_carried_after_its_landing_has_no_live_turn(
+    keeper: FlightKeeper, tmp_path: Path
+) -> None:
+    """Two turns at one height by the barometer; the second one by hand, after the landing."""
+    keeper.add_state(START_NS, armed=True, landed=None)
+    keeper.add_state(START_NS, armed=True, landed=None)
+    fly(keeper)
+    both = Estimator().estimate(keeper.columns(), AntennaChoice())
+    assert len(both.bearings) == 2
+    keeper.add_state(START_NS + 75 * 10**9, armed=True, landed=True)
+    keeper.add_state(START_NS + 80 * 10**9, armed=False, landed=True)
+    (live,) = estimates(keeper.columns()).bearings
+    assert live["start_time_ns"] == both.bearings[0]["start_time_ns"]
+    keeper.commit()
+    assert keeper.flight_id is not None
+    library = FlightLibrary(tmp_path)
+    assert estimates(library.columns(keeper.flight_id)).bearings == [live]
+    assert len(read_survey(tmp_path / keeper.flight_id).bearings) == 1
+    keeper.close()
+    again = FlightKeeper(tmp_path, Clock.start())
+    assert again.resume(keeper.flight_id)
+    again.load(library.columns(keeper.flight_id))
+    assert estimates(again.columns()).bearings == [live]
+    again.close()
+
+
+def test_a_drones_own_bearing_of_a_turn_on_the_ground_is_not_taken(
+    flown: tuple[FlightLibrary, str],
+) -> None:
+    """It was sent before anything said that the vehicle had not taken off yet."""
+    library, flight_id = flown
+    columns = library.columns(flight_id)
+    drones = drones_bearing(estimates(columns).bearings[0])
+    nothing = Columns(pulses=columns.pulses[:, :0], poses=columns.poses)
+    assert len(Estimator().estimate(nothing, AntennaChoice(), [drones]).bearings) == 1
+    ground = replace(nothing, on_ground_ns=((START_NS, START_NS + 70 * 10**9),))
+    assert Estimator().estimate(ground, AntennaChoice(), [drones]).bearings == []
+
+
+def drones_bearing(ours: dict[str, Any]) -> LiveBearing:
+    """A bearing from the drone that knows of one pulse more than ours of that turn."""
+    return LiveBearing(
+        tag_id=TAG.tag_id,
+        start_time_ns=ours["start_time_ns"],
+        end_time_ns=ours["end_time_ns"],
+        turned_deg=360.0,
+        latitude_deg=ours["latitude_deg"],
+        longitude_deg=ours["longitude_deg"],
+        bearing_deg=123.0,
+        sigma_deg=2.0,
+        interval90_deg=(119.7, 126.3),
+        level_db=30.0,
+        pulses=ours["pulses"] + 1,
+        accepted=True,
+        ambiguous=False,
+        multipath_suspected=False,
+    )
+
+
 def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path) -> None:
     """Each turned at one place only: alone neither knows how far away the tag is."""
     found = []
@@ -607,22 +667,7 @@ def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(
     few = Columns(pulses=columns.pulses[:, ::5], poses=columns.poses)
     ours = Estimator().estimate(few, AntennaChoice())
     first = ours.bearings[0]
-    drones = LiveBearing(
-        tag_id=TAG.tag_id,
-        start_time_ns=first["start_time_ns"],
-        end_time_ns=first["end_time_ns"],
-        turned_deg=360.0,
-        latitude_deg=first["latitude_deg"],
-        longitude_deg=first["longitude_deg"],
-        bearing_deg=123.0,
-        sigma_deg=2.0,
-        interval90_deg=(119.7, 126.3),
-        level_db=30.0,
-        pulses=first["pulses"] + 1,
-        accepted=True,
-        ambiguous=False,
-        multipath_suspected=False,
-    )
+    drones = drones_bearing(first)
     merged = Estimator().estimate(few, AntennaChoice(), [drones])
     assert [one["from_drone"] for one in merged.bearings] == [True, False]
     assert merged.bearings[0]["bearing_deg"] == 123.0

@@ -335,6 +335,20 @@ def test_tags_can_be_left_at_home_without_deleting_them(served: Any) -> None:
     assert len(store.tags) == 2
 
 
+def test_what_tagtracker_had_not_selected_is_told_with_the_imported_rows(served: Any) -> None:
+    files = {
+        "TagInfo.db": "1,2,luna,1,146.1\n0,4,sol,1,146.2\n",
+        "TagManufacturer.db": "1,Two,1333,2000,Moving,Resting,15,60,20\n",
+    }
+    answer = served.ask("POST", "/api/tags/import", files).json
+    assert [row["id"] for row in answer["rows"]] == ["2", "4"]
+    assert answer["left_out"] == [4]
+    only = served.ask(
+        "POST", "/api/tags/import", {"TagInfo.txt": "2, 148710000, 1254, 20, 60, 10, 3, .01"}
+    )
+    assert only.json["left_out"] is None
+
+
 def test_settings_are_checked_and_kept(served: Any) -> None:
     changed = served.ask("PUT", "/api/settings", {"antenna": "H", "gain": "14"})
     assert changed.json["gain"] == 14

@@ -10,6 +10,7 @@ from uavrt.ground.web.tag_table import (
     PRESETS,
     export_text,
     import_rows,
+    not_selected,
     rows_from_tags,
     tags_from_rows,
 )
@@ -155,6 +156,18 @@ def test_tagtrackers_databases_are_read_as_it_writes_them(
     assert [(tag.tag_id, tag.name) for tag in tags] == [(2, "luna"), (4, "sol")]
     assert [tag.pulse_intervals_s for tag in tags] == [(1.333, 2.0), (1.254,)]
     assert [tag.frequency_hz for tag in tags] == [146_123_456.0, 146_200_000.0]
+
+
+def test_tags_that_tagtracker_has_not_selected_are_left_out_of_the_flight() -> None:
+    makers = {"TagManufacturer.db": TRACKER_MAKERS}
+    assert not_selected({"TagInfo.db": TRACKER_TAGS} | makers) == (4,)
+    without_heading = (
+        "true; 2; luna; 1; 146.1\nfalse; 4; sol; 2; 146.2\nFalse; 6; ys; 2; 146.3\n"
+    )
+    assert not_selected({"TagInfo.db": without_heading} | makers) == (4, 6)
+    without_column = "id,name,manufacturerId,freqMHz\n2,luna,1,146.1\n"
+    assert not_selected({"TagInfo.db": without_column} | makers) is None
+    assert not_selected({"tags.csv": export_text(tags_from_rows([ROW])[0], "tags.csv")}) is None
 
 
 def test_a_comma_in_tagtrackers_name_breaks_no_column() -> None:

@@ -123,7 +123,7 @@ def test_another_autopilot_under_the_same_number_gives_no_poses() -> None:
     watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
     asked = [m.param1 for m in watch.questions(NOW_NS) if isinstance(m, dialect.CommandLong)]
     wanted = [dialect.AutopilotVersion.ID, dialect.HomePosition.ID, dialect.SysStatus.ID]
-    assert asked == wanted
+    assert asked == [*wanted, dialect.ExtendedSysState.ID]
     assert watch.questions(NOW_NS + SECOND) == []
     watch.receive(autopilot.frame(version(7)), NOW_NS)
     assert watch.receive(autopilot.frame(PLACE), NOW_NS)
@@ -196,3 +196,26 @@ def test_two_masts_under_one_number_are_told_by_their_places(
     if two:  # the operator takes this one
         watch.identity.choose(1)
         assert not watch.identity.foreign(NOW_NS)
+
+
+@pytest.mark.parametrize(
+    ("state", "landed"),
+    [
+        (dialect.MavLandedState.ON_GROUND, True),
+        (dialect.MavLandedState.IN_AIR, False),
+        (dialect.MavLandedState.LANDING, False),
+        (dialect.MavLandedState.UNDEFINED, None),
+    ],
+)
+def test_whether_it_has_landed_is_asked_for_until_it_is_told(
+    state: dialect.MavLandedState, *, landed: bool | None
+) -> None:
+    watch, autopilot = VehicleWatch(Peer(255, 190)), Autopilot()
+    watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
+    assert watch.landed is None
+    watch.receive(
+        autopilot.frame(dialect.ExtendedSysState(vtol_state=0, landed_state=state)), NOW_NS
+    )
+    assert watch.landed is landed
+    asked = [m.param1 for m in watch.questions(NOW_NS) if isinstance(m, dialect.CommandLong)]
+    assert (dialect.ExtendedSysState.ID in asked) is (landed is None)

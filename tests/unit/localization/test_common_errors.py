@@ -162,7 +162,7 @@ def test_a_tag_that_may_have_walked_has_its_circle_widened_by_that() -> None:
     positions = [found(rng, walk_m_s=0.2, widenings=True)[0] for _ in range(8)]
     assert np.mean([widened_m(one, "walk") for one in positions]) > 2.0
     widest = max(positions, key=lambda one: widened_m(one, "walk"))
-    assert "an animal that may walk (0.5 m/s) widens it by" in widest.remarks[-1]
+    assert "m of it allow for an animal that may walk (0.5 m/s)" in widest.remarks[-1]
 
 
 def at(

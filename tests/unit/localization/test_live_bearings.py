@@ -97,6 +97,18 @@ def test_pulses_without_a_pose_tell_no_direction() -> None:
     assert stage.changed() == []
 
 
+def test_a_drone_that_is_carried_home_makes_no_live_turn() -> None:
+    """The barometer says 40 m up throughout; the autopilot says that it has landed."""
+    for landed in ({"armed": 0.0, "landed": None}, {"armed": 1.0, "landed": 1.0}):
+        stage = LiveBearings()
+        stage.add_state(START_NS - 9 * 10**9, 1.0, 0.0)
+        stage.add_state(START_NS - 10**9, **landed)
+        assert turn(stage, 1, range(0, 64, 4)) == []
+        stage.begin()
+        stage.add_state(START_NS - 9 * 10**9, 1.0, 0.0)
+        assert turn(stage, 1, range(63, 64))
+
+
 def test_what_is_long_past_is_let_go() -> None:
     stage = LiveBearings()
     turn(stage, 3, range(0))

@@ -77,6 +77,19 @@ def test_pulses_of_others_are_left_out_counted_and_told() -> None:
     assert miss_m(found, tag) < 25.0
 
 
+def test_a_weak_pulse_of_someone_elses_does_not_put_the_tag_beneath_the_drone() -> None:
+    """Right beneath the drone a monopole hears little: one weak pulse looked like that."""
+    for seed in (0, 5, 9):
+        track, tag = flown(np.random.default_rng(seed), correlation=0.9)
+        east, north = PLANE.to_local(track.latitude_deg, track.longitude_deg)
+        off_m = np.abs(np.hypot(east - tag[0], north - tag[1]) - 100.0)
+        snr_db = track.snr_db.copy()
+        snr_db[np.argmin(off_m)] = np.median(snr_db) - 11.0
+        found = estimate_position(None, replace(track, snr_db=snr_db))
+        assert found.radius95_m is not None
+        assert miss_m(found, tag) <= found.radius95_m  # it was 100 m off, circles of 1 to 2 m
+
+
 def test_a_clean_survey_loses_no_more_than_a_pulse_in_a_hundred() -> None:
     rng = np.random.default_rng(73)
     for _ in range(5):

@@ -45,7 +45,7 @@ def test_the_estimator_is_one_row_that_the_settings_put_on_the_drone() -> None:
     asked = rows_for(Settings(bearings=BearingSettings(on_drone=True)))
     (row,) = set(asked) - set(usual)
     assert row.name == "estimator"
-    assert set(row.consumes) == {"pulse_pose", "poses", "flight"}
+    assert set(row.consumes) == {"pulse_pose", "poses", "flight", "health"}
     assert TOPICS["bearing"].to_ground
     assert [one.name for one in consumers_of("bearing")] == ["connection"]
     without = tuple(one for one in PROCESSES if one.name != "estimator")

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from uavrt.config import Settings
 from uavrt.messages import FlightInfo, Health
+from uavrt.on_ground import EVER_NS, spans_on_ground
 from uavrt.recording import FlightRecorder, read_flight
-from uavrt.recording.on_ground import EVER_NS, spans_on_ground
 
 START_NS = 1_700_000_000 * 10**9
 SECOND = 10**9

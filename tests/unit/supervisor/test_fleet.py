@@ -305,7 +305,7 @@ def test_warnings_and_worse_become_texts_for_the_ground(
     text = warning_text("recorder", line.encode())
     assert (text.severity if text else None) == severity
     if text is not None:
-        assert text.text == "recorder: disk slow ms=900"
+        assert text.text == "recorder: disk slow (ms 900)"
 
 
 def test_a_traceback_is_no_text_but_is_kept(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from uavrt.analysis.tracks.track import (
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording import spans_on_ground
+from uavrt.on_ground import spans_on_ground
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MARK = b"\xa3\x95"

@@ -27,7 +27,7 @@ from uavrt.mavlink import (
     position_sample,
 )
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording import spans_on_ground
+from uavrt.on_ground import spans_on_ground
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """ATTITUDE is in no message set of ours: our systems ask for ATTITUDE_QUATERNION."""

@@ -19,7 +19,7 @@ from uavrt.analysis.tracks.track import (
     position,
 )
 from uavrt.errors import FormatError, needs_extra
-from uavrt.recording import spans_on_ground
+from uavrt.on_ground import spans_on_ground
 
 _GPS = ("vehicle_gps_position", "sensor_gps")
 _LANDED, _STATUS = "vehicle_land_detected", "vehicle_status"

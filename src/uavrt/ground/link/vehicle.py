@@ -88,6 +88,8 @@ class VehicleWatch:
     def _forget(self) -> None:
         self.autopilot: Peer | None = None
         self.armed: bool | None = None
+        self.landed: bool | None = None
+        """Whether the autopilot says that it stands on the ground; None: it says nothing."""
         self.pose: Pose | None = None
         """The vehicle's latest pose, on the ground's clock."""
         self.home: tuple[float, float] | None = None
@@ -182,7 +184,14 @@ class VehicleWatch:
                 dialect.HomePosition.ID,
                 dialect.SysStatus.ID,
             )
-        ]
+        ] + self._ask_to_tell_landings()
+
+    def _ask_to_tell_landings(self) -> list[Message]:
+        """Ask an autopilot that does not say whether it stands on the ground to say it."""
+        if self.landed is not None:
+            return []
+        number = float(dialect.ExtendedSysState.ID)
+        return [self._command(MavCmd.SET_MESSAGE_INTERVAL, number, 1e6)]
 
     def _command(self, command: MavCmd, first: float, second: float) -> Message:
         assert self.autopilot is not None
@@ -214,6 +223,10 @@ class VehicleWatch:
         match message:
             case dialect.Heartbeat():
                 self.armed = bool(message.base_mode & dialect.MavModeFlag.SAFETY_ARMED)
+            case dialect.ExtendedSysState():
+                state = message.landed_state
+                known = state != dialect.MavLandedState.UNDEFINED
+                self.landed = state == dialect.MavLandedState.ON_GROUND if known else None
             case dialect.SysStatus():
                 known = message.voltage_battery != UNKNOWN_VOLTAGE
                 self.battery_v = message.voltage_battery / 1000.0 if known else None

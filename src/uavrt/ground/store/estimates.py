@@ -8,6 +8,7 @@ the flight gives the position, by the function of the report and the command lin
 
 import base64
 from collections.abc import Hashable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis import HeardStrength, position_of_strength
+from uavrt.analysis import HeardStrength, past_turns, position_of_strength
 from uavrt.analysis.measure import straight_walk
-from uavrt.errors import UsageError
+from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.flights import Columns, known
 from uavrt.ground.web import readout
 from uavrt.localization import (
@@ -46,6 +47,7 @@ from uavrt.localization import (
 )
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import LiveBearing, Tag
+from uavrt.recording import read_flight
 from uavrt.terrain import open_elevation
 from uavrt.units import wrap_degrees_360
 
@@ -117,6 +119,25 @@ class Estimator:
         self._used_positions: dict[tuple[Any, ...], Record | None] = {}
         self._learnt: tuple[Hashable, AntennaPattern] | None = None
         self._ground: tuple[Hashable, OverGround | None] | None = None
+        self._past: tuple[Hashable, list[HeardInTurn]] | None = None
+
+    def past(self, place: Path, antenna: AntennaChoice) -> Sequence[HeardInTurn]:
+        """What turns of the same drone's past flights, beside this one, teach of the antenna.
+
+        They are read once for each flight and antenna; a flight that cannot be read is taught
+        nothing.
+        """
+        if antenna.pattern == MONOPOLE:
+            return ()
+        key = (place, antenna.pattern, antenna.offset_deg)
+        if self._past is None or self._past[0] != key:
+            turns: list[HeardInTurn] = []
+            with suppress(FormatError, UsageError):
+                flight = read_flight(place)
+                for heard in past_turns(flight, antenna.pattern, antenna.offset_deg):
+                    turns += heard
+            self._past = (key, turns)
+        return self._past[1]
 
     def estimate(
         self,
@@ -125,11 +146,12 @@ class Estimator:
         from_drone: Sequence[LiveBearing] = (),
         tags: Sequence[Tag] = (),
         beside: Sequence[Found] = (),
+        past: Sequence[HeardInTurn] = (),
     ) -> Estimates:
         """Estimate all bearings and positions of a flight as it is now.
 
         What other vehicles have found `beside` goes into the positions, too; with a monopole
-        it does not.
+        it does not. Turns of `past` flights teach the antenna's pattern with its own.
 
         Of the tags that are listed, pulses that must have come and were not heard count too.
         A bearing of the drone's own stands where it knows of more pulses of that turn than
@@ -137,7 +159,7 @@ class Estimator:
         """
         self._used_bearings, self._used_positions = {}, {}
         try:
-            return self._estimate(columns, antenna, from_drone, tags, beside)
+            return self._estimate(columns, antenna, from_drone, tags, beside, past)
         finally:
             self._bearings, self._positions = self._used_bearings, self._used_positions
 
@@ -148,6 +170,7 @@ class Estimator:
         from_drone: Sequence[LiveBearing],
         tags: Sequence[Tag],
         beside: Sequence[Found],
+        past: Sequence[HeardInTurn],
     ) -> Estimates:
         poses = _pose_columns(columns)
         over = self._over_ground(columns, poses, antenna.dem)
@@ -164,7 +187,8 @@ class Estimator:
                 for number, turn in enumerate(turns)
             ]
             heard[tag_id] = [(number, one) for number, one in inside if one is not None]
-        pattern = self._pattern([one for each in heard.values() for _, one in each], antenna)
+        own_turns = [one for each in heard.values() for _, one in each]
+        pattern = self._pattern(own_turns, past, antenna)
         bearings: list[Record] = []
         positions: list[Record] = []
         own: Found = {}
@@ -175,7 +199,11 @@ class Estimator:
                 for number, one in heard.get(tag_id, [])
                 if (bearing := self._bearing(number, one, antenna, pattern))
             ]
-            theirs = [one for one in from_drone if one.tag_id == tag_id]
+            theirs = [
+                one
+                for one in from_drone
+                if one.tag_id == tag_id and not _on_ground(one, columns.on_ground_ns)
+            ]
             found = _with_the_drones(found, theirs, len(turns))
             bearings += [record for _, (_, record) in found]
             own[tag_id] = found
@@ -238,10 +266,11 @@ class Estimator:
         return None if over is None else replace(over, poses=poses)
 
     def _pattern(
-        self, heard: Sequence[HeardInTurn], antenna: AntennaChoice
+        self, heard: Sequence[HeardInTurn], past: Sequence[HeardInTurn], antenna: AntennaChoice
     ) -> tuple[Hashable, AntennaPattern]:
         """The antenna as the turns so far show it, and a name for what it was learnt from."""
         ordered = sorted(heard, key=lambda one: (one.turn.start_time_ns, one.tag_id))
+        ordered += past if heard else ()
         key = (
             antenna,
             tuple((one.tag_id, one.turn, len(one.snr_db)) for one in teaching(ordered)),
@@ -309,6 +338,12 @@ def _with_the_drones(
     return sorted(found, key=lambda item: item[0].start_time_ns)
 
 
+def _on_ground(one: LiveBearing, spans_ns: Sequence[tuple[int, int]]) -> bool:
+    """Whether a drone's bearing is of a turn on the ground, as was known only later."""
+    middle_ns = (one.start_time_ns + one.end_time_ns) // 2
+    return any(first <= middle_ns <= last for first, last in spans_ns)
+
+
 def _of_the_drone(one: LiveBearing, number: int) -> tuple[Turn, tuple[Bearing, Record]]:
     """A bearing as if it had been estimated here; its posterior is taken as von Mises."""
     turn = Turn(
@@ -346,7 +381,8 @@ def _von_mises(bearing_deg: float, sigma_deg: float) -> _Floats:
 def _pose_columns(columns: Columns) -> PoseColumns:
     """The vehicle's poses, and the pulses' own where no others are."""
     posed = np.flatnonzero(np.isfinite(columns["quaternion_w"]))
-    return _poses(columns.poses).completed(_poses(columns.pulses[_POSE_OF_PULSE], posed))
+    poses = replace(_poses(columns.poses), on_ground_ns=columns.on_ground_ns)
+    return poses.completed(_poses(columns.pulses[_POSE_OF_PULSE], posed))
 
 
 def _poses(rows: _Floats, chosen: NDArray[np.intp] | slice = slice(None)) -> PoseColumns:

@@ -17,6 +17,7 @@ from uavrt.log import get_logger
 from uavrt.messages import (
     BurstInside,
     FlightInfo,
+    Health,
     Pose,
     Poses,
     PulsePose,
@@ -24,7 +25,14 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
-from uavrt.recording import FlightLayout, FlightRecorder, new_flight_directory, open_plain
+from uavrt.on_ground import ARMED, GROUND_STATION, LANDED, ToldStates
+from uavrt.recording import (
+    FlightLayout,
+    FlightRecorder,
+    new_flight_directory,
+    open_plain,
+    told_in,
+)
 
 log = get_logger()
 
@@ -52,6 +60,7 @@ class FlightKeeper:
         self._keys: set[tuple[int, int]] = set()
         self._pulses = array("d")
         self._poses = array("d")
+        self._told = ToldStates()
         self._last_pose_ns = 0
         self.flight_id: str | None = None
         self.start_time_ns = 0
@@ -96,6 +105,7 @@ class FlightKeeper:
                 self._forget(flight_id, start_ns)
                 keys = database.execute("SELECT tag_id, start_time_ns FROM pulses")
                 self._keys.update(keys.fetchall())
+                self._told = told_in(database)
         except (RecordingError, sqlite3.Error, TypeError) as error:
             log.warning("flight not resumed", flight=flight_id, reason=str(error))
             self._recorder = None
@@ -153,6 +163,22 @@ class FlightKeeper:
             )
         )
 
+    def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> None:
+        """Add what the autopilot says of arming and landing; only changes are written."""
+        if self._recorder is None or self.ended or not self._told.add(time_ns, armed, landed):
+            return
+        said = {ARMED: armed, LANDED: landed}
+        counters = {name: float(one) for name, one in said.items() if one is not None}
+        self._recorder.write_health(
+            Health(
+                process=GROUND_STATION,
+                time_ns=time_ns,
+                status="ready",
+                ok=True,
+                counters=counters,
+            )
+        )
+
     def add_search_report(self, report: SearchReport) -> None:
         """Add what was searched in vain."""
         if self._recorder is not None and not self.ended:
@@ -175,6 +201,7 @@ class FlightKeeper:
         return Columns(
             pulses=pulses.reshape(-1, PULSE_WIDTH).T.copy(),
             poses=poses.reshape(-1, POSE_WIDTH).T.copy(),
+            on_ground_ns=self._told.spans(),
         )
 
     def commit(self) -> None:
@@ -201,4 +228,5 @@ class FlightKeeper:
         self.flight_id, self.start_time_ns = flight_id, start_time_ns
         self._keys.clear()
         self._pulses, self._poses = array("d"), array("d")
+        self._told = ToldStates()
         self._last_pose_ns = 0

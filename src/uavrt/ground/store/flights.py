@@ -36,6 +36,7 @@ from uavrt.recording import (
     pose_row,
     read_older,
     tag_from_row,
+    told_in,
     vehicle_of,
 )
 
@@ -109,6 +110,8 @@ class Columns:
     """(len(PULSE_COLUMNS), n); times as float64 nanoseconds, good to 256 ns."""
     poses: NDArray[np.float64]
     """(8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
+    on_ground_ns: tuple[tuple[int, int], ...] = ()
+    """First and last times of what the autopilot says was not flown."""
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """One column of the pulses."""
@@ -259,7 +262,15 @@ class FlightLibrary:
         UsageError, FormatError
             There is no such flight, or it is damaged.
         """
-        return Columns(pulses=self.pulses(flight_id), poses=self.poses(flight_id))
+        return Columns(
+            pulses=self.pulses(flight_id),
+            poses=self.poses(flight_id),
+            on_ground_ns=self._on_ground(flight_id),
+        )
+
+    def _on_ground(self, flight_id: str) -> tuple[tuple[int, int], ...]:
+        with self._database(flight_id) as database:
+            return told_in(database).spans()
 
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
         """Read the pulses alone, (len(PULSE_COLUMNS), n)."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from uavrt.ground.web.snapshots import hello, pose_record, snapshot, vehicle_record
     from uavrt.ground.web.tag_table import (
         import_rows,
+        not_selected,
         read_table,
         rows_from_tags,
         table_version,
@@ -44,6 +45,7 @@ __all__ = [
     "action_states",
     "hello",
     "import_rows",
+    "not_selected",
     "pose_record",
     "read_table",
     "readout",
@@ -57,6 +59,7 @@ __getattr__ = lazily(
     __name__,
     {
         "import_rows": "tag_table",
+        "not_selected": "tag_table",
         "tags_from_rows": "tag_table",
         "ACTIONS": "actions",
         "Busy": "actions",

@@ -145,13 +145,14 @@ class Api:
         return {"faults": [asdict(fault) for fault in faults]}
 
     async def import_tags(self, request: Request) -> Any:
-        """Read rows from files; they are not kept yet."""
+        """Read rows from files, and what these do not fly with; nothing is kept yet."""
         files = await json_body(request)
         if not isinstance(files, dict) or not all(
             isinstance(one, str) for one in files.values()
         ):
             raise FormatError("files must be texts by their names")
-        return {"rows": tag_table.import_rows(files)}
+        rows = tag_table.import_rows(files)
+        return {"rows": rows, "left_out": tag_table.not_selected(files)}
 
     async def export_tags(self, request: Request) -> Any:
         """Write the table as a file."""
@@ -363,9 +364,11 @@ class Api:
         key = (flight_id, summary.pulses, antenna)
         if key not in self._estimates:
             columns = await self._columns(request)
+            estimator, place = Estimator(), library.path(flight_id)
+            past = await asyncio.to_thread(estimator.past, place, antenna)
             self._estimates.clear()
             self._estimates[key] = await asyncio.to_thread(
-                Estimator().estimate, columns, antenna, (), summary.tags
+                estimator.estimate, columns, antenna, (), summary.tags, (), past
             )
         return self._estimates[key].record()
 

@@ -16,7 +16,7 @@ MAKER_NAMES = (
 )
 _HEADINGS = ("manufacturerid", "ip_msecs_1", "frequency_mhz")
 """A line with one of these names the columns."""
-_SELECTED = ("0", "1", "true", "false")
+_SELECTED = {"0": False, "1": True, "false": False, "true": True}
 
 
 def read_csv(text: str) -> list[dict[str, str]]:
@@ -40,6 +40,11 @@ def read_csv(text: str) -> list[dict[str, str]]:
         if all(len(cells) == len(columns) and fits(cells) for cells in named):
             return [dict(zip(columns, cells, strict=True)) for cells in named]
     return []
+
+
+def is_selected(cell: str) -> bool:
+    """Whether a tag's cell in the column ``selected`` says that it is searched for."""
+    return _SELECTED.get(cell.strip().lower(), True)
 
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:

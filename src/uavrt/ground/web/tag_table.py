@@ -22,7 +22,7 @@ from uavrt.config import (
     tags_from_drafts,
 )
 from uavrt.errors import TagFileError, UsageError
-from uavrt.ground.web.tag_csv import read_csv
+from uavrt.ground.web.tag_csv import is_selected, read_csv
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 
 FIELDS: dict[str, Quantity] = {
@@ -171,6 +171,17 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
             remedy="TagTracker's manufacturers file has no tags; give its TagInfo.db as well",
         )
     return rows
+
+
+def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
+    """Numbers of tags that TagTracker's ``TagInfo.db`` has, but does not search for.
+
+    None where no file has a column that says so.
+    """
+    table = [cells for text in files.values() for cells in read_csv(text)]
+    told = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
+    numbers = [_number(cells.get("id")) for cells in told if not is_selected(cells["selected"])]
+    return tuple(sorted({int(one) for one in numbers if one is not None})) if told else None
 
 
 def _own_row(cells: Mapping[str, str]) -> Row:

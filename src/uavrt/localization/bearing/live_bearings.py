@@ -25,6 +25,7 @@ from uavrt.localization.flight_estimates import (
     turns_in,
 )
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
+from uavrt.on_ground import ToldStates
 
 _KEPT_NS = 900_000_000_000
 """A turn is over after a quarter of an hour at most; older poses and pulses are let go."""
@@ -57,6 +58,7 @@ class LiveBearings:
         self._rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags}
         self._first_ns: int | None = None
         self._poses: list[Pose] = []
+        self._told = ToldStates()
         self._pulses: dict[int, list[PulsePose]] = defaultdict(list)
         self._columns: dict[int, PulseColumns] = {}
         self._taught: tuple[tuple[int, int], ...] = ()
@@ -83,6 +85,13 @@ class LiveBearings:
                     one for one in pulses if one.pulse.start_time_ns >= after_ns
                 ]
             self._columns.clear()
+
+    def add_state(self, time_ns: int, armed: float | None, landed: float | None) -> None:
+        """Add what the autopilot says of arming and landing; 0 is no, None unknown.
+
+        What is turned on the ground is no turn, wherever the barometer has drifted to.
+        """
+        self._told.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:
         """Add a pulse; without a pose or a power it tells no direction."""
@@ -114,7 +123,7 @@ class LiveBearings:
         """What was heard of each tag in each turn, in order of time and tag."""
         if not self._pulses:
             return []
-        poses = PoseColumns.of(self._poses)
+        poses = PoseColumns.of(self._poses, self._told.spans())
         return [
             heard
             for turn in turns_in(poses)

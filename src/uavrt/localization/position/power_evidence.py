@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaln
 
 from uavrt.localization.antenna import AntennaPattern, monopole_gain_db
 from uavrt.localization.position.censored_power import (
@@ -376,13 +377,17 @@ class _Sums:
         """(places,) log-likelihood with level, exponent and fading's size integrated out.
 
         The size has a prior as if one pulse with the typical fading had been seen, which
-        matters when there are but two or three.
+        matters when there are but two or three. With its constant, so that likelihoods of
+        different numbers of pulses compare.
         """
         _, _, residual, determinant = self._regressed(rho)
         size = residual + _TYPICAL_FADING_DB**2
         whitening = -0.5 * (self.count - 1) * np.log(1.0 - rho**2)
         return np.asarray(
-            whitening - 0.5 * np.log(determinant) - 0.5 * self.count * np.log(size)
+            whitening
+            - 0.5 * np.log(determinant)
+            - 0.5 * self.count * np.log(np.pi * size)
+            + gammaln(0.5 * self.count)
         )
 
     def solution(self, rho: float | _Floats) -> tuple[_Floats, _Floats]:

@@ -9,6 +9,7 @@ import json
 import time
 from pathlib import Path
 
+from uavrt.log import in_words
 from uavrt.messages import StatusText
 from uavrt.recording import FlightLayout, ProcessLog
 
@@ -27,8 +28,8 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
         severity = _SEVERITY[event["level"]]
     except (ValueError, KeyError, TypeError):
         return None
-    details = " ".join(f"{k}={v}" for k, v in event.items() if k not in _PLAIN_KEYS)
-    text = f"{process}: {event.get('event', '')} {details}"
+    facts = {name: value for name, value in event.items() if name not in _PLAIN_KEYS}
+    text = f"{process}: {in_words(str(event.get('event', '')), facts)}"
     return StatusText(severity=severity, text=text[:200])
 
 
