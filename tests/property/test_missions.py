@@ -8,7 +8,7 @@ import os
 import pytest
 from missions import FENCE_M, HIGHEST_M, KEEP_M, LOWEST_M, RESERVE_PERCENT, Mission, flown
 
-MISSIONS = int(os.environ.get("UAVRT_MISSIONS", "8"))
+MISSIONS = int(os.environ.get("UAVRT_MISSIONS", "5"))
 HEIGHT_ERROR_M = 1.0
 """Gusts."""
 

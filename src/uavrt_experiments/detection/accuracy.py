@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from uavrt_experiments.detection.signals import (
     TruePulse,
     add_pulse,
 )
-from uavrt_experiments.detection.tracking import flight_case, flight_rows
+from uavrt_experiments.detection.tracking import SHORT_S, flight_case, flight_rows
 from uavrt_experiments.detection.trials import (
     RATE_HZ,
     WHOLE_CHANNEL_HZ,
@@ -124,8 +126,8 @@ def _level_rows(enr_db: float) -> Callable[[Sequence[Comparison]], list[Row]]:
 def _noise_case(strong: bool) -> Case:
     """Noise density of the records, with and without a pulse of 60 dB beside."""
 
-    def trial(rng: np.random.Generator, _: int) -> list[float]:
-        flight = Flight(enr_db=16.0, duration_s=60.0)
+    def trial(rng: np.random.Generator, _: int, *, duration_s: float = 60.0) -> list[float]:
+        flight = Flight(enr_db=16.0, duration_s=duration_s)
         samples, truth = flight.samples(rng)
         if strong:
             for pulse in truth:
@@ -144,7 +146,7 @@ def _noise_case(strong: bool) -> Case:
             if abs(p.frequency_hz - own) < 50.0
         ]
 
-    return Case(
+    full = Case(
         name=f"noise density, {'beside 60 dB' if strong else 'alone'}",
         trials=20,
         least=2,
@@ -160,6 +162,7 @@ def _noise_case(strong: bool) -> Case:
             )
         ],
     )
+    return replace(full, short=replace(full, least=1, trial=partial(trial, duration_s=SHORT_S)))
 
 
 E5 = Experiment(
@@ -201,8 +204,10 @@ def _time_rows(
 def _prediction() -> Case:
     """Whether the next pulse lies in the window that a confirmed one predicts."""
 
-    def trial(rng: np.random.Generator, _: int) -> tuple[int, int]:
-        flight = Flight(enr_db=16.0, duration_s=120.0)
+    def trial(
+        rng: np.random.Generator, _: int, *, duration_s: float = 120.0
+    ) -> tuple[int, int]:
+        flight = Flight(enr_db=16.0, duration_s=duration_s)
         samples, truth = flight.samples(rng)
         pulses, _detector = detect(samples, flight.tag)
         inside = asked = 0
@@ -242,7 +247,8 @@ def _prediction() -> Case:
             )
         ]
 
-    return Case(name="prediction", trials=10, least=2, seconds=0.3, trial=trial, rows=rows)
+    full = Case(name="prediction", trials=10, least=2, seconds=0.3, trial=trial, rows=rows)
+    return replace(full, short=replace(full, least=1, trial=partial(trial, duration_s=SHORT_S)))
 
 
 def _delay_rows(flights: Sequence[Comparison]) -> list[Row]:

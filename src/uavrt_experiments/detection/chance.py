@@ -25,6 +25,8 @@ from uavrt_experiments.statistics import count_interval
 
 STRETCH_S = 200.0
 _SHORT_STRETCH_S = 15.0
+_SHORT_ALONE_S = 50.0
+"""Of one tag, absent or there."""
 _INTERVALS_S = (1.05, 1.254, 1.4, 1.63, 1.9)
 """Of the absent tags, ± 60 ms each."""
 _WINDOWS_HZ = (500.0, WHOLE_CHANNEL_HZ)
@@ -45,10 +47,12 @@ class Absent:
     confirmed: int
 
 
-def absent_tag(scene: Scene, rng: np.random.Generator, index: int) -> Absent:
+def absent_tag(
+    scene: Scene, rng: np.random.Generator, index: int, stretch_s: float = STRETCH_S
+) -> Absent:
     """Search a stretch of bursts for one of the absent tags."""
     tag = replace(THESIS_TAG, pulse_intervals_s=(_INTERVALS_S[index % len(_INTERVALS_S)],))
-    count = round(STRETCH_S * RATE_HZ)
+    count = round(stretch_s * RATE_HZ)
     samples = noise(rng, count) + scene(rng, count)
     window_hz = _WINDOWS_HZ[index % len(_WINDOWS_HZ)]
     pulses, _ = detect(samples, tag, frequency_window_hz=window_hz)
@@ -88,11 +92,13 @@ def absent_together(
     )
 
 
-def beside_bursts(scene: Scene, rng: np.random.Generator, index: int) -> Comparison:
+def beside_bursts(
+    scene: Scene, rng: np.random.Generator, index: int, stretch_s: float = STRETCH_S
+) -> Comparison:
     """A tag beside bursts; only the pulses that none covers count as true."""
     flight = Flight(
         enr_db=_TAG_DB,
-        duration_s=STRETCH_S,
+        duration_s=stretch_s,
         offset_hz=_TAG_HZ,
         frequency_window_hz=_WINDOWS_HZ[index % len(_WINDOWS_HZ)],
     )
@@ -132,7 +138,7 @@ def _absent_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
             _per_scene([o.pulses for o in outcomes], name, None, None),
         ]
 
-    return Case(
+    full = Case(
         name=f"{name}, alone",
         trials=2 * tags * len(scenes),
         least=2,
@@ -140,6 +146,12 @@ def _absent_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
         trial=lambda rng, index: absent_tag(scenes[index % len(scenes)], rng, index),
         rows=rows,
     )
+    brief = replace(
+        full,
+        least=1,
+        trial=lambda rng, index: absent_tag(scenes[0], rng, index, _SHORT_ALONE_S),
+    )
+    return replace(full, short=brief)
 
 
 def _together_case(name: str, scenes: Sequence[Scene], original: float) -> Case:
@@ -218,7 +230,7 @@ def _beside_case(name: str, scenes: Sequence[Scene]) -> Case:
             ),
         ]
 
-    return Case(
+    full = Case(
         name=f"{name}, beside a tag",
         trials=4 * len(scenes),
         least=2,
@@ -226,6 +238,12 @@ def _beside_case(name: str, scenes: Sequence[Scene]) -> Case:
         trial=lambda rng, index: beside_bursts(scenes[index % len(scenes)], rng, index),
         rows=rows,
     )
+    brief = replace(
+        full,
+        least=1,
+        trial=lambda rng, index: beside_bursts(scenes[0], rng, index, _SHORT_ALONE_S),
+    )
+    return replace(full, short=brief)
 
 
 _SCENES: dict[str, tuple[tuple[Scene, ...], float]] = {

@@ -199,7 +199,7 @@ def _curve(bursts: int, levels_db: tuple[float, ...], per_level: int, seconds: f
         case = f"{bursts} of {above_db:g} dB, matched"
         return [Row.counted("E23", "Pd", case, share, len(outcomes), least=0.6)]
 
-    count = 12 if bursts == 1 else 4
+    count = {1: 12, 3: 4, 10: 3}[bursts]
     short = Case(
         name=f"{bursts}, in short",
         trials=count,

@@ -195,7 +195,7 @@ def _neighbour_case(
         return made
 
     levels = len(neighbour.levels_db)
-    return Case(
+    full = Case(
         name=name,
         trials=levels * rounds,
         least=levels,
@@ -203,6 +203,8 @@ def _neighbour_case(
         trial=neighbour.fly,
         rows=rows,
     )
+    brief = replace(neighbour, duration_s=40.0, head_start_s=min(neighbour.head_start_s, 30.0))
+    return replace(full, short=replace(full, least=1, trial=brief.fly))
 
 
 _STRONGER_DB = (0.0, 10.0, 20.0)

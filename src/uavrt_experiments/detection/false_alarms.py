@@ -166,7 +166,7 @@ def false_alarm_case(
         trial=trial,
         rows=rows,
     )
-    return replace(full, short=replace(full, least=1, trial=partial(trial, stretch_s=100.0)))
+    return replace(full, short=replace(full, least=1, trial=partial(trial, stretch_s=40.0)))
 
 
 NOISES: dict[str, Noise] = {

@@ -209,7 +209,9 @@ def _case(name: str, scene: Ghosts) -> Case:
             )
         return found
 
-    return Case(name=name, trials=24, least=4, seconds=0.6, trial=scene.fly, rows=rows)
+    full = Case(name=name, trials=24, least=4, seconds=0.6, trial=scene.fly, rows=rows)
+    brief = replace(scene, duration_s=30.0)
+    return replace(full, short=replace(full, least=1, trial=brief.fly))
 
 
 def _place(scene: Ghosts) -> str:

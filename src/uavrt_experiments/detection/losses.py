@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -34,7 +35,7 @@ FLIGHT_FRAME = 326
 """Samples of a block of our own channelizer at 3750 S/s: 87 ms."""
 _ENR_DB = 16.0
 _DURATION_S = 180.0
-_HOLE_AT_S = 90.0
+_SHORT_S = 60.0
 _HOLE_S = 3.0
 _JUMP_S = 1000.0
 _SLEW = 200e-6
@@ -68,10 +69,10 @@ def reorder(share: float) -> Disturb:
     return disturb
 
 
-def hole(rng: np.random.Generator, frames: Frames) -> Frames:
-    """Three seconds missing in the middle."""
-    low = START_NS + ns_from_s(_HOLE_AT_S)
-    return [f for f in frames if not low <= f[1] < low + ns_from_s(_HOLE_S)]
+def hole(at_s: float) -> Disturb:
+    """Three seconds missing from some time on."""
+    low = START_NS + ns_from_s(at_s)
+    return lambda rng, frames: [f for f in frames if not low <= f[1] < low + ns_from_s(_HOLE_S)]
 
 
 def stamp_backwards(rng: np.random.Generator, frames: Frames) -> Frames:
@@ -81,10 +82,12 @@ def stamp_backwards(rng: np.random.Generator, frames: Frames) -> Frames:
     return [*frames[:at], wrong, *frames[at + 1 :]]
 
 
-def stamp_jump(rng: np.random.Generator, frames: Frames) -> Frames:
-    """The clock is set 1000 s forward in the middle."""
-    at = START_NS + ns_from_s(_HOLE_AT_S)
-    return [(s, t + ns_from_s(_JUMP_S) if t >= at else t) for s, t in frames]
+def stamp_jump(at_s: float) -> Disturb:
+    """The clock is set 1000 s forward at some time."""
+    at = START_NS + ns_from_s(at_s)
+    return lambda rng, frames: [
+        (s, t + ns_from_s(_JUMP_S) if t >= at else t) for s, t in frames
+    ]
 
 
 def slew(rng: np.random.Generator, frames: Frames) -> Frames:
@@ -92,9 +95,9 @@ def slew(rng: np.random.Generator, frames: Frames) -> Frames:
     return [(s, START_NS + round((t - START_NS) * (1.0 + _SLEW))) for s, t in frames]
 
 
-def _jumped(pulse: TruePulse) -> float:
-    edge = math.ceil(_HOLE_AT_S * RATE_HZ / FRAME) * FRAME / RATE_HZ
-    return pulse.start_s + (_JUMP_S if pulse.start_s >= edge else 0.0)
+def _jumped(at_s: float) -> Callable[[TruePulse], float]:
+    edge = math.ceil(at_s * RATE_HZ / FRAME) * FRAME / RATE_HZ
+    return lambda pulse: pulse.start_s + (_JUMP_S if pulse.start_s >= edge else 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,10 +108,11 @@ class Disturbed:
     frame: int = FRAME
     when: Callable[[TruePulse], float] = lambda pulse: pulse.start_s
     """Time of a pulse as the frames tell it [s]."""
+    duration_s: float = _DURATION_S
 
     def fly(self, rng: np.random.Generator) -> Comparison:
         """Reports against the truth, lost pulses counted."""
-        flight = Flight(enr_db=_ENR_DB, duration_s=_DURATION_S)
+        flight = Flight(enr_db=_ENR_DB, duration_s=self.duration_s)
         samples, truth = flight.samples(rng)
         frames = self.disturb(rng, list(blocks_of(samples, block=self.frame)))
         pulses, _ = detect_blocks(frames, flight.tag)
@@ -116,21 +120,43 @@ class Disturbed:
         return compare(pulses, stamped, flight.tag)
 
 
-def _case(name: str, disturbed: Disturbed, *, loss: float, published: float | None) -> Case:
-    return Case(
-        name=name,
-        trials=12,
-        least=3,
-        seconds=0.5,
-        trial=lambda rng, _: disturbed.fly(rng),
-        rows=lambda flights: flight_rows(
-            flights,
-            experiment="E9",
-            case=f"{_ENR_DB:g} dB, {name}",
-            least=1.0 - loss - 0.03,
-            most_false=0.0,
-            original=published,
-        ),
+def _case(
+    name: str,
+    disturbed: Callable[[float], Disturbed],
+    *,
+    loss: Callable[[float], float] = lambda _: 0.0,
+    published: float | None = None,
+) -> Case:
+    """Flights that are disturbed; what share they lose may depend on their length."""
+
+    def flights_of(duration_s: float, least: int) -> Case:
+        flown = replace(disturbed(duration_s), duration_s=duration_s)
+        return Case(
+            name=name,
+            trials=12,
+            least=least,
+            seconds=0.5,
+            trial=lambda rng, _: flown.fly(rng),
+            rows=lambda flights: flight_rows(
+                flights,
+                experiment="E9",
+                case=f"{_ENR_DB:g} dB, {name}",
+                least=1.0 - loss(duration_s) - 0.03,
+                most_false=0.0,
+                original=published,
+            ),
+        )
+
+    return replace(flights_of(_DURATION_S, 3), short=flights_of(_SHORT_S, 1))
+
+
+def _lost_case(percent: int) -> Case:
+    share = percent / 100.0
+    return _case(
+        f"{percent} % of the frames lost",
+        lambda _: Disturbed(disturb=lose(share)),
+        loss=lambda _: share,
+        published=original.RECALL_LOST_FRAMES.get(float(percent)),
     )
 
 
@@ -138,12 +164,14 @@ def _after_a_hole() -> Case:
     """Time from the end of a hole to the first pulse confirmed after it."""
     tag = THESIS_TAG
 
-    def trial(rng: np.random.Generator, _: int) -> float:
-        flight = Flight(enr_db=_ENR_DB, duration_s=_HOLE_AT_S + 30.0)
+    def trial(
+        rng: np.random.Generator, _: int, *, at_s: float = 90.0, after_s: float = 30.0
+    ) -> float:
+        flight = Flight(enr_db=_ENR_DB, duration_s=at_s + after_s)
         samples, _truth = flight.samples(rng)
-        frames = hole(rng, list(blocks_of(samples, block=FRAME)))
+        frames = hole(at_s)(rng, list(blocks_of(samples, block=FRAME)))
         pulses, _detector = detect_blocks(frames, tag)
-        end_ns = START_NS + round((_HOLE_AT_S + _HOLE_S) * NANOSECONDS_PER_SECOND)
+        end_ns = START_NS + round((at_s + _HOLE_S) * NANOSECONDS_PER_SECOND)
         after = [p.start_time_ns - end_ns for p in pulses if p.confirmed]
         return min((ns * 1e-9 for ns in after if ns >= 0), default=30.0)
 
@@ -164,7 +192,8 @@ def _after_a_hole() -> Case:
 
     full = Case(name="after a hole", trials=60, least=6, seconds=0.35, trial=trial, rows=rows)
     # Of one stream alone nothing is known of the time that 95 % keep.
-    return replace(full, short=replace(full, least=2))
+    brief = partial(trial, at_s=25.0, after_s=15.0)
+    return replace(full, short=replace(full, least=2, trial=brief))
 
 
 def _deafness() -> Case:
@@ -205,48 +234,29 @@ E9 = Experiment(
     name="E9",
     title="Data loss, clocks, start-up",
     cases=(
-        *(
-            _case(
-                f"{percent} % of the frames lost",
-                Disturbed(disturb=lose(percent / 100.0)),
-                loss=percent / 100.0,
-                published=original.RECALL_LOST_FRAMES.get(float(percent)),
-            )
-            for percent in (1, 5, 10)
-        ),
+        *(_lost_case(percent) for percent in (1, 5, 10)),
         _case(
             "a hole of 3 s",
-            Disturbed(disturb=hole),
-            loss=_HOLE_S / _DURATION_S,
+            lambda duration_s: Disturbed(disturb=hole(duration_s / 2.0)),
+            loss=lambda duration_s: _HOLE_S / duration_s,
             published=0.97,
         ),
-        _case("5 % repeated", Disturbed(disturb=repeat(0.05)), loss=0.0, published=None),
-        _case(
-            "5 % of 273 ms swapped",
-            Disturbed(disturb=reorder(0.05)),
-            loss=0.0,
-            published=None,
-        ),
+        _case("5 % repeated", lambda _: Disturbed(disturb=repeat(0.05))),
+        _case("5 % of 273 ms swapped", lambda _: Disturbed(disturb=reorder(0.05))),
         _case(
             "5 % of 87 ms swapped",
-            Disturbed(disturb=reorder(0.05), frame=FLIGHT_FRAME),
-            loss=0.0,
-            published=None,
+            lambda _: Disturbed(disturb=reorder(0.05), frame=FLIGHT_FRAME),
         ),
-        _case(
-            "a stamp of the past", Disturbed(disturb=stamp_backwards), loss=0.0, published=None
-        ),
+        _case("a stamp of the past", lambda _: Disturbed(disturb=stamp_backwards)),
         _case(
             "clock set 1000 s forward",
-            Disturbed(disturb=stamp_jump, when=_jumped),
-            loss=0.0,
-            published=None,
+            lambda duration_s: Disturbed(
+                disturb=stamp_jump(duration_s / 2.0), when=_jumped(duration_s / 2.0)
+            ),
         ),
         _case(
             "clock 200 ppm fast",
-            Disturbed(disturb=slew, when=lambda pulse: pulse.start_s * (1.0 + _SLEW)),
-            loss=0.0,
-            published=None,
+            lambda _: Disturbed(disturb=slew, when=lambda pulse: pulse.start_s * (1.0 + _SLEW)),
         ),
         _after_a_hole(),
         _deafness(),

@@ -128,7 +128,9 @@ def _case(name: str, scene: OneBand) -> Case:
             ),
         ]
 
-    return Case(name=name, trials=24, least=4, seconds=0.8, trial=scene.fly, rows=rows)
+    full = Case(name=name, trials=24, least=4, seconds=0.8, trial=scene.fly, rows=rows)
+    brief = replace(scene, duration_s=50.0)
+    return replace(full, short=replace(full, least=1, trial=brief.fly))
 
 
 _TWO = ((1.254,), (1.294,))

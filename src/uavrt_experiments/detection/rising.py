@@ -376,7 +376,9 @@ _RADIO_S = 24.0
 _RADIO_TAGS = 12
 
 
-def search_radio(rng: np.random.Generator, rise: Rise) -> Alarms:
+def search_radio(
+    rng: np.random.Generator, rise: Rise, *, duration_s: float = _RADIO_S
+) -> Alarms:
     """Absent tags through the whole front end, all the band's noise rising."""
     center_hz = THESIS_TAG.frequency_hz
     tags = [
@@ -390,7 +392,7 @@ def search_radio(rng: np.random.Generator, rise: Rise) -> Alarms:
     chain = DetectionChain(tags, sample_rate_hz=_RADIO_HZ, center_frequency_hz=center_hz)
     count = round(0.0874 * _RADIO_HZ)
     pulses: list[Pulse] = []
-    for first in range(0, round(_RADIO_S * _RADIO_HZ), count):
+    for first in range(0, round(duration_s * _RADIO_HZ), count):
         samples = noise(rng, count)
         at_s = first / _RADIO_HZ + np.arange(count) / _RADIO_HZ
         # Every hundredth is enough: the steepest rise takes 30 000 samples.
@@ -405,7 +407,7 @@ def search_radio(rng: np.random.Generator, rise: Rise) -> Alarms:
             )
         )
     pulses += chain.flush()
-    one = count_alarms(pulses, rise, ABSENT_TAG, duration_s=_RADIO_S)
+    one = count_alarms(pulses, rise, ABSENT_TAG, duration_s=duration_s)
     return replace(
         one,
         intervals=one.intervals * _RADIO_TAGS,
@@ -415,7 +417,7 @@ def search_radio(rng: np.random.Generator, rise: Rise) -> Alarms:
 
 
 def _alarm_case(name: str, rows: Rows, *, window_hz: float = 500.0, trials: int = 300) -> Case:
-    return Case(
+    full = Case(
         name=name,
         trials=trials,
         least=4,
@@ -425,6 +427,7 @@ def _alarm_case(name: str, rows: Rows, *, window_hz: float = 500.0, trials: int 
         ),
         rows=lambda outcomes: alarm_rows(outcomes, case=name),
     )
+    return replace(full, short=replace(full, least=2 if window_hz == 500.0 else 1))
 
 
 def _known_case(name: str, rise: Rise) -> Case:
@@ -434,7 +437,7 @@ def _known_case(name: str, rise: Rise) -> Case:
         own = replace(rise, first_s=rise.first_s + float(rng.uniform(0.0, 1.0)))
         return search_stretch(rng, own, "all")
 
-    return Case(
+    full = Case(
         name=name,
         trials=100,
         least=5,
@@ -442,12 +445,13 @@ def _known_case(name: str, rise: Rise) -> Case:
         trial=trial,
         rows=lambda outcomes: alarm_rows(outcomes, case=name),
     )
+    return replace(full, short=replace(full, least=2))
 
 
 def _heard_case(enr_db: float, rows: Rows) -> Case:
     name = f"tag of {enr_db:g} dB, {rows} rows rising"
     least = _STRONG_LEAST if enr_db == _STRONG_DB else None
-    return Case(
+    full = Case(
         name=name,
         trials=60,
         least=3,
@@ -455,6 +459,29 @@ def _heard_case(enr_db: float, rows: Rows) -> Case:
         trial=lambda rng, _: hear(rng, random_rise(rng), rows, enr_db=enr_db),
         rows=lambda outcomes: heard_rows(outcomes, case=name, least=least),
     )
+    return replace(full, short=replace(full, least=1))
+
+
+def _radio_case(name: str) -> Case:
+    full = Case(
+        name=name,
+        trials=30,
+        least=1,
+        seconds=8.0,
+        trial=lambda rng, _: search_radio(
+            rng, replace(random_rise(rng), first_s=4.0 + float(rng.uniform(0.0, 4.0)))
+        ),
+        rows=lambda outcomes: alarm_rows(outcomes, case=name),
+    )
+    brief = replace(
+        full,
+        trial=lambda rng, _: search_radio(
+            rng,
+            replace(random_rise(rng), first_s=3.0 + float(rng.uniform(0.0, 2.0))),
+            duration_s=9.0,
+        ),
+    )
+    return replace(full, short=brief)
 
 
 def steps(rng: np.random.Generator) -> Rise:
@@ -507,15 +534,6 @@ E17 = Experiment(
         ),
         _stepped_case("all"),
         _stepped_case("half"),
-        Case(
-            name="all rows rising, from 3 MS/s",
-            trials=30,
-            least=1,
-            seconds=8.0,
-            trial=lambda rng, _: search_radio(
-                rng, replace(random_rise(rng), first_s=4.0 + float(rng.uniform(0.0, 4.0)))
-            ),
-            rows=lambda outcomes: alarm_rows(outcomes, case="all rows rising, from 3 MS/s"),
-        ),
+        _radio_case("all rows rising, from 3 MS/s"),
     ),
 )

@@ -41,7 +41,7 @@ def curve_case(
     per_level: int = FULL_TRIALS,
     short: Case | None = None,
 ) -> Case:
-    """Decisions at several levels, which take turns; in short six at each, if nothing else."""
+    """Decisions at several levels, which take turns; in short four at each, if nothing else."""
 
     def trial(rng: np.random.Generator, index: int) -> Shot:
         level = levels_db[index % len(levels_db)]
@@ -55,7 +55,7 @@ def curve_case(
         trial=trial,
         rows=rows,
     )
-    return replace(case, short=short or replace(case, least=6 * len(levels_db)))
+    return replace(case, short=short or replace(case, least=4 * len(levels_db)))
 
 
 def clearly_above(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +23,8 @@ SEEDS = 20
 """Flights of a condition at full size; the bars ask for ten."""
 _CPU_PER_SECOND = 0.0025
 """CPU time of a second of the whole channel at 3750 S/s."""
+SHORT_S = 40.0
+"""Flights of the short forms: some thirty pulses show what goes wrong with most."""
 _RAMP_S = 300.0
 _RAMP_DB = (14.0, 5.0)
 
@@ -33,9 +36,10 @@ def flight_case(
     rows: Callable[[Sequence[Comparison]], list[Row]],
     seeds: int = SEEDS,
     least: int = 3,
+    brief: Flight | None = None,
 ) -> Case:
-    """Flights of one condition."""
-    return Case(
+    """Flights of one condition; in short a brief one, by itself the first 40 s."""
+    full = Case(
         name=name,
         trials=seeds,
         least=least,
@@ -43,6 +47,8 @@ def flight_case(
         trial=lambda rng, _: flight.fly(rng),
         rows=rows,
     )
+    short = brief or replace(flight, duration_s=SHORT_S)
+    return replace(full, short=replace(full, least=1, trial=lambda rng, _: short.fly(rng)))
 
 
 def recall_row(
@@ -136,6 +142,7 @@ def _weak(enr_db: float) -> Case:
         name=f"ENR {enr_db:g} dB",
         flight=Flight(enr_db=enr_db),
         least=10 if tenth else 3,
+        brief=Flight(enr_db=enr_db, duration_s=60.0),
         rows=lambda flights: flight_rows(
             flights,
             experiment="E4",
@@ -187,9 +194,9 @@ def _ramp_rows(flights: Sequence[Comparison]) -> list[Row]:
 
 def _first_confirmed() -> Case:
     """How long until a tag of 14 dB is confirmed, from the stream's start."""
-    flight = Flight(enr_db=14.0, duration_s=30.0)
 
-    def trial(rng: np.random.Generator, _: int) -> float:
+    def trial(rng: np.random.Generator, _: int, *, duration_s: float = 30.0) -> float:
+        flight = Flight(enr_db=14.0, duration_s=duration_s)
         samples, _truth = flight.samples(rng)
         sure = [e.at_s for e in emissions(samples, flight.tag) if e.pulse.confirmed]
         return min(sure, default=flight.duration_s)
@@ -210,9 +217,11 @@ def _first_confirmed() -> Case:
             )
         ]
 
-    return Case(
+    full = Case(
         name="first confirmed", trials=200, least=8, seconds=0.08, trial=trial, rows=rows
     )
+    # Fewer have no interval of a median.
+    return replace(full, short=replace(full, least=7, trial=partial(trial, duration_s=15.0)))
 
 
 E4 = Experiment(
@@ -220,7 +229,12 @@ E4 = Experiment(
     title="Tracking of weak tags",
     cases=(
         *(_weak(level) for level in original.CONFIRMED_RECALL),
-        flight_case(name="ramp", flight=Flight(enr_db=ramp_db), rows=_ramp_rows),
+        flight_case(
+            name="ramp",
+            flight=Flight(enr_db=ramp_db),
+            rows=_ramp_rows,
+            brief=Flight(enr_db=lambda time_s: ramp_db(3.0 * time_s), duration_s=100.0),
+        ),
         _first_confirmed(),
     ),
 )
@@ -231,10 +245,13 @@ _OFF_SEEDS = 10
 
 
 def _off(name: str, flight: Flight) -> Case:
+    drifts = flight.interval_drift != 0.0 or flight.drift_hz_per_s != 0.0
     return flight_case(
         name=name,
         flight=replace(flight, duration_s=_OFF_S, enr_db=_OFF_DB),
         seeds=_OFF_SEEDS,
+        # What drifts must have gone some way.
+        brief=replace(flight, duration_s=60.0 if drifts else SHORT_S, enr_db=_OFF_DB),
         rows=lambda flights: flight_rows(
             flights, experiment="E8", case=f"{_OFF_DB:g} dB, {name}", least=0.97, most_false=1.0
         ),

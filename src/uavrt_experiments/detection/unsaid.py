@@ -1,8 +1,9 @@
 """E9: samples lost in the radio without a word, and what becomes of times and pulses."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +33,7 @@ _SETTLED_S = 1.0
 _EVERY_S = 0.37
 _STREAM_S = 120.0
 _FLIGHT_S = 180.0
+_SHORT_S = 60.0
 _ENR_DB = 16.0
 
 
@@ -116,12 +118,14 @@ class Unsaid:
             unsure=unsure,
         )
 
-    def fly(self, rng: np.random.Generator) -> tuple[Comparison, Comparison]:
+    def fly(
+        self, rng: np.random.Generator, _index: int, *, duration_s: float = _FLIGHT_S
+    ) -> tuple[Comparison, Comparison]:
         """Pulses found when nobody reports the losses, and when somebody tells exactly."""
-        flight = Flight(enr_db=_ENR_DB, duration_s=_FLIGHT_S)
+        flight = Flight(enr_db=_ENR_DB, duration_s=duration_s)
         samples, truth = flight.samples(rng)
         delivery = replace(self.delivery, sample_rate_hz=RATE_HZ)
-        stream = DeliveredStream(delivery, _FLIGHT_S, rng)
+        stream = DeliveredStream(delivery, duration_s, rng)
         places = np.arange(stream.samples)
         true = np.rint(
             places + stream.gap * np.searchsorted(stream.losses, places, side="right")
@@ -266,7 +270,7 @@ def _delivery(share: float, loss_s: float) -> Delivery:
 
 def _times_case(share: float, loss_s: float) -> Case:
     name = _name(share, loss_s)
-    return Case(
+    full = Case(
         name=f"times, {name}",
         trials=12,
         least=3,
@@ -274,21 +278,21 @@ def _times_case(share: float, loss_s: float) -> Case:
         trial=Unsaid(delivery=_delivery(share, loss_s)).keep_times,
         rows=lambda kept: _time_rows(name, kept, share),
     )
+    return replace(full, short=replace(full, least=2))
 
 
 def _recall_case(share: float, loss_s: float) -> Case:
     name = _name(share, loss_s)
-    fly: Callable[[np.random.Generator], tuple[Comparison, Comparison]] = Unsaid(
-        delivery=_delivery(share, loss_s)
-    ).fly
-    return Case(
+    fly = Unsaid(delivery=_delivery(share, loss_s)).fly
+    full = Case(
         name=f"recall, {name}",
         trials=12,
         least=3,
         seconds=1.0,
-        trial=lambda rng, _: fly(rng),
+        trial=fly,
         rows=lambda flights: _recall_rows(f"{_ENR_DB:g} dB, {name}", flights),
     )
+    return replace(full, short=replace(full, least=1, trial=partial(fly, duration_s=_SHORT_S)))
 
 
 def _name(share: float, loss_s: float) -> str:

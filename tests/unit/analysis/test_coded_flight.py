@@ -247,7 +247,7 @@ def test_a_whole_flight_places_a_code_beside_one_that_shares_three_of_its_pulses
     write_tags(tmp_path / "listed.toml", [sender, silent])
     ended = uavrt(
         *("integrate", str(tmp_path / "flight"), "--recording", str(recording.metadata)),
-        *("--tags", str(tmp_path / "listed.toml"), "--frequency-window", "250", "--json"),
+        *("--tags", str(tmp_path / "listed.toml"), "--frequency-window", "120", "--json"),
     )
     assert ended == 0
     found, other = json.loads(capsys.readouterr().out)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import uavrt
 
 from uavrt.demo.programs import free_udp_port
 from uavrt.dsp.filters import compatible_bank_taps
@@ -251,24 +252,16 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
     ],
 )
 def test_what_no_channels_can_be_sent_of_is_refused_before_it_begins(
-    arguments: list[str], word: str
+    capsys: pytest.CaptureFixture[str], arguments: list[str], word: str
 ) -> None:
-    run = subprocess.run(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "channelize"),
-            *(f"udp://127.0.0.1:{free_udp_port()}", *arguments),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert run.returncode == 2
-    assert word in run.stderr
-    assert "datagrams sent" not in run.stderr
-    assert "channels of 3750 samples" not in run.stderr
+    assert uavrt("channelize", f"udp://127.0.0.1:{free_udp_port()}", *arguments) == 2
+    said = capsys.readouterr().err
+    assert word in said
+    assert "datagrams sent" not in said
+    assert "channels of 3750 samples" not in said
 
 
-@pytest.mark.parametrize("rate_hz", [375e3, 750e3, 1.5e6, 3e6, 6e6])
+@pytest.mark.parametrize("rate_hz", [375e3, 1.5e6, 6e6])
 def test_the_rates_that_the_refusal_names_give_the_originals_channels(rate_hz: float) -> None:
     process = channelizer(f"udp://127.0.0.1:{free_udp_port()}", "--sample-rate", f"{rate_hz:g}")
     assert " 0 samples" in " " + stopped(process)

@@ -34,7 +34,7 @@ def sent(tag: Tag, enr_db: float, *, seed: int = 5) -> NDArray[np.complex64]:
         add_burst(
             *(samples, tag),
             start_s=FIRST_S + number * INTERVAL_S,
-            offset_hz=110.0,
+            offset_hz=40.0,
             enr_db=enr_db,
             stretch=1e-3 / sum(tag.gaps_s),
             rng=rng,
@@ -52,7 +52,7 @@ def judged(tag: Tag, samples: NDArray[np.complex64]) -> tuple[SlotEnergies, Judg
         start_ns=START_NS,
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=tag.frequency_hz,
-        frequency_window_hz=150.0,
+        frequency_window_hz=60.0,
     )
     return energies, judge(energies, np.ones((1, 2)), np.array([0.0, SECONDS]), tag)
 
@@ -86,7 +86,7 @@ def test_another_code_is_told_as_such_and_hides_none(enr_db: float) -> None:
         add_burst(
             *(both, other),
             start_s=2.6 + number * 2.9985,
-            offset_hz=110.0,
+            offset_hz=40.0,
             enr_db=6.0,
             stretch=0.0,
             rng=rng,
