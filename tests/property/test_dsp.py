@@ -35,7 +35,7 @@ def block(samples: Complex, index: int, lost: int = 0) -> IQBlock:
     )
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(st.integers(2, 24), modes, cuts, st.integers(0, 9))
 def test_a_decimator_does_not_care_how_its_input_is_cut(
     factor: int, mode: str, at: list[int], seed: int
@@ -50,7 +50,7 @@ def test_a_decimator_does_not_care_how_its_input_is_cut(
     np.testing.assert_allclose(parts, whole, atol=1e-5)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(
     st.integers(1, 60).map(lambda half: 2 * half),
     modes,
@@ -150,7 +150,7 @@ def test_a_pulse_after_a_gap_has_the_right_time(
     assert abs(time / power - expected) < 1_000
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 @given(st.lists(st.integers(0, 240_000), min_size=2, max_size=12))
 def test_the_tuner_keeps_its_guards_and_is_never_worse_than_the_original(
     offsets: list[int],
@@ -180,7 +180,7 @@ def test_the_tuner_keeps_its_guards_and_is_never_worse_than_the_original(
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 @given(st.lists(st.integers(0, 251_000), min_size=1, max_size=12))
 def test_each_tag_is_where_the_tuner_says(offsets: list[int]) -> None:
     tags = [148.6e6 + offset for offset in offsets]

@@ -48,7 +48,7 @@ def test_turning_the_world_turns_the_bearing(
     assert abs(difference_deg(turned.bearing_deg, plain.bearing_deg + turn)) < 0.3
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 @given(
     st.lists(st.tuples(angles, st.floats(-20.0, 70.0) | st.just(float("nan"))), min_size=1),
     st.floats(0.0, 20.0),
@@ -68,7 +68,7 @@ def test_any_pulses_give_a_posterior_that_holds_together(
     assert -1e-12 <= found.second_lobe_probability <= 1.0
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=15)
 @given(st.floats(0.01, 1e4), st.integers(1, 20), st.sampled_from([0.5, 2.5, 6.5]))
 def test_the_power_law_is_greatest_near_the_measured_power(
     power: float, folds: int, fading_db: float
@@ -98,7 +98,7 @@ def test_metres_and_degrees_go_to_and_fro(
     assert abs(float(back_north) - north) < 0.01
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=15)
 @given(
     st.lists(
         st.tuples(st.floats(-500.0, 500.0), st.floats(-500.0, 500.0), angles),

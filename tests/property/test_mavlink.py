@@ -77,7 +77,7 @@ def test_rubbish_before_frames_costs_no_frame(payload: bytes, rubbish: bytes) ->
         assert len(ours) == 40
 
 
-@settings(max_examples=500)
+@settings(max_examples=250)
 @given(st.binary(max_size=600))
 def test_any_bytes_are_parsed_without_a_fault(data: bytes) -> None:
     parser = FrameParser()
@@ -85,7 +85,7 @@ def test_any_bytes_are_parsed_without_a_fault(data: bytes) -> None:
         frame.message()
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=255))
 def test_any_payload_of_a_known_message_is_read_and_written_back(
     message_id: int, payload: bytes
@@ -115,7 +115,7 @@ def test_a_flipped_bit_is_counted_and_never_believed(
     jitter_s=st.floats(0, 0.005),
     seed=st.integers(0, 999),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_boot_time_is_mapped_within_the_jitter_whatever_offset_and_skew(
     offset_s: float, skew_ppm: float, jitter_s: float, seed: int
 ) -> None:
@@ -194,7 +194,7 @@ def test_a_text_of_any_length_comes_back_from_its_pieces(text: str) -> None:
     assert whole.replace(" ", "")[:300] == text.replace(" ", "")[:300]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     st.lists(st.tuples(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=255)), max_size=5),
     st.tuples(st.integers(0, 255), st.integers(0, 255)),

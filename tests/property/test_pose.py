@@ -75,7 +75,7 @@ def test_the_sign_of_a_quaternion_changes_nothing(
     offset=st.floats(0.0, 1.0),
     flips=st.lists(st.booleans(), min_size=200, max_size=200),
 )
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=30)
 def test_the_ring_gives_the_analytic_heading_of_a_steady_turn(
     rate_deg_s: float, interval_ns: int, offset: float, flips: list[bool]
 ) -> None:

@@ -155,7 +155,7 @@ SOUP = st.one_of(
 
 
 @given(SOUP, st.sampled_from([read_pulse_pose_log, read_pulse_file, read_detector_config]))
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 def test_any_bytes_are_read_or_refused_by_name(
     content: bytes, read: Callable[[Path], object]
 ) -> None:

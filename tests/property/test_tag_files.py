@@ -30,7 +30,7 @@ SOUP = st.one_of(
 
 
 @given(st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()), st.booleans())
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_any_bytes_give_tags_or_faults_with_lines(content: bytes, toml: bool) -> None:
     faults: tuple[str, ...] = ()
     tags: tuple[Tag, ...] = ()
@@ -43,7 +43,7 @@ def test_any_bytes_give_tags_or_faults_with_lines(content: bytes, toml: bool) ->
 
 
 @given(st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_any_bytes_give_settings_or_a_config_error(content: bytes) -> None:
     with contextlib.suppress(ConfigError):
         assert isinstance(parse_settings(content, name="uavrt.toml"), Settings)

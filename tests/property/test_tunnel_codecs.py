@@ -67,7 +67,7 @@ def decoded_or_error(payload: bytes) -> tunnel.TunnelMessage | TunnelError:
         return error
 
 
-@settings(max_examples=1000)
+@settings(max_examples=500)
 @given(st.binary(max_size=140))
 def test_any_bytes_are_a_message_or_a_tunnel_error(payload: bytes) -> None:
     outcome = decoded_or_error(payload)
@@ -77,7 +77,7 @@ def test_any_bytes_are_a_message_or_a_tunnel_error(payload: bytes) -> None:
         assert len(outcome.encode()) == len(payload)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=500)
 @given(st.sampled_from(sorted(DECODERS)), st.data())
 def test_any_content_of_a_right_length_is_read_and_converted_or_refused(
     kind: tuple[int, int], data: st.DataObject

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from importlib import import_module
 from pathlib import Path
@@ -32,19 +33,35 @@ TYPED = (
 """Packages in which a record is a dataclass."""
 
 
-def modules() -> Iterator[tuple[str, ast.Module]]:
+LOOKED_AT = (ast.BinOp, ast.Constant, ast.Subscript, ast.ImportFrom)
+
+
+@cache
+def nodes_of_all() -> dict[Path, list[ast.AST]]:
+    """What the rules look at, of each module."""
     experiments = SOURCE.parent / "uavrt_experiments"
-    for path in sorted([*SOURCE.rglob("*.py"), *experiments.rglob("*.py")]):
+    return {
+        path: [
+            node
+            for node in ast.walk(ast.parse(path.read_text()))
+            if isinstance(node, LOOKED_AT)
+        ]
+        for path in sorted([*SOURCE.rglob("*.py"), *experiments.rglob("*.py")])
+    }
+
+
+def modules() -> Iterator[tuple[str, list[ast.AST]]]:
+    for path, nodes in nodes_of_all().items():
         name = path.relative_to(SOURCE.parent).as_posix().removeprefix("uavrt/")
         if not set(OWN_ARITHMETIC) & set(Path(name).parts):
-            yield name, ast.parse(path.read_text())
+            yield name, nodes
 
 
 def test_angles_are_wrapped_in_units_alone() -> None:
     found = [
         f"{name}:{node.lineno}"
-        for name, tree in modules()
-        for node in ast.walk(tree)
+        for name, nodes in modules()
+        for node in nodes
         if isinstance(node, ast.BinOp)
         and isinstance(node.op, ast.Mod)
         and isinstance(node.right, ast.Constant)
@@ -56,8 +73,8 @@ def test_angles_are_wrapped_in_units_alone() -> None:
 def test_seconds_become_nanoseconds_by_units_alone() -> None:
     found = {
         f"{name}:{node.lineno}"
-        for name, tree in modules()
-        for node in ast.walk(tree)
+        for name, nodes in modules()
+        for node in nodes
         if isinstance(node, ast.Constant)
         and isinstance(node.value, int | float)
         and node.value == 1e9
@@ -69,9 +86,9 @@ def test_seconds_become_nanoseconds_by_units_alone() -> None:
 def test_records_of_the_inner_packages_are_no_dictionaries() -> None:
     found = [
         f"{name}:{node.lineno}"
-        for name, tree in modules()
+        for name, nodes in modules()
         if name.split("/")[0] in TYPED
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Subscript) and ast.unparse(node) == "dict[str, Any]"
     ]
     assert not found, "make a frozen dataclass of it"
@@ -100,9 +117,9 @@ def test_nothing_is_cited_that_a_reader_cannot_open() -> None:
 def test_other_packages_import_from_a_package_not_from_its_modules() -> None:
     source = SOURCE.parent
     found = []
-    for path in sorted([*SOURCE.rglob("*.py"), *(source / "uavrt_experiments").rglob("*.py")]):
+    for path, nodes in nodes_of_all().items():
         folder = path.parent.relative_to(source).as_posix().replace("/", ".")
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes:
             if not isinstance(node, ast.ImportFrom) or "__init__" in path.name:
                 continue
             module = node.module or ""
@@ -131,18 +148,13 @@ def test_what_a_package_offers_is_what_it_finds_when_asked() -> None:
 def test_no_module_imports_one_that_imports_it() -> None:
     """Also not within a function; what a package offers is imported when it is asked for."""
     files = {
-        path.relative_to(SOURCE.parent).with_suffix("").as_posix().replace("/", "."): path
-        for root in (SOURCE, SOURCE.parent / "uavrt_experiments")
-        for path in root.rglob("*.py")
+        path.relative_to(SOURCE.parent).with_suffix("").as_posix().replace("/", "."): nodes
+        for path, nodes in nodes_of_all().items()
         if path.name != "__init__.py"
     }
     needs: dict[str, set[str]] = {}
-    for name, path in files.items():
-        imported = [
-            node
-            for node in ast.walk(ast.parse(path.read_text()))
-            if isinstance(node, ast.ImportFrom)
-        ]
+    for name, nodes in files.items():
+        imported = [node for node in nodes if isinstance(node, ast.ImportFrom)]
         candidates = {f"{node.module}.{one.name}" for node in imported for one in node.names}
         candidates |= {node.module or "" for node in imported}
         needs[name] = candidates & files.keys()

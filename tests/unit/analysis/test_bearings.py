@@ -5,10 +5,12 @@ import json
 import math
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import command_line
 import numpy as np
 import pytest
 from pulses import pulse_at
@@ -260,12 +262,21 @@ def test_a_line_that_is_no_bearing_is_named(tmp_path: Path) -> None:
         read_positions(path)
 
 
-def uavrt(*arguments: str) -> str:
-    command = [sys.executable, "-m", "uavrt.cli", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+Run = Callable[..., str]
 
 
-def test_the_commands_print_lists_for_other_programs(tmp_path: Path) -> None:
+@pytest.fixture
+def uavrt(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run a command in this process; what it prints."""
+
+    def run(*arguments: str) -> str:
+        assert command_line.uavrt(*arguments) == 0
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_the_commands_print_lists_for_other_programs(uavrt: Run, tmp_path: Path) -> None:
     pulses = write(flown().pulse_poses, tmp_path / "flight.csv.jsonl")
     bearings = json.loads(uavrt("bearing", str(pulses), "--method", "ls_db", "--json"))
     assert [set(one) >= {"tag_id", "bearing_deg", "sigma_deg", "method"} for one in bearings]
@@ -279,7 +290,9 @@ def test_the_commands_print_lists_for_other_programs(tmp_path: Path) -> None:
     assert "tag 7" in uavrt("localize", str(path), "--method", "mle")
 
 
-def test_localize_says_what_the_shared_errors_do_to_the_circle(tmp_path: Path) -> None:
+def test_localize_says_what_the_shared_errors_do_to_the_circle(
+    uavrt: Run, tmp_path: Path
+) -> None:
     path = tmp_path / "bearings.csv"
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
     listed = tmp_path / "TagInfo.txt"
@@ -302,7 +315,9 @@ def mounted_across(tmp_path: Path) -> Path:
     return write(tuple(of_the_drone), tmp_path / "flight.jsonl")
 
 
-def test_every_command_that_makes_bearings_takes_the_antennas_offset(tmp_path: Path) -> None:
+def test_every_command_that_makes_bearings_takes_the_antennas_offset(
+    uavrt: Run, tmp_path: Path
+) -> None:
     log = mounted_across(tmp_path)
     told = ("--antenna-offset", "90")
     bearings = json.loads(uavrt("bearing", str(log), *told, "--json"))

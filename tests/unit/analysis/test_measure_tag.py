@@ -1,14 +1,13 @@
 """Unknown tags measured: against a few lines that make samples, and against the simulator."""
 
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_line import uavrt
 
 from uavrt.analysis.measure.beats import find_beats
 from uavrt.analysis.measure.interval_fit import fit_beat
@@ -286,7 +285,9 @@ def test_the_beat_of_regular_times_is_exact() -> None:
     assert fitted.scatter_s < 1e-9
 
 
-def test_the_command_measures_the_simulators_tag_and_writes_its_entry(tmp_path: Path) -> None:
+def test_the_command_measures_the_simulators_tag_and_writes_its_entry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     from uavrt.simulation import Scenario, SimulatedTag
     from uavrt.simulation.flight import Flight, Leg
     from uavrt.simulation.recording import simulate_to_directory
@@ -312,40 +313,17 @@ def test_the_command_measures_the_simulators_tag_and_writes_its_entry(tmp_path: 
     simulate_to_directory(scenario, tmp_path / "flight")
     recording = next((tmp_path / "flight").glob("*.sigmf-meta"))
     entry = tmp_path / "tags.toml"
-    run = subprocess.run(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "tags", "measure", str(recording)),
-            *("-o", str(entry), "--id", "6", "--name", "Luna"),
-        ],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=100,
-    )
+    command = ("tags", "measure", str(recording), "-o", str(entry))
+    assert uavrt(*command, "--id", "6", "--name", "Luna") == 0
     (tag,) = read_tags(entry)
     assert (tag.tag_id, tag.name) == (6, "Luna")
     # The simulated receiver and tag have crystals of their own, some ppm.
     assert abs(tag.frequency_hz - 148_710_000.0) < 1500.0
     assert abs(tag.pulse_width_s - 0.020) < 0.5e-3
     assert abs(tag.pulse_intervals_s[0] - 1.254) < 0.01
-    assert "interval" in run.stderr
-    again = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "uavrt.cli",
-            "tags",
-            "measure",
-            str(recording),
-            "-o",
-            str(entry),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=100,
-    )
-    assert again.returncode == 2
-    assert "exists already" in again.stderr
+    assert "interval" in capsys.readouterr().err
+    assert uavrt(*command) == 2
+    assert "exists already" in capsys.readouterr().err
 
 
 def test_an_entry_has_two_rates_at_most_and_room_for_a_season(tmp_path: Path) -> None:

@@ -4,14 +4,13 @@ import csv
 import io
 import json
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from command_line import uavrt
 
 from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
@@ -110,10 +109,11 @@ def test_command_line_and_report_give_the_same_way(place: Path, survey: Survey) 
     assert walker.track == way_of(survey, WALKER).track
 
 
-def test_the_command_line_prints_the_way_of_each_tag(place: Path) -> None:
-    command = [sys.executable, "-m", "uavrt.cli", "localize", str(place), "--method", "track"]
-    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
-    told = {one["tag_id"]: one for one in json.loads(done.stdout)}
+def test_the_command_line_prints_the_way_of_each_tag(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt("localize", str(place), "--method", "track", "--json") == 0
+    told = {one["tag_id"]: one for one in json.loads(capsys.readouterr().out)}
     assert set(told) == {WALKER, RESTING}
     for one in told.values():
         assert one["method"] == "track"
@@ -123,8 +123,6 @@ def test_the_command_line_prints_the_way_of_each_tag(place: Path) -> None:
         for each in one["track"]:
             assert 0.0 < each["radius50_m"] < each["radius95_m"]
             assert each["time"].endswith("Z")
-    plain = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "the tag seems to have walked" in plain.stdout
 
 
 def test_exports_carry_the_way_with_its_times(survey: Survey, tmp_path: Path) -> None:
@@ -181,14 +179,17 @@ def test_the_page_says_for_which_time_a_walkers_place_stands(place: Path) -> Non
     assert "straight on" not in " ".join(resting["remarks"])
 
 
-def test_a_walkers_place_says_for_which_time_it_stands(place: Path, survey: Survey) -> None:
+def test_a_walkers_place_says_for_which_time_it_stands(
+    place: Path, survey: Survey, capsys: pytest.CaptureFixture[str]
+) -> None:
     last_ns = way_of(survey, WALKER).track[-1].time_ns
     assert survey.position_time_ns(WALKER) == last_ns
     (walker, resting) = words.findings(survey)
     assert f"at {iso_utc(last_ns)[11:19]} UTC" in walker.detail
     assert "if it walked straight on" in walker.detail
     assert "if it walked straight on" not in resting.detail
-    command = [sys.executable, "-m", "uavrt.cli", "localize", str(place)]
-    plain = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert uavrt("localize", str(place)) == 0
+    plain = capsys.readouterr().out
+    assert "the tag seems to have walked" in plain
     assert plain.count("if it walked straight on") == 1
     assert f"where it was at {iso_utc(last_ns)}" in plain

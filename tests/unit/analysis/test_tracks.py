@@ -316,8 +316,11 @@ def test_gpx_gives_places_and_says_that_headings_are_courses(
     assert len(placed) > 0.6 * len(attached)  # none before it first moves
 
 
-@pytest.mark.parametrize("offset_s", [0.0, 7.35, -41.2])
-@pytest.mark.parametrize("posed", [True, False], ids=["poses", "powers"])
+@pytest.mark.parametrize(
+    ("posed", "offset_s"),
+    [(True, 0.0), (True, 7.35), (True, -41.2), (False, -41.2)],
+    ids=["poses", "poses early", "poses late", "powers"],
+)
 def test_the_clocks_offset_is_found_from_what_is_common(
     flight: Flight, tmp_path: Path, offset_s: float, posed: bool
 ) -> None:

@@ -29,7 +29,7 @@ from uavrt_experiments.integrate.ways import ordinary_and_whole, samples_and_ene
 @pytest.mark.parametrize("number", range(6))
 def test_flights_without_the_tag_show_none(number: int) -> None:
     case = EXPERIMENTS["I1"].cases[number]
-    outcomes = [case.trial(np.random.default_rng((5, index)), index) for index in range(12)]
+    outcomes = [case.trial(np.random.default_rng((5, index)), index) for index in range(6)]
     assert sum(one.found for one in outcomes) <= 1
     contradicted = [row for row in case.rows(outcomes) if row.contradicted]
     assert not contradicted
@@ -128,9 +128,9 @@ def test_an_unknown_experiment_is_named() -> None:
 @pytest.mark.parametrize("number", range(3))
 def test_noise_of_several_flights_shows_no_tag(number: int) -> None:
     case = EXPERIMENTS["I6"].cases[number]
-    expected = [case.trial(np.random.default_rng((5, index)), index) for index in range(10)]
-    # As seldom as stated: the least of ten chances is not below a three-hundredth.
-    assert min(expected) > math.log(1 / 300)
+    expected = [case.trial(np.random.default_rng((5, index)), index) for index in range(5)]
+    # As seldom as stated: the least of five chances is not below a hundred-and-fiftieth.
+    assert min(expected) > math.log(1 / 150)
     assert not [row for row in case.rows(expected) if row.contradicted]
 
 

@@ -12,7 +12,13 @@ from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotati
 from tests.unit.integration.test_from_arrays_and_tracks import FIXED
 from tests.unit.integration.test_whole_flight import judged
 
-from uavrt.analysis import TagOfFlights, common_tags, judge_together, share_alone
+from uavrt.analysis import (
+    IntegratedTag,
+    TagOfFlights,
+    common_tags,
+    judge_together,
+    share_alone,
+)
 from uavrt.cli.app import app
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, UavrtError, UsageError
@@ -42,9 +48,14 @@ def flights_of(seed: int, enr_db: float | None, east_m: Sequence[float]) -> list
     return [first, *later]
 
 
-def together(flown: Sequence[Rotation], path: Path, *, moves: bool = False) -> TagOfFlights:
-    alone = share_alone(0.01, len(flown))
-    each = [judged(one, path, alone) for one in flown]
+def alone(flown: Sequence[Rotation], path: Path) -> list[IntegratedTag]:
+    """What each flight shows by itself."""
+    return [judged(one, path, share_alone(0.01, len(flown))) for one in flown]
+
+
+def together(
+    flown: Sequence[Rotation], each: Sequence[IntegratedTag], *, moves: bool = False
+) -> TagOfFlights:
     flights = [one.flight for one in flown]
     return judge_together(flights, each, PATTERNS["RA-23K"], moves=moves)
 
@@ -55,11 +66,18 @@ def flown() -> list[Rotation]:
     return flights_of(41, WEAK_DB, [0.0, 0.0, 0.0])
 
 
+@pytest.fixture(scope="module")
+def each(
+    flown: list[Rotation], tmp_path_factory: pytest.TempPathFactory
+) -> list[IntegratedTag]:
+    return alone(flown, tmp_path_factory.mktemp("alone"))
+
+
 @pytest.mark.parametrize("moves", [False, True])
 def test_a_tag_too_weak_in_each_flight_is_found_in_all_together(
-    flown: list[Rotation], tmp_path: Path, moves: bool
+    flown: list[Rotation], each: list[IntegratedTag], moves: bool
 ) -> None:
-    one = together(flown, tmp_path, moves=moves)
+    one = together(flown, each, moves=moves)
     assert min(one.alone) > share_alone(0.01, 3)
     assert one.together
     assert one.found
@@ -81,7 +99,7 @@ def test_half_of_the_false_alarms_are_for_either_decision(
 ) -> None:
     assert 3 * share_alone(0.01, 3) == pytest.approx(0.005)
     strong = [rotation(45, 8.0, pulses=100), *flights_of(46, None, [0.0, 0.0])]
-    one = together(strong, tmp_path)
+    one = together(strong, alone(strong, tmp_path))
     assert one.found
     # Found alone: its own chance, times six.
     assert one.false_alarm_probability <= 6.001 * min(one.alone)
@@ -92,8 +110,9 @@ def test_noise_of_several_flights_is_nobody(tmp_path: Path) -> None:
     chances = []
     for seed in range(60, 66, 2):
         flown = flights_of(seed, None, [0.0, 0.0])
+        each = alone(flown, tmp_path)
         chances += [
-            together(flown, tmp_path, moves=moves).false_alarm_probability
+            together(flown, each, moves=moves).false_alarm_probability
             for moves in (False, True)
         ]
     assert min(chances) > 0.01
@@ -189,9 +208,10 @@ def test_flights_that_cannot_be_judged_together_are_named(
 
 def test_flights_far_apart_have_no_place_in_common(tmp_path: Path) -> None:
     flown = flights_of(51, WEAK_DB, [0.0, 9000.0])
+    each = alone(flown, tmp_path)
     with pytest.raises(UsageError, match=r"lies 4\.5 km from the middle of all flights"):
-        together(flown, tmp_path)
-    assert len(together(flown, tmp_path, moves=True).flights) == 2
+        together(flown, each)
+    assert len(together(flown, each, moves=True).flights) == 2
 
 
 def test_tags_are_those_that_all_flights_list(flown: list[Rotation]) -> None:

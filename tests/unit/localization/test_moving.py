@@ -103,7 +103,7 @@ def held(found: Position, tag: Walker, origin_ns: int = 0) -> list[bool]:
 def test_a_walker_is_followed_from_turn_to_turn() -> None:
     rng = np.random.default_rng(77)
     within: list[bool] = []
-    for number in range(24):
+    for number in range(14):
         tag = a_walker(rng, (0.5, 1.0)[number % 2])
         given = turns_around(rng, tag)
         found = estimate_position(given, method="track")
@@ -135,7 +135,7 @@ def test_bearings_that_contradict_a_resting_tag_give_its_way_unasked() -> None:
 def test_a_tag_that_rests_keeps_its_place_and_has_no_way() -> None:
     rng = np.random.default_rng(43)
     ways = 0
-    for _ in range(20):
+    for _ in range(12):
         given = turns_around(rng, a_walker(rng, 0.0))
         plain, found = (
             estimate_position(given, follow=False),

@@ -94,7 +94,7 @@ def pulses(events: list[Any]) -> set[float]:
     return {event.pulse.frequency_hz for event in events if isinstance(event, PulsePose)}
 
 
-FLOOD_S, FIRST_S = 30, 10
+FLOOD_S, FIRST_S = 20, 7
 BATCH_S = 0.002
 PULSE_EVERY = 61
 """Batches between two pulses: 8 a second, at no fixed phase of the timers."""
@@ -127,7 +127,7 @@ class Sight:
 
 
 async def fly_in_a_flood(bay: Bay, frames: Iterator[bytes] | None) -> Sight:
-    """Send pulses for half a minute while somebody sends 2000 frames a second."""
+    """Send pulses for twenty seconds while somebody sends 2000 frames a second."""
     sight = Sight(bay)
     async with bay.running(), bay.ground_station() as (ground, _):
         ground._on_event = sight.append
