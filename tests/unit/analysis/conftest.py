@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,14 @@ from uavrt.config import Settings
 from uavrt.messages import (
     FlightInfo,
     Health,
+    Pose,
     Poses,
     PulsePose,
     SearchReport,
     StatusText,
 )
 from uavrt.recording import FlightRecorder
-from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag, World
+from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag, TruePulse, World
 
 WriteFlight = Callable[..., Path]
 STATIONS_M = ((0.0, 0.0), (250.0, 0.0), (250.0, 250.0))
@@ -51,6 +53,25 @@ def survey_scenario(tags: int = 2) -> Scenario:
             for number in range(tags)
         ),
     )
+
+
+@cache
+def flown(scenario: Scenario) -> Poses:
+    """The vehicle's poses, ten a second."""
+    end_ns = scenario.start_time_ns + round(scenario.duration_s * 1e9)
+    times = range(scenario.start_time_ns, end_ns, 100_000_000)
+    return Poses(poses=tuple(map(scenario.vehicle_pose, times)))
+
+
+@cache
+def sent(scenario: Scenario) -> list[tuple[TruePulse, Pose]]:
+    """True pulses, each with the antenna's pose in its middle."""
+    start_ns = scenario.start_time_ns
+    end_ns = start_ns + round(scenario.duration_s * 1e9)
+    return [
+        (one, scenario.antenna_pose((one.start_time_ns + one.end_time_ns) // 2))
+        for one in World(scenario).truth(start_ns, end_ns)
+    ]
 
 
 @pytest.fixture(scope="session")
@@ -88,9 +109,9 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
         )
         times = range(scenario.start_time_ns, end_ns, 100_000_000)
         if poses:
-            recorder.write_poses(Poses(poses=tuple(map(scenario.vehicle_pose, times))))
+            recorder.write_poses(flown(scenario))
         rng = np.random.default_rng(3)
-        for truth in World(scenario).truth(scenario.start_time_ns, end_ns):
+        for truth, pose in sent(scenario):
             snr_db = truth.enr_db + float(rng.normal(0.0, 1.0))
             if truth.tag_id >= 2 + heard or snr_db < 10.0:
                 continue
@@ -105,9 +126,7 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
                 predicted_next_start_ns=truth.start_time_ns + 1_254_000_000,
                 predicted_next_end_ns=truth.end_time_ns + 1_254_000_000,
             )
-            middle = (truth.start_time_ns + truth.end_time_ns) // 2
-            pose = scenario.antenna_pose(middle) if poses else None
-            recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=pose)])
+            recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=pose if poses else None)])
         for second, time_ns in enumerate(times[::10]):
             counters = {"samples_lost": float(second // 100)}
             for process in ("receiver", "detector_1"):

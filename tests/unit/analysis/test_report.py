@@ -24,6 +24,7 @@ from uavrt.analysis.report import html_page, pdf_document, words
 from uavrt.analysis.report.document import _Book
 from uavrt.analysis.report.maps import draw_overview, draw_tag_map
 from uavrt.analysis.report.roses import draw_roses
+from uavrt.analysis.report.searches import account, searches_of
 from uavrt.analysis.report.style import new_figure, styled
 from uavrt.analysis.report.times import draw_times
 from uavrt.analysis.survey import Survey, read_survey
@@ -324,7 +325,7 @@ def test_a_wrong_report_toml_is_told(tmp_path: Path, text: str, says: str) -> No
         facts_of(tmp_path / "flight")
 
 
-def searched(flight: Path, scenario: Scenario, *, ended: bool = True) -> Survey:
+def searched(survey: Survey, scenario: Scenario, *, ended: bool = True) -> Survey:
     """A flight with a search that found one of two tags."""
     home = scenario.home.latitude_deg, scenario.home.longitude_deg
     found = SoughtTag(
@@ -375,15 +376,14 @@ def searched(flight: Path, scenario: Scenario, *, ended: bool = True) -> Survey:
         tags=(found, unknown),
     )
     notes = (begun, decided, end) if ended else (begun, decided)
-    return replace(read_survey(flight), search_notes=notes)
+    return replace(survey, search_notes=notes)
 
 
 def test_a_search_is_told_with_its_reasons_minutes_and_what_is_unknown(
-    write_flight: WriteFlight, scenario_of: Callable[[int], Scenario]
+    survey: Survey, scenario_of: Callable[[int], Scenario]
 ) -> None:
-    survey = searched(write_flight(tags=2, heard=1), scenario_of(2))
-    page = Page(html_page(survey))
-    text = page.text
+    survey = searched(survey, scenario_of(2))
+    text = Page(html_page(survey)).text
     assert "a pilot took over. 1 of 2 found in 3.3 minutes, 3.3 minutes for each animal" in text
     assert "after 2.5 min" in text
     assert "Tag 3 was not found: heard 0 times, 160 times not" in text
@@ -395,10 +395,11 @@ def test_a_search_is_told_with_its_reasons_minutes_and_what_is_unknown(
 
 
 def test_a_search_whose_recording_broke_off_is_told_as_far_as_it_went(
-    write_flight: WriteFlight, scenario_of: Callable[[int], Scenario]
+    survey: Survey, scenario_of: Callable[[int], Scenario]
 ) -> None:
-    survey = searched(write_flight(tags=2, heard=1), scenario_of(2), ended=False)
-    text = Page(html_page(survey)).text
+    survey = searched(survey, scenario_of(2), ended=False)
+    (search,) = searches_of(survey)
+    text = " ".join(account(survey, search)).replace("\u00a0", " ")
     assert "the recording breaks off. 0 of 2 found" in text
 
 
@@ -407,4 +408,4 @@ def test_flights_from_before_there_were_searches_have_none(write_flight: WriteFl
     with closing(sqlite3.connect(flight / "flight.sqlite")) as database, database:
         database.execute("DROP TABLE search_notes")
     assert read_search_notes(flight) == ()
-    assert "Search by" not in Page(html_page(read_survey(flight))).text
+    assert not list(searches_of(read_survey(flight)))

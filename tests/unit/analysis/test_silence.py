@@ -161,7 +161,7 @@ def test_silence_over_the_whole_flight_tells_more_than_that_of_groups(
     assert after["whole_flight"]
     assert after["mean_probability"] > before["mean_probability"]
     assert after["not_here"] > before["not_here"] > 1.0 - before["prior"]
-    report(flight, tag_power=-62.0, output=tmp_path)
+    report(flight, tag_power=-62.0, pdf=False, output=tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "would have been found over the whole flight with" in page
     capsys.readouterr()
