@@ -70,7 +70,7 @@ def test_renyi_gets_on_where_it_pays_to_turn_about(name: str) -> None:
 
 
 def test_rows_hold_every_contender_with_intervals_and_failures() -> None:
-    planned = [run for run in plan("T2", 2, 1, 300) if run.contender.planner != "lawnmower"]
+    planned = [run for run in plan("T2", 2, 1, 100) if run.contender.planner != "lawnmower"]
     short = [
         run
         for run in planned
@@ -183,7 +183,7 @@ def test_a_hard_table_is_flown_beside_its_easier_case(name: str) -> None:
     (easier,) = (one for one in short.contenders if one.easier and one.stop == "ours")
     assert replace(hard, easier=True) == easier
     flown = [
-        Flown(contender=who, outcomes=tuple(fly(short, who, n, particles=600) for n in (1, 2)))
+        Flown(contender=who, outcomes=tuple(fly(short, who, n, particles=300) for n in (1, 2)))
         for who in (hard, easier)
     ]
     rows = results(short, flown)
