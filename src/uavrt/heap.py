@@ -57,6 +57,19 @@ def heap_as_it_grows() -> None:
         _mallopt(_M_TRIM_THRESHOLD, 64 << 20)
 
 
+def heap_of_short_arrays() -> None:
+    """Give large arrays back as soon as they are done with, of whatever thread they are.
+
+    A search thinks in threads, each order in one more. By default each thread has a heap of its
+    own, which keeps the arrays of its largest moment, of ten thousand hypotheses. With one heap
+    for all, and arrays of 256 KiB or more outside it, that is not there (mallopt(3)).
+    """
+    if _mallopt is not None:
+        _mallopt(_M_ARENA_MAX, 1)
+        _mallopt(_M_MMAP_THRESHOLD, 256 << 10)
+        _mallopt(_M_TRIM_THRESHOLD, 1 << 20)
+
+
 def _find_trim() -> Callable[[int], int] | None:
     """Get malloc_trim(3), which glibc has and others do not need."""
     try:
@@ -77,7 +90,7 @@ def _find_mallopt() -> Callable[[int, int], int] | None:
 
 _trim = _find_trim()
 _mallopt = _find_mallopt()
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 
 
 class HeapKeeper:

@@ -35,6 +35,7 @@ from uavrt.guidance import (
     plan_of,
     wish_record,
 )
+from uavrt.heap import heap_of_short_arrays
 from uavrt.ipc import ProcessFrame
 from uavrt.localization import MONOPOLE, pattern_named
 from uavrt.log import get_logger
@@ -583,6 +584,7 @@ class Guide:
 
 def main() -> None:
     """Guide until told to stop."""
+    heap_of_short_arrays()
     with ProcessFrame.start() as frame:
         guide = Guide(frame)
         while frame.running:

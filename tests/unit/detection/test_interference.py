@@ -126,9 +126,9 @@ def test_a_tag_is_heard_between_the_lines_of_hum(offset_hz: float) -> None:
     # Lines 1.5 Hz wide every 100 Hz, 12 dB in a bin: left in, 3 and 161 of 190 such pulses
     # were heard at 5 and 50 Hz beside a line.
     rng = np.random.default_rng(73)
-    samples = coloured_noise(rng, round(36.0 * RATE_HZ), hum=True)
+    samples = coloured_noise(rng, round(50.0 * RATE_HZ), hum=True)
     sent = pulse_train(
-        rng, duration_s=34.0, interval_s=1.26, offset_hz=offset_hz, enr_db=14.0, jitter_s=0.003
+        rng, duration_s=48.0, interval_s=1.26, offset_hz=offset_hz, enr_db=14.0, jitter_s=0.003
     )
     for pulse in sent:
         add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)

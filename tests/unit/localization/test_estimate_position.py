@@ -250,7 +250,8 @@ def test_a_survey_with_a_monopole_finds_the_tag_and_not_the_ring_of_strongest_si
         assert found.radius95_m is not None
         inside += errors[-1] <= found.radius95_m
     assert np.median(errors) <= 6.5  # the bound is 5.1 rms
-    assert np.quantile(errors, 0.9) <= 12.0
+    # 11.3 where no pulse can be someone else's.
+    assert np.quantile(errors, 0.9) <= 14.0
     assert 20 <= inside <= 24
 
 

@@ -175,7 +175,7 @@ def test_a_process_that_keeps_ending_is_degraded_and_the_ground_reads_why(
         assert severity == 3
         assert text.startswith(f"process degraded: ended {SOON.degraded_after} times in a row")
         assert "ended (exit 3)" in text
-        assert "the antenna has fallen off where=field" in text
+        assert "the antenna has fallen off (where field)" in text
         assert yard.instance.status().status.startswith("degraded: ended (exit 3)")
         assert not yard.instance.status().ok
         # Each end before that was told as well.
