@@ -55,7 +55,13 @@ export function tellHeard(name: string, map: HeardMap, notes: string[]): void {
   fill(
     by(`${name}-told`),
     h("div", { class: "ramp heard-ramp", role: "img", "aria-label": "From dark blue, not heard, to yellow, surely heard" }),
-    h("p", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of the map. Blue: not heard, yellow: sure.`),
+    h(
+      "p",
+      {},
+      h("span", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of the map.`),
+      " ",
+      h("span", {}, "Blue: not heard, yellow: sure."),
+    ),
     ...[...notes, ...map.limitations].map((text) => h("p", { class: "note" }, text)),
   );
 }

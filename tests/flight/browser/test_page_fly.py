@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from page_driver import VIDEO, Ground, Watched, colour_at, type_tags
+from page_driver import VIDEO, Ground, Watched, axe_findings, colour_at, type_tags
 from playwright.sync_api import Browser, Page, expect
 from tests.flight.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
 from tests.flight.conftest import Drone, DroneBay, hovering_scenario
@@ -313,6 +313,7 @@ def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(
         expect(told).to_contain_text("on average", timeout=60_000)
         expect(told).to_contain_text("Best from ")
         expect(told).to_contain_text("the ground is taken as level")
+        assert [one for one in axe_findings(page) if one[0] in ("serious", "critical")] == []
         here.watched.picture("before-flat" if flat else "before")
         box = page.locator("#map").bounding_box()
         assert box is not None
