@@ -2,12 +2,13 @@
 
 import { ApiError, send } from "./api";
 import { by, fill, h, say } from "./dom";
+import { askForMap, forgetHeard, heardElements, numberOf, tellHeard } from "./heard";
 import { isPlace } from "./features";
 import { fixed, metres } from "./format";
 import type { LonLat } from "./geo";
 import { store } from "./store";
 import { catchTaps } from "./tap";
-import type { Absence, IntegrationAnswer, SilenceAnswer, SilenceMap, Verdict } from "./types";
+import type { Absence, IntegrationAnswer, SilenceMap, Verdict } from "./types";
 import type { FlightMap } from "./view";
 
 const AGAIN_MS = 700;
@@ -38,8 +39,7 @@ export function afterPanel(made: FlightMap): HTMLElement {
       h("label", {}, h("span", {}, "It radiates, dBm"), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
     ),
     h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, "Make the map"),
-    h("progress", { id: "silence-progress", max: "1", value: "0", hidden: true, "aria-label": "How far the map is" }),
-    h("p", { id: "silence-fault", class: "fault-line", role: "alert" }),
+    ...heardElements("silence"),
     h(
       "div",
       { class: "area-row" },
@@ -54,6 +54,7 @@ export function afterPanel(made: FlightMap): HTMLElement {
 /** Show or hide the panel; taps belong to the map again. */
 export function openAfter(open: boolean): void {
   by("after").hidden = !open;
+  if (open && shown) view.setHeard(shown);
   if (!open && drawing) draw();
 }
 
@@ -146,17 +147,15 @@ function often(probability: number): string {
 // ------------------------------------------------------------------- the map of silence
 
 function question(): { tag_id: number; tag_power_dbm: number } {
-  const power = (by("silence-power") as HTMLInputElement).value.replace(",", ".");
-  return { tag_id: Number((by("silence-tag") as HTMLSelectElement).value), tag_power_dbm: power.trim() === "" ? NaN : Number(power) };
+  return { tag_id: Number((by("silence-tag") as HTMLSelectElement).value), tag_power_dbm: numberOf("silence-power") };
 }
 
 function forget(): void {
   asked += 1;
+  if (shown) view.setHeard(null);
   shown = null;
-  view.setSilence(null);
-  by("silence-progress").hidden = true;
-  for (const id of ["silence-fault", "absence-told"]) say(by(id), "");
-  fill(by("silence-told"));
+  forgetHeard("silence");
+  say(by("absence-told"), "");
   clear();
 }
 
@@ -164,41 +163,13 @@ async function make(): Promise<void> {
   const id = store.review?.flight_id;
   if (!id) return;
   const ticket = ++asked;
-  const bar = by("silence-progress") as HTMLProgressElement;
-  say(by("silence-fault"), "");
-  bar.hidden = false;
-  bar.value = 0;
-  try {
-    for (;;) {
-      const answer = await send<SilenceAnswer>("POST", `/flights/${encodeURIComponent(id)}/silence`, question());
-      if (ticket !== asked) return;
-      if (answer.state === "failed") throw new ApiError(answer.error, 500);
-      if (answer.state === "done") {
-        show(answer);
-        break;
-      }
-      bar.value = answer.done;
-      await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
-      if (ticket !== asked) return;
-    }
-  } catch (error) {
-    if (ticket === asked) say(by("silence-fault"), error instanceof ApiError ? error.message : "the server cannot be reached");
+  const map = await askForMap<SilenceMap>("silence", `/flights/${encodeURIComponent(id)}/silence`, question(), () => ticket === asked);
+  if (map) {
+    shown = map;
+    view.setHeard(map);
+    tellHeard("silence", map, [`The drone's noise: ${map.noise}.`]);
   }
-  if (ticket === asked) bar.hidden = true;
   await judge();
-}
-
-function show(map: SilenceMap): void {
-  shown = map;
-  view.setSilence(map);
-  const percent = (value: number | null) => (value === null ? "unknown" : `${Math.round(100 * value)}\u202f%`);
-  fill(
-    by("silence-told"),
-    h("div", { class: "ramp silence-ramp", role: "img", "aria-label": "From dark blue, not heard, to yellow, surely heard" }),
-    h("p", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of the map. Blue: not heard, yellow: sure.`),
-    h("p", { class: "note" }, `The drone's noise: ${map.noise}.`),
-    ...map.limitations.map((text) => h("p", { class: "note" }, text)),
-  );
 }
 
 // ------------------------------------------------------------------- not here

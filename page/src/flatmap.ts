@@ -15,7 +15,7 @@ import { bearingsShown, frameKey, herePlace, isTelling, paddingIn, placesOf } fr
 import { isPlaced, store } from "./store";
 import { nameOf, othersPlaced } from "./vehicles";
 import type { FlightMap, MotionDrawing, Tap } from "./view";
-import type { MapFile, SilenceMap } from "./types";
+import type { HeardMap, MapFile } from "./types";
 
 const TILE = 256;
 /** Pixels that an arrow key shifts the map by. */
@@ -40,7 +40,7 @@ export class FlatMap implements FlightMap {
   private pointers = new Map<number, [number, number]>();
   private moved = 0;
   private me: LonLat | null = null;
-  private silence: SilenceMap | null = null;
+  private heard: HeardMap | null = null;
   private picture: HTMLImageElement | null = null;
   private line: LonLat[] = [];
   private motion: MotionDrawing = { area: [], way: [], keepAway: [], keepOut: [] };
@@ -112,8 +112,8 @@ export class FlatMap implements FlightMap {
   drawHindsight(): void {
     this.redraw();
   }
-  setSilence(map: SilenceMap | null): void {
-    this.silence = map;
+  setHeard(map: HeardMap | null): void {
+    this.heard = map;
     this.picture = null;
     if (map) {
       const picture = new Image();
@@ -255,15 +255,15 @@ export class FlatMap implements FlightMap {
     pen.fillStyle = ground();
     pen.fillRect(0, 0, width, height);
     this.drawTiles(pen);
-    this.drawSilence(pen);
+    this.drawHeard(pen);
     this.drawFlight(pen);
     this.drawOver(here);
   }
 
-  private drawSilence(pen: CanvasRenderingContext2D): void {
-    if (!this.silence || !this.picture?.naturalWidth) return;
-    const [left, top] = this.pixel(this.silence.corners[0]);
-    const [right, bottom] = this.pixel(this.silence.corners[2]);
+  private drawHeard(pen: CanvasRenderingContext2D): void {
+    if (!this.heard || !this.picture?.naturalWidth) return;
+    const [left, top] = this.pixel(this.heard.corners[0]);
+    const [right, bottom] = this.pixel(this.heard.corners[2]);
     pen.globalAlpha = 0.7;
     pen.imageSmoothingEnabled = false;
     pen.drawImage(this.picture, left, top, right - left, bottom - top);

@@ -38,7 +38,7 @@ import { Pace } from "./pace";
 import { bearingsShown, herePlace, isTelling, paddingIn, placesOf } from "./shown";
 import { isPlaced, store } from "./store";
 import { StrengthLayer } from "./surface";
-import type { MapFile, PositionRecord, SilenceMap } from "./types";
+import type { HeardMap, MapFile, PositionRecord } from "./types";
 import { nameOf, othersPlaced } from "./vehicles";
 import type { FlightMap, MotionDrawing, Tap } from "./view";
 
@@ -66,7 +66,7 @@ export class MapView implements FlightMap {
   onTap: (tap: Tap) => void = () => undefined;
   private me: Marker | null = null;
   private motion: MotionDrawing = { area: [], way: [], keepAway: [], keepOut: [] };
-  private silence: SilenceMap | null = null;
+  private heard: HeardMap | null = null;
   private marks: Marker[] = [];
   private attribution: AttributionControl | null = null;
   readonly map: MapLibre;
@@ -151,21 +151,21 @@ export class MapView implements FlightMap {
     if (this.ready) this.put("hindsight", hindsightFeatures());
   }
 
-  setSilence(map: SilenceMap | null): void {
-    this.silence = map;
+  setHeard(map: HeardMap | null): void {
+    this.heard = map;
     if (!this.ready) return;
-    if (this.map.getLayer("silence")) this.map.removeLayer("silence");
-    if (this.map.getSource("silence")) this.map.removeSource("silence");
+    if (this.map.getLayer("heard")) this.map.removeLayer("heard");
+    if (this.map.getSource("heard")) this.map.removeSource("heard");
     if (!map) return;
     // By a canvas: what MapLibre loads by itself the page's policy does not let come from data.
     const picture = new Image();
     picture.onload = () => {
-      if (this.silence !== map) return;
+      if (this.heard !== map) return;
       const canvas = document.createElement("canvas");
       [canvas.width, canvas.height] = [picture.naturalWidth, picture.naturalHeight];
       canvas.getContext("2d")!.drawImage(picture, 0, 0);
-      this.map.addSource("silence", { type: "canvas", canvas, coordinates: map.corners, animate: false });
-      this.map.addLayer({ id: "silence", type: "raster", source: "silence", paint: { "raster-fade-duration": 0, "raster-opacity": 0.7, "raster-resampling": "nearest" } }, "wedges");
+      this.map.addSource("heard", { type: "canvas", canvas, coordinates: map.corners, animate: false });
+      this.map.addLayer({ id: "heard", type: "raster", source: "heard", paint: { "raster-fade-duration": 0, "raster-opacity": 0.7, "raster-resampling": "nearest" } }, "wedges");
     };
     picture.src = `data:image/png;base64,${map.picture}`;
   }
@@ -460,7 +460,7 @@ export class MapView implements FlightMap {
     this.drawEstimates();
     this.drawOther();
     this.drawHindsight();
-    this.setSilence(this.silence);
+    this.setHeard(this.heard);
     this.setMotion(this.motion);
   }
 }

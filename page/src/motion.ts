@@ -4,6 +4,7 @@
  */
 
 import { ApiError, PAGE, send } from "./api";
+import { beforeBox, openBefore, setPlan, type Plan } from "./before";
 import { by, fill, h, say, svg } from "./dom";
 import { metres } from "./format";
 import type { LonLat } from "./geo";
@@ -121,6 +122,7 @@ export function motionPanel(made: FlightMap): HTMLElement {
       number("move-wish", "Found within, m", "25"),
       number("move-height", "Height, m", "", "as it is"),
       ),
+      beforeBox(view),
       h("button", { id: "move-ask", class: "primary", onclick: () => void ask() }, "Ask the drone"),
       h("button", { id: "move-upload", onclick: () => void upload() }, UPLOAD),
     ),
@@ -143,6 +145,7 @@ export function motionPanel(made: FlightMap): HTMLElement {
 export function openMotion(shown: boolean): void {
   open = shown;
   by("move").hidden = !shown;
+  openBefore(shown);
   if (!shown) catchTaps(null);
   else choose(kind === "search" || area.length || goal ? kind : "rotate");
   drawOnMap();
@@ -292,6 +295,7 @@ async function replan(): Promise<void> {
   drawShape();
   const ticket = ++planTicket;
   way = [];
+  tellPlan();
   say(by("move-plan"), "");
   say(by("move-fault"), "");
   drawOnMap();
@@ -302,10 +306,26 @@ async function replan(): Promise<void> {
     way = found.way;
     const far = found.farthest_m === null ? "" : `, ${metres(found.farthest_m)} from home`;
     say(by("move-plan"), way.length > 1 ? `${metres(found.length_m)}${far}` : "");
+    tellPlan();
   } catch (error) {
     if (ticket === planTicket) say(by("move-fault"), textOf(error));
   }
   drawOnMap();
+}
+
+/** What a map of where a tag would be heard is made of. */
+function tellPlan(): void {
+  const pattern = value("move-pattern");
+  const turns = kind === "survey" && pattern === "points";
+  setPlan(planned(pattern), kind === "search" ? "search" : turns ? "turns" : "", numberIn("move-height"));
+}
+
+function planned(pattern: string): Plan | null {
+  if (kind === "goto" || (kind === "survey" && pattern === "points")) return way.length > 1 ? { way } : null;
+  if (area.length < 3) return null;
+  if (kind === "search") return { outline: area };
+  if (kind !== "survey") return null;
+  return pattern === "around" ? { way: [...area, area[0]!] } : { outline: area, spacing_m: numberIn("move-spacing") };
 }
 
 // ------------------------------------------------------------------- ask, confirm, take back

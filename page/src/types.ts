@@ -323,19 +323,32 @@ export type IntegrationAnswer = { state: "working"; flight: string | null } | { 
 /** A flight folded at the interval of each tag, by its number; PNG, base64. */
 export type Folds = Record<string, { picture: string; interval_s: number }>;
 
-/** Where a tag would have been heard (uavrt coverage). */
-export interface SilenceMap {
+/** Where a tag is heard (uavrt coverage). */
+export interface HeardMap {
   corners: [[number, number], [number, number], [number, number], [number, number]];
   /** PNG, base64. */
   picture: string;
   mean_probability: number | null;
   share_above_90: number | null;
-  heard_pulses: number;
-  noise: string;
   limitations: string[];
 }
 
-export type SilenceAnswer = { state: "working"; done: number } | { state: "failed"; error: string } | ({ state: "done" } & SilenceMap);
+/** In a past flight. */
+export interface SilenceMap extends HeardMap {
+  heard_pulses: number;
+  noise: string;
+}
+
+/** Along a plan: the best of its heights. */
+export interface PlanMap extends HeardMap {
+  height_m: number;
+  heights: { height_m: number; mean_probability: number | null; best: boolean }[];
+  speed_m_s: number;
+  cell_m: number;
+  antenna: string;
+}
+
+export type MapAnswer<Made extends HeardMap> = { state: "working"; done: number } | { state: "failed"; error: string } | ({ state: "done" } & Made);
 
 export interface Absence {
   prior: number;

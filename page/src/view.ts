@@ -2,7 +2,7 @@
 
 import type { LonLat } from "./geo";
 import type { Layers } from "./maplayers";
-import type { MapFile, SilenceMap } from "./types";
+import type { HeardMap, MapFile } from "./types";
 
 export interface Tap {
   at: LonLat;
@@ -40,8 +40,8 @@ export interface FlightMap {
   setMotion(drawn: MotionDrawing): void;
   /** What a whole flight's samples say. */
   drawHindsight(): void;
-  /** Where a tag would have been heard, below all else; null: nothing. */
-  setSilence(map: SilenceMap | null): void;
+  /** Where a tag is heard, below all else; null: nothing. */
+  setHeard(map: HeardMap | null): void;
   /** Frame some places. */
   show(places: LonLat[]): void;
   setLayer(name: keyof Layers, visible: boolean): void;

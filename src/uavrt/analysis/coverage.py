@@ -81,16 +81,59 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
     text = read_text(path)
     places = way_in(text, str(path))
     if places:
-        return _in_plane(places)
-    plane, corners = _in_plane(area_in(text, str(path)))
-    return plane, survey_lines(Polygon(corners=tuple(corners), name="area"), spacing_m)
+        return corners_of_way(places)
+    return corners_over_area(area_in(text, str(path)), spacing_m)
 
 
-def _in_plane(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
+def corners_of_way(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
+    """Lay a way, of latitudes and longitudes [deg], in a plane; returns as `read_places`."""
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
     east, north = plane.to_local(latitude, longitude)
     return plane, list(zip(east.tolist(), north.tolist(), strict=True))
+
+
+def corners_over_area(
+    outline: _Places, spacing_m: float, *, most: int | None = None
+) -> tuple[TangentPlane, list[tuple[float, float]]]:
+    """Lay the lines of a survey over an outline; returns as `read_places`.
+
+    Parameters
+    ----------
+    outline : tuple of (latitude, longitude)
+        Its corners [deg].
+    spacing_m : float
+        Between the lines.
+    most : int, optional
+        Lines.
+
+    Raises
+    ------
+    PlanError
+        The area cannot be surveyed, or takes more lines.
+    """
+    plane, corners = corners_of_way(outline)
+    area = Polygon(corners=tuple(corners), name="area")
+    return plane, survey_lines(area, spacing_m, most=most)
+
+
+def assumed_tag(
+    *,
+    frequency_hz: float = 150e6,
+    pulse_width_s: float = 0.020,
+    interval_s: float = 1.254,
+    k: int = 3,
+) -> Tag:
+    """Make a tag for maps of a plan without a list."""
+    return Tag(
+        tag_id=2,
+        frequency_hz=frequency_hz,
+        pulse_width_s=pulse_width_s,
+        pulse_intervals_s=(interval_s,),
+        interval_uncertainty_s=min(0.060, 0.05 * interval_s),
+        interval_jitter_s=min(0.010, 0.1 * interval_s),
+        k=k,
+    )
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
@@ -200,6 +243,7 @@ def plan_coverage(
     UsageError
         The way is too long.
     """
+    _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = listening_way(
         corners_m,
         height_m=height_m,
@@ -208,6 +252,20 @@ def plan_coverage(
         nose_first=_has_boresight(pattern),
     )
     return _covered(area, way, tag, budget, pattern, level_sigma_db, 500.0, on_pulse)
+
+
+def pulses_on(corners_m: list[tuple[float, float]], tag: Tag, speed_m_s: float) -> float:
+    """About how many pulses of a tag come along a way that is flown at a speed."""
+    length_m = float(np.hypot(*np.diff(np.array(corners_m, np.float64), axis=0).T).sum())
+    return length_m / (speed_m_s * tag.pulse_intervals_s[0]) + 1.0
+
+
+def _check_pulses(count: float, tag: Tag) -> None:
+    if count > MOST_PULSES:
+        raise UsageError(
+            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this way",
+            remedy="Choose a shorter way",
+        )
 
 
 def flight_coverage(
@@ -364,11 +422,7 @@ def _covered(
     whole_flight: bool = False,
     most_drift: float = 0.0,
 ) -> Coverage:
-    if len(way.time_s) > MOST_PULSES:
-        raise UsageError(
-            f"tag {tag.tag_id} would send more than {MOST_PULSES} pulses on this way",
-            remedy="Choose a shorter way",
-        )
+    _check_pulses(len(way.time_s), tag)
     own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
     found = coverage_of(
         area.ground,

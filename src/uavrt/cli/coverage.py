@@ -300,8 +300,8 @@ def _listed(
     frequency_hz: float,
     pulse_width_s: float,
 ) -> "list[Tag]":
+    from uavrt.analysis import assumed_tag
     from uavrt.config import read_tags
-    from uavrt.messages import Tag
 
     if tags is not None:
         return _chosen(list(read_tags(tags)), ids)
@@ -311,13 +311,10 @@ def _listed(
             remedy="Give --interval a longer one",
         )
     return [
-        Tag(
-            tag_id=2,
+        assumed_tag(
             frequency_hz=frequency_hz,
             pulse_width_s=pulse_width_s,
-            pulse_intervals_s=(interval_s,),
-            interval_uncertainty_s=min(0.060, 0.05 * interval_s),
-            interval_jitter_s=min(0.010, 0.1 * interval_s),
+            interval_s=interval_s,
             k=pulses,
         )
     ]

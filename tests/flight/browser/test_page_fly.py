@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from page_driver import VIDEO, Ground, Watched, type_tags
+from page_driver import VIDEO, Ground, Watched, axe_findings, colour_at, type_tags
 from playwright.sync_api import Browser, Page, expect
-from tests.flight.browser.test_page_hands import MOVING, TARGETS, Hand, in_manual
+from tests.flight.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
 from tests.flight.conftest import Drone, DroneBay, hovering_scenario
 from tests.flight.test_search import animal
 
@@ -280,6 +280,55 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     area.write_text("no area", encoding="utf-8")
     page.set_input_files("#area-import", str(area))
     expect(page.locator("#move-fault")).to_contain_text("gives no area")
+
+
+def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(
+    field: Callable[[Flavour], Field], tmp_path: Path
+) -> None:
+    here = field("px4")
+    page = here.page
+    area = tmp_path / "meadow.kml"
+    area.write_text(kml_of(ring_around(page, 120.0)), encoding="utf-8")
+    for flat in (False, True):
+        if flat:
+            page.add_init_script(f"({NO_WEBGL})()")
+            page.reload()
+            expect(page.locator(".flat-map")).to_be_visible()
+            page.click("#show-move")
+        expect(page.locator("#before")).to_be_hidden()
+        page.click("#move-survey")
+        page.set_input_files("#area-import", str(area))
+        expect(page.locator("#move-plan")).not_to_be_empty()
+        page.locator("#before summary").focus()
+        page.keyboard.press("Enter")
+        assert page.evaluate(TARGETS) == []
+        page.fill("#before-power", "much")
+        page.click("#before-make")
+        expect(page.locator("#before-fault")).to_contain_text("must be a number")
+        page.fill("#before-power", "-60")
+        page.fill("#before-heights", "30 90")
+        page.locator("#before-make").focus()
+        page.keyboard.press("Enter")
+        told = page.locator("#before-told")
+        expect(told).to_contain_text("on average", timeout=60_000)
+        expect(told).to_contain_text("Best from ")
+        expect(told).to_contain_text("the ground is taken as level")
+        assert [one for one in axe_findings(page) if one[0] in ("serious", "critical")] == []
+        here.watched.picture("before-flat" if flat else "before")
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        at = (round(box["x"] + 0.2 * box["width"]), round(box["y"] + 0.8 * box["height"]))
+        page.wait_for_timeout(500)
+        mapped = colour_at(page, *at)
+        page.click("#before-hide")
+        expect(told).to_be_empty()
+        page.wait_for_timeout(500)
+        assert colour_at(page, *at) != mapped
+        page.click("#before-make")
+        expect(told).to_contain_text("on average", timeout=60_000)
+        page.select_option("#move-pattern", "around")  # another plan, not that of the map
+        expect(told).to_be_empty()
+    assert here.commands() == 0
 
 
 def test_it_goes_where_the_map_is_tapped(field: Callable[[Flavour], Field]) -> None:

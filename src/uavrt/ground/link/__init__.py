@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from uavrt.ground.link.commands import Commands, place_in
     from uavrt.ground.link.delivery_receipts import Receipts
     from uavrt.ground.link.drone_link import GroundLink
-    from uavrt.ground.link.flying import Flying, area_of_file
+    from uavrt.ground.link.flying import Flying, area_of_file, number_in, places_in
     from uavrt.ground.link.given_ways import GivenWays
     from uavrt.ground.link.keys import NO_KEYS, LinkKeys, read_link_keys
     from uavrt.ground.link.motion import ask, confirm, motion_request, stop
@@ -54,8 +54,10 @@ __all__ = [
     "ask",
     "confirm",
     "motion_request",
+    "number_in",
     "open_receipts",
     "place_in",
+    "places_in",
     "read_link_keys",
     "stop",
 ]
@@ -80,6 +82,8 @@ __getattr__ = lazily(
         "Links": "parallel_links",
         "Ways": "parallel_links",
         "area_of_file": "flying",
+        "number_in": "flying",
+        "places_in": "flying",
         "ask": "motion",
         "confirm": "motion",
         "motion_request": "motion",

@@ -268,8 +268,8 @@ class Flying:
 def area_of_file(wish: Any) -> dict[str, Any]:
     """Read an area's file, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
     if isinstance(wish, dict) and "radius_m" in wish:
-        (center,) = _places([wish.get("center")])
-        places = circle(center, _number(wish, "radius_m", 0.0))
+        (center,) = places_in([wish.get("center")])
+        places = circle(center, number_in(wish, "radius_m", 0.0))
         return {"places": _listed(places), "keep_out": []}
     name, text = (
         (wish.get("name"), wish.get("text")) if isinstance(wish, dict) else (None, None)
@@ -307,14 +307,14 @@ def _request(wish: Any) -> MotionRequest:
         raise FormatError("pattern must be lines, around or points")
     return motion_request(
         str(wish.get("action")),
-        _places(wish.get("places", [])),
-        height_m=None if height is None else _number(wish, "height_m", 0.0),
-        duration_s=_number(wish, "duration_s", 60.0),
+        places_in(wish.get("places", [])),
+        height_m=None if height is None else number_in(wish, "height_m", 0.0),
+        duration_s=number_in(wish, "duration_s", 60.0),
         clockwise=wish.get("clockwise", True) is not False,
-        spacing_m=_number(wish, "spacing_m", 60.0),
+        spacing_m=number_in(wish, "spacing_m", 60.0),
         pattern=pattern,
-        radius_m=None if wish.get("radius_m") is None else _number(wish, "radius_m", 0.0),
-        wish_m=_number(wish, "wish_m", 25.0),
+        radius_m=None if wish.get("radius_m") is None else number_in(wish, "radius_m", 0.0),
+        wish_m=number_in(wish, "wish_m", 25.0),
         tags=_tags(wish.get("tags", [])),
         keep_out=_keep_out(wish.get("keep_out", [])),
     )
@@ -327,22 +327,24 @@ def _keep_out(given: Any) -> tuple[KeepOut, ...]:
         if not isinstance(one, dict):
             raise FormatError("keep_out must be a list of outlines")
         radius = one.get("radius_m")
-        places = _places(one.get("places"))
+        places = places_in(one.get("places"))
         if len(places) != 1 if radius is not None else len(places) < 3:
             raise FormatError("keep_out has outlines, or a place with its radius")
-        radius_m = None if radius is None else _number(one, "radius_m", 0.0)
+        radius_m = None if radius is None else number_in(one, "radius_m", 0.0)
         if radius_m is not None and not radius_m > 0.0:
             raise FormatError("radius_m must be above 0")
         found.append(KeepOut(places=places, radius_m=radius_m))
     return tuple(found)
 
 
-def _places(given: Any) -> Places:
+def places_in(given: Any) -> Places:
+    """Read places, latitude and longitude [deg] each; raises `FormatError`."""
     places = []
     for one in given if isinstance(given, list) else [None]:
         match one:
             case [int() | float() as north, int() | float() as east]:
-                if abs(north) <= 90.0 and abs(east) <= 180.0:
+                on_earth = abs(north) <= 90.0 and abs(east) <= 180.0
+                if on_earth and not isinstance(north, bool) and not isinstance(east, bool):
                     places.append((float(north), float(east)))
                     continue
         raise FormatError("places are latitude and longitude on earth")
@@ -356,7 +358,8 @@ def _tags(given: Any) -> tuple[int, ...]:
     raise FormatError("tags must be whole numbers")
 
 
-def _number(wish: dict[str, Any], name: str, default: float) -> float:
+def number_in(wish: dict[str, Any], name: str, default: float) -> float:
+    """Read a finite number by its name; raises `FormatError`."""
     value = wish.get(name, default)
     number = value if isinstance(value, int | float) else nan
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:

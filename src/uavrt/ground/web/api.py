@@ -27,9 +27,11 @@ from uavrt.ground.web.column_answers import POSE_COLUMNS, chosen_columns, thinne
 from uavrt.ground.web.coordinates import readout
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.ground.web.facts import tell_facts, told_facts
+from uavrt.ground.web.foresight import Foresight, foresight_desk
 from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
 from uavrt.ground.web.integrating import IntegrationDesk, fold_pictures
 from uavrt.ground.web.listeners import encode
+from uavrt.ground.web.map_desk import asks_again
 from uavrt.ground.web.reports import POLICY, Reporter
 from uavrt.ground.web.serial_ports import serial_ports
 from uavrt.localization import MONOPOLE, PATTERNS
@@ -58,6 +60,7 @@ class Api:
         self._estimates: dict[tuple[Any, ...], Any] = {}
         self._reporter = Reporter(session.store.directory / "reports")
         self._silence = SilenceDesk()
+        self._foresight = foresight_desk()
         self._integration = IntegrationDesk()
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
@@ -82,6 +85,7 @@ class Api:
             ("/commands/{name}", "POST", self.command),
             ("/motion/area", "POST", self.motion_area),
             ("/motion/plan", "POST", self.motion_plan),
+            ("/motion/coverage", "POST", self.motion_coverage),
             ("/motion/upload", "POST", self.motion_upload),
             ("/motion/ask", "POST", self.motion_ask),
             ("/motion/confirm", "POST", self.motion_confirm),
@@ -262,6 +266,12 @@ class Api:
         """Where a motion would lead; the drone is not asked."""
         return self._session.flying.plan(await json_body(request))
 
+    async def motion_coverage(self, request: Request) -> Any:
+        """The map of where a tag would be heard along a plan, or how far it is."""
+        store, wanted = self._session.store, await json_body(request)
+        asked = Foresight.asked(wanted, store.tags, store.settings.antenna_choice)
+        return await asyncio.to_thread(self._foresight.answer, asked, again=asks_again(wanted))
+
     async def motion_upload(self, request: Request) -> Any:
         """Give a survey to the autopilot as its mission. Nothing moves by it."""
         self._check_commander(request)
@@ -390,8 +400,9 @@ class Api:
 
     async def silence(self, request: Request) -> Any:
         """The map of where a tag would have been heard, or how far it is."""
-        asked = Silence.asked(*await self._of_flight(request))
-        return await asyncio.to_thread(self._silence.answer, asked)
+        path, antenna, wanted = await self._of_flight(request)
+        asked = Silence.asked(path, antenna, wanted)
+        return await asyncio.to_thread(self._silence.answer, asked, again=asks_again(wanted))
 
     async def absence(self, request: Request) -> Any:
         """How probable it is that a tag that was not heard is not in an outline."""

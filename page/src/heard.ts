@@ -1,0 +1,73 @@
+/** Maps of where a tag is heard: asked for until they are there, and told in words. */
+
+import { ApiError, send } from "./api";
+import { by, fill, h, say } from "./dom";
+import type { HeardMap, MapAnswer } from "./types";
+
+const AGAIN_MS = 700;
+
+/** How far a map is, and why there is none; the ids begin with its name. */
+export function heardElements(name: string): HTMLElement[] {
+  return [
+    h("progress", { id: `${name}-progress`, max: "1", value: "0", hidden: true, "aria-label": "How far the map is" }),
+    h("p", { id: `${name}-fault`, class: "fault-line", role: "alert" }),
+  ];
+}
+
+/** Tell nothing. */
+export function forgetHeard(name: string): void {
+  by(`${name}-progress`).hidden = true;
+  say(by(`${name}-fault`), "");
+  fill(by(`${name}-told`));
+}
+
+/** Ask until the map is there; null where it cannot be made, or is wanted no longer. */
+export async function askForMap<Made extends HeardMap>(name: string, path: string, question: object, wanted: () => boolean): Promise<Made | null> {
+  const bar = by(`${name}-progress`) as HTMLProgressElement;
+  say(by(`${name}-fault`), "");
+  bar.hidden = false;
+  bar.value = 0;
+  let made: Made | null = null;
+  try {
+    for (let again = false; ; again = true) {
+      const answer = await send<MapAnswer<Made>>("POST", path, { ...question, again });
+      if (!wanted()) return null;
+      if (answer.state === "failed") throw new ApiError(answer.error, 500);
+      if (answer.state === "done") {
+        made = answer;
+        break;
+      }
+      bar.value = answer.done;
+      await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+      if (!wanted()) return null;
+    }
+  } catch (error) {
+    if (!wanted()) return null;
+    say(by(`${name}-fault`), error instanceof ApiError ? error.message : "the server cannot be reached");
+  }
+  bar.hidden = true;
+  return made;
+}
+
+/** Say what a map shows, below its colours; notes, then what it does not hold for. */
+export function tellHeard(name: string, map: HeardMap, notes: string[]): void {
+  const percent = (value: number | null) => (value === null ? "unknown" : `${Math.round(100 * value)}\u202f%`);
+  fill(
+    by(`${name}-told`),
+    h("div", { class: "ramp heard-ramp", role: "img", "aria-label": "From dark blue, not heard, to yellow, surely heard" }),
+    h(
+      "p",
+      {},
+      h("span", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of the map.`),
+      " ",
+      h("span", {}, "Blue: not heard, yellow: sure."),
+    ),
+    ...[...notes, ...map.limitations].map((text) => h("p", { class: "note" }, text)),
+  );
+}
+
+/** A text of numbers: decimal commas are points. */
+export function numberOf(id: string): number {
+  const text = (by(id) as HTMLInputElement).value.replace(",", ".").trim();
+  return text === "" ? NaN : Number(text);
+}

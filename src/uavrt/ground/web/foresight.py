@@ -1,0 +1,209 @@
+"""Where a tag would be heard along a plan, by the functions of ``uavrt coverage PLAN``."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uavrt import analysis
+from uavrt.errors import FormatError, UsageError
+from uavrt.geodesy import distance_m
+from uavrt.ground.link import number_in, places_in
+from uavrt.ground.store import AntennaChoice
+from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, figures, map_record, power_in
+from uavrt.localization import pattern_named
+from uavrt.messages import Tag
+from uavrt.planning import LinkBudget
+from uavrt.terrain import open_elevation
+
+if TYPE_CHECKING:
+    from uavrt.planning import Coverage
+
+_HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
+_LEVEL_SIGMA_DB = 3.0
+"""What `uavrt coverage` takes by default."""
+_MOST_PLACES, _MOST_CORNERS, _MOST_HEIGHTS, _MOST_LINES = 2000, 500, 5, 1000
+_FARTHEST_M = 50_000.0
+"""From the first place of a plan."""
+_MOST_CELLS = 45_000
+"""Of a map: what is small has squares of 20 m with 2 km around it, as `uavrt coverage`'s."""
+_MOST_PULSES = 20_000
+"""From all heights together: minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foresight:
+    """Which map of a plan is asked for."""
+
+    places: tuple[tuple[float, float], ...]
+    """Latitude and longitude of each [deg]."""
+    spacing_m: float | None
+    """Between the lines over an area; None: the places are a way."""
+    heights_m: tuple[float, ...]
+    """Above the ground."""
+    speed_m_s: float
+    tag: Tag
+    listed: bool
+    """Whether the table has the tag."""
+    tag_power_dbm: float
+    antenna: AntennaChoice
+
+    @classmethod
+    def asked(
+        cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
+    ) -> "Foresight":
+        """Judge a page's question; raises `FormatError` or `UsageError`."""
+        if not isinstance(wanted, dict):
+            raise FormatError("a question must be an object")
+        tag_id = wanted.get("tag_id")
+        places, spacing_m = _plan_in(wanted)
+        return cls(
+            places=places,
+            spacing_m=spacing_m,
+            heights_m=_heights_in(wanted),
+            speed_m_s=_between(wanted, "speed_m_s", _SPEED_M_S, 0.5, 100.0),
+            tag=analysis.assumed_tag() if tag_id is None else _listed(tag_id, tags),
+            listed=tag_id is not None,
+            tag_power_dbm=power_in(wanted),
+            antenna=antenna,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Foreseen:
+    """Maps of a plan, one for each height."""
+
+    asked: Foresight
+    maps: "tuple[Coverage, ...]"
+    best: int
+
+
+def foresight_desk() -> MapDesk[Foresight, Foreseen]:
+    """Make a desk for maps of plans."""
+    return MapDesk(_made, _record, "map of a plan")
+
+
+def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], float | None]:
+    """Places of a way or of an outline, and the distance of the lines over it."""
+    way, outline = wanted.get("way"), wanted.get("outline")
+    if (way is None) == (outline is None):
+        raise FormatError("a plan is either a way or an outline")
+    given, least, most = (outline, 3, _MOST_CORNERS) if way is None else (way, 2, _MOST_PLACES)
+    if not isinstance(given, list) or not least <= len(given) <= most:
+        raise FormatError(f"a plan has {least} to {most} places")
+    places = places_in(given)
+    if way is None and places[0] == places[-1]:
+        places = places[:-1]
+    farthest_m = max(distance_m(*places[0], *one) for one in places)
+    if not farthest_m <= _FARTHEST_M:
+        raise UsageError(
+            f"the plan reaches {farthest_m / 1000.0:.0f} km far",
+            remedy=f"Plan {_FARTHEST_M / 1000.0:.0f} km or less",
+        )
+    if way is not None:
+        return places, None
+    return places, _between(wanted, "spacing_m", _SPACING_M, 5.0, 1000.0)
+
+
+def _heights_in(wanted: dict[str, Any]) -> tuple[float, ...]:
+    given = wanted.get("heights_m", [_HEIGHT_M])
+    if not isinstance(given, list) or not 1 <= len(given) <= _MOST_HEIGHTS:
+        raise FormatError(f"heights_m must be a list of 1 to {_MOST_HEIGHTS} numbers")
+    heights = {
+        _between({"heights_m": one}, "heights_m", _HEIGHT_M, 1.0, 20_000.0) for one in given
+    }
+    return tuple(sorted(heights))
+
+
+def _between(
+    wanted: dict[str, Any], name: str, default: float, least: float, most: float
+) -> float:
+    number = number_in(wanted, name, default)
+    if not least <= number <= most:
+        raise UsageError(f"{name} must be {least:g} to {most:g}")
+    return number
+
+
+def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
+    if type(tag_id) is not int:
+        raise FormatError("tag_id must be a whole number")
+    for one in tags:
+        if one.tag_id == tag_id:
+            return one
+    raise UsageError(
+        f"there is no tag {str(tag_id)[:20]} in the table", remedy="Choose one that is"
+    )
+
+
+def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
+    plane, corners = (
+        analysis.corners_of_way(asked.places)
+        if asked.spacing_m is None
+        else analysis.corners_over_area(asked.places, asked.spacing_m, most=_MOST_LINES)
+    )
+    east, north = np.array(corners).T
+    dem = asked.antenna.dem
+    size = _size(float(np.ptp(east)), float(np.ptp(north)))
+    pulses = analysis.pulses_on(corners, asked.tag, asked.speed_m_s)
+    if pulses * len(asked.heights_m) > _MOST_PULSES:
+        raise UsageError(
+            f"a map of {pulses:.0f} pulses from {len(asked.heights_m)} heights takes too long",
+            remedy="Choose fewer heights, wider lines or a smaller area",
+        )
+    area = analysis.map_around(
+        plane, east, north, open_elevation(Path(dem)) if dem else None, size
+    )
+    budget = LinkBudget(
+        frequency_hz=asked.tag.frequency_hz,
+        pulse_width_s=asked.tag.pulse_width_s,
+        tag_eirp_dbm=asked.tag_power_dbm,
+        drone_height_m=asked.heights_m[0],
+    )
+    maps = []
+    for number, height_m in enumerate(asked.heights_m):
+
+        def on_pulse(done: int, total: int, number: int = number) -> None:
+            on_step(number * total + done, len(asked.heights_m) * total)
+
+        maps.append(
+            analysis.plan_coverage(
+                area,
+                corners,
+                asked.tag,
+                budget,
+                height_m=height_m,
+                speed_m_s=asked.speed_m_s,
+                pattern=pattern_named(asked.antenna.pattern),
+                level_sigma_db=_LEVEL_SIGMA_DB,
+                on_pulse=on_pulse,
+            )
+        )
+    return Foreseen(asked=asked, maps=tuple(maps), best=analysis.best_of(maps))
+
+
+def _size(wide_m: float, high_m: float) -> "analysis.MapSize":
+    """Squares as of `uavrt coverage`, or wider ones where that would be too many."""
+    size = analysis.MapSize()
+    reach_m = 2.0 * size.margin_m
+    least_m = math.sqrt((wide_m + reach_m) * (high_m + reach_m) / _MOST_CELLS)
+    return replace(size, cell_m=max(size.cell_m, float(math.ceil(least_m))))
+
+
+def _record(found: Foreseen) -> Record:
+    asked = found.asked
+    return {
+        "tag_id": asked.tag.tag_id if asked.listed else None,
+        "tag_power_dbm": asked.tag_power_dbm,
+        **map_record(found.maps[found.best]),
+        "height_m": asked.heights_m[found.best],
+        "heights": [
+            {"height_m": height_m, **figures(one), "best": number == found.best}
+            for number, (height_m, one) in enumerate(
+                zip(asked.heights_m, found.maps, strict=True)
+            )
+        ],
+        "speed_m_s": asked.speed_m_s,
+        "antenna": asked.antenna.pattern,
+    }

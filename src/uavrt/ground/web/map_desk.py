@@ -1,0 +1,160 @@
+"""Maps that take seconds to minutes: made in a thread, one at a time, until they are there."""
+
+import base64
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
+
+from uavrt.analysis.export import chance, png_bytes
+from uavrt.errors import FormatError, UavrtError, UsageError
+
+if TYPE_CHECKING:
+    from uavrt.planning import Coverage
+
+Record = dict[str, Any]
+OnStep = Callable[[int, int], None]
+"""Takes how many steps are done, and of how many."""
+Asked = TypeVar("Asked")
+Found = TypeVar("Found")
+_POWER_DBM = (-100.0, 40.0)
+_ANOTHER = "another map was asked for meanwhile: make this one again"
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Work(Generic[Asked, Found]):
+    """A map that is being made, or is there."""
+
+    asked: Asked
+    done: float = 0.0
+    found: Found | None = None
+    fault: str | None = None
+    given_up: threading.Event = field(default_factory=threading.Event)
+
+
+class _GivenUpError(Exception):
+    """Another map is wanted."""
+
+
+class MapDesk(Generic[Asked, Found]):
+    """Makes maps, one at a time; keeps the last.
+
+    Parameters
+    ----------
+    make : callable
+        Makes what is asked for, and tells its steps.
+    record : callable
+        What a page is told of it.
+    name : str
+        Of the thread.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Asked, OnStep], Found],
+        record: Callable[[Found], Record],
+        name: str,
+    ) -> None:
+        self._make, self._record, self._name = make, record, name
+        self._work: _Work[Asked, Found] | None = None
+        self._lock = threading.Lock()
+
+    def answer(self, asked: Asked, *, again: bool = False) -> Record:
+        """Tell how far the map is, or what it shows; begin it where it is a new one.
+
+        Parameters
+        ----------
+        asked
+            Which map.
+        again : bool
+            The same was asked for before: it is not begun anew when somebody else wanted
+            another one meanwhile, or two pages would take it from each other for ever.
+        """
+        with self._lock:
+            work = self._work
+            if work is None or work.asked != asked:
+                if again:
+                    return {"state": "failed", "error": _ANOTHER}
+                work = self._begin(asked)
+            if work.fault is not None:
+                self._work = None
+                return {"state": "failed", "error": work.fault}
+        if work.found is None:
+            return {"state": "working", "done": round(work.done, 3)}
+        return {"state": "done", **self._record(work.found)}
+
+    def found(self, asked: Asked) -> Found | None:
+        """Get the map that was asked for, once it is there."""
+        work = self._work
+        return None if work is None or work.asked != asked else work.found
+
+    def _begin(self, asked: Asked) -> _Work[Asked, Found]:
+        if self._work is not None:
+            self._work.given_up.set()
+        self._work = work = _Work[Asked, Found](asked=asked)
+        threading.Thread(target=self._run, args=(work,), name=self._name, daemon=True).start()
+        return work
+
+    def _run(self, work: _Work[Asked, Found]) -> None:
+        def on_step(done: int, total: int) -> None:
+            work.done = done / max(total, 1)
+            if work.given_up.is_set():
+                raise _GivenUpError
+
+        try:
+            work.found = self._make(work.asked, on_step)
+        except _GivenUpError:
+            return
+        except UavrtError as error:
+            work.fault = str(error)
+        except (OSError, MemoryError) as error:
+            work.fault = f"the map could not be made: {error}"
+
+
+def asks_again(wanted: object) -> bool:
+    """Whether a page asks for the map that it has asked for before."""
+    return isinstance(wanted, dict) and wanted.get("again") is True
+
+
+def power_in(wanted: dict[str, object]) -> float:
+    """Read what a tag radiates [dBm]; raises `FormatError` or `UsageError`."""
+    power = wanted.get("tag_power_dbm")
+    if isinstance(power, bool) or not isinstance(power, int | float):
+        raise FormatError("tag_power_dbm must be a number")
+    low, high = _POWER_DBM
+    if not low <= power <= high:
+        raise UsageError(f"a tag's power must be {low:g} to {high:g} dBm")
+    return float(power)
+
+
+def map_record(coverage: "Coverage") -> Record:
+    """Picture of a map, where it lies, and its figures."""
+    ground = coverage.ground
+    half = 0.5 * ground.cell_m
+    west, east = float(ground.east_m[0]) - half, float(ground.east_m[-1]) + half
+    south, north = float(ground.north_m[0]) - half, float(ground.north_m[-1]) + half
+    latitude, longitude = ground.plane.to_geodetic(
+        [west, east, east, west], [north, north, south, south]
+    )
+    return {
+        "corners": np.stack([longitude, latitude], axis=-1).tolist(),
+        "picture": base64.b64encode(png_bytes(chance(coverage.heard[::-1]))).decode(),
+        **figures(coverage),
+        "cell_m": ground.cell_m,
+        "limitations": list(coverage.limitations),
+    }
+
+
+def figures(coverage: "Coverage") -> Record:
+    """Mean probability of a map, and its share that is heard with .9 or more."""
+    return {
+        "mean_probability": _known(coverage.mean),
+        "share_above_90": _known(coverage.share_above(0.9)),
+    }
+
+
+def _known(value: float) -> float | None:
+    return round(value, 4) if math.isfinite(value) else None
