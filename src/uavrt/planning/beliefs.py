@@ -104,8 +104,9 @@ class Rival:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Rival | None":
-        """For a tag that may have one."""
-        return None if prior.rival_share <= 0.0 else cls(prior, rng)
+        """For a tag that may have one: another is heard only when the tag itself is missed."""
+        possible = prior.rival_share > 0.0 and prior.missed_share > 0.0
+        return cls(prior, rng) if possible else None
 
     @property
     def probability(self) -> float:
