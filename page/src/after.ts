@@ -116,9 +116,9 @@ function verdict(one: Verdict): HTMLElement {
   const where = isPlace(one)
     ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
     : one.places > 1
-      ? ` in one of ${one.places} places that this flight cannot tell apart: ${one.parts.map(partOf).join("; ")}`
+      ? ` In one of ${one.places} places that this flight cannot tell apart: ${one.parts.map(partOf).join("; ")}`
       : one.bearing_deg !== null
-        ? ` at ${fixed(one.bearing_deg, 0)}°, ±\u202f${fixed((one.arc95_deg ?? 360) / 2, 0)}° (95\u202f%), from the middle of the flight`
+        ? ` At ${fixed(one.bearing_deg, 0)}°, ±\u202f${fixed((one.arc95_deg ?? 360) / 2, 0)}° (95\u202f%), from the middle of the flight`
         : "";
   return h(
     "li",

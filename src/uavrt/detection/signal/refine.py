@@ -233,13 +233,16 @@ class Refiner:
         )
 
     def loses(self, start: float) -> bool:
-        """Whether samples are being lost about a pulse: zeros that no impulse left."""
+        """Whether samples are being lost about a pulse: zeros side by side, by no impulse.
+
+        Short losses come filled with zeros, as no hole. One alone may be a sample of few bits.
+        """
         buffer, near = self._buffer, round(_LOSING_S * self._grid.sample_rate_hz)
         first = max(math.floor(start) - near, buffer.start)
-        last = min(math.ceil(start) + near, self.upto)
-        missing = last - first - np.count_nonzero(buffer.view(first, last))
-        blanked = sum(max(0, min(b, last) - max(a, first)) for a, b in buffer.blanked)
-        return bool(missing > blanked)
+        gone = buffer.view(first, min(math.ceil(start) + near, self.upto)) == 0.0
+        for low, high in buffer.blanked:
+            gone[max(low - first, 0) : max(high - first, 0)] = False
+        return bool(np.any(gone[1:] & gone[:-1]))
 
     def powers(
         self,
