@@ -51,6 +51,13 @@ typedef struct {
     Py_ssize_t slots, period, stride;
 } train_t;
 
+#define CODE_BLOCK 64
+/* Columns of bursts whose sums are made at once: as wide as the widest registers. */
+#define CODE_PART 32
+/* The same where several bursts are summed. */
+#define CODE_PLACES 16
+/* Intervals whose sums are picked at once. */
+
 #define PLACES 4
 /* Mixed at once. */
 #define MOST_TILE 64
@@ -89,12 +96,15 @@ typedef struct {
                       Py_ssize_t reach, float *work);
     void (*profile)(const view_t *view, float step_c, float step_r, Py_ssize_t points, float tag,
                     float bulge, float best[3]);
-    void (*code_sums)(const uint8_t *line, Py_ssize_t length, const int32_t *offsets,
-                      Py_ssize_t stretches, Py_ssize_t pulses, uint8_t clip, uint8_t *best,
-                      uint8_t *work);
-    void (*code_add)(const uint8_t *cells, Py_ssize_t length, uint8_t clip, uint8_t *sums);
-    void (*code_windows)(const uint8_t *work, Py_ssize_t room, const int32_t *places,
-                         Py_ssize_t intervals, Py_ssize_t bursts, int16_t *sums, int32_t *out);
+    void (*code_clip)(const uint8_t *cells, Py_ssize_t length, uint8_t clip, uint8_t *out);
+    void (*code_sums)(const uint8_t *line, Py_ssize_t blocks, const int32_t *offsets,
+                      Py_ssize_t stretches, Py_ssize_t pulses, uint8_t *best);
+    uint8_t (*code_highest)(const uint8_t *sums);
+    void (*code_add)(const uint8_t *line, Py_ssize_t blocks, const int32_t *own,
+                     Py_ssize_t pulses, uint8_t clip, uint8_t *sums);
+    void (*code_windows)(const uint8_t *work, Py_ssize_t room, const int32_t *starts,
+                         const uint8_t *places, Py_ssize_t parts, Py_ssize_t bursts,
+                         uint8_t *picked, int16_t *window, int32_t *out);
     void (*train_block)(const train_t *train, Py_ssize_t start, int level, Py_ssize_t low,
                         Py_ssize_t high);
     void (*train_highest)(const mix_t *mix, float *best, int32_t *cell);

@@ -28,6 +28,8 @@ _NEARLY = 0.88
 """Of the least sum, from which a closer look is worth its time."""
 _CERTAIN = 20.0
 """A sum must be better by so much than that of another code with the same pulses."""
+_BOX = 2048
+"""Columns within which seeds that become due wait together."""
 _AWAY = 10
 """Columns within which two codes' pulses are the same."""
 
@@ -64,6 +66,48 @@ class Found:
     rivals: tuple[int, ...] = ()
 
 
+class Waiting:
+    """Seeds until the last burst that may be summed with them has come.
+
+    They lie in boxes by when that is: only the boxes that are due are looked at.
+    """
+
+    def __init__(self) -> None:
+        self._boxes: dict[int, list[NDArray[np.int32]]] = {}
+        self._calls = 0
+
+    def add(self, seeds: NDArray[np.int32], ends: NDArray[np.float64]) -> None:
+        """Have seeds wait until a column is reached, for each its own.
+
+        Parameters
+        ----------
+        seeds : ndarray of int32, shape (n, 5)
+        ends : ndarray of float, shape (n,)
+        """
+        self._calls += 1
+        columns = np.floor(ends).astype(np.int32)
+        call = np.full(len(seeds), self._calls, np.int32)
+        entries = np.concatenate((call[:, None], columns[:, None], seeds), axis=1)
+        boxes = columns // _BOX
+        order = np.argsort(boxes, kind="stable")
+        found, first = np.unique(boxes[order], return_index=True)
+        for box, own in zip(found.tolist(), np.split(order, first[1:]), strict=False):
+            self._boxes.setdefault(box, []).append(entries[own])
+
+    def due(self, before: float) -> NDArray[np.int32]:
+        """Take the seeds that wait for what lies before a column, in the order they came."""
+        taken = [np.zeros((0, 2 + FIELDS), np.int32)]
+        for box in [one for one in self._boxes if one * _BOX < before]:
+            entries = np.concatenate(self._boxes.pop(box))
+            over = entries[:, 1] < before
+            taken.append(entries[over])
+            if not over.all():
+                self._boxes[box] = [entries[~over]]
+        entries = np.concatenate(taken)
+        call, _, code, row, _, column, _ = entries.T
+        return np.ascontiguousarray(entries[np.lexsort((column, row, code, call)), 2:])
+
+
 class Folds:
     """Seeds of the codes with as many pulses as each other, and what becomes of them.
 
@@ -96,8 +140,9 @@ class Folds:
         most = 255 // book.pulses
         self._clip = min(round(_CLIP / STEP), most)
         self._clip_of_three = min(CLIP, most)
+        self._least_of: dict[int, NDArray[np.float64]] = {}
         self._waiting = {
-            bursts: np.zeros((0, FIELDS), np.int32)
+            bursts: Waiting()
             for bursts in sorted({THREE, *self._bursts.tolist()})
             if bursts >= THREE
         }
@@ -115,7 +160,9 @@ class Folds:
             own = seeds[most == bursts] if bursts != THREE else seeds[most >= THREE]
             if bursts == THREE:
                 own = own[own[:, 4] >= round(_SEED_OF_THREE * pulses / STEP)]
-            self._waiting[bursts] = np.concatenate((waiting, own))
+            reach = self._error[own[:, 0]] + self._book.intervals[own[:, 0]]
+            ends = own[:, 3] + (bursts - 1) * reach + self._book.span + self._cells.pulse
+            waiting.add(own, ends)
 
     def complete(self, whole: int, *, last: bool) -> list[Found]:
         """Sum about the seeds all of whose later bursts have come.
@@ -129,11 +176,7 @@ class Folds:
         """
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():
-            reach = self._error[waiting[:, 0]] + self._book.intervals[waiting[:, 0]]
-            ends = waiting[:, 3] + (bursts - 1) * reach + self._book.span + self._cells.pulse
-            due = (ends < whole) | last
-            self._waiting[bursts] = waiting[~due]
-            seeds = waiting[due]
+            seeds = waiting.due(math.inf if last else whole)
             for error in np.unique(self._error[seeds[:, 0]]):
                 hits += self._hits(seeds[self._error[seeds[:, 0]] == error], bursts, error)
         return self._apart(hits)
@@ -148,10 +191,7 @@ class Folds:
             clip=self._clip_of(bursts),
         )
         found = []
-        least = {}
-        for code in np.unique(seeds[:, 0]).tolist():
-            least[code] = self._least(code, bursts, bursts * self._book.pulses)
-        nearly = _NEARLY * np.array([least[c] for c in seeds[:, 0].tolist()])
+        nearly = _NEARLY * self._least(bursts)[seeds[:, 0]]
         enough = best[:, 0] * STEP >= nearly
         for seed, one in zip(seeds[enough].tolist(), best[enough].tolist(), strict=True):
             off = error * one[1] / max(steps, 1)
@@ -162,15 +202,21 @@ class Folds:
         """Most that a cell counts: pulses that three bursts show are stronger."""
         return self._clip_of_three if bursts == THREE else self._clip
 
-    def _least(self, code: int, bursts: int, pulses: int) -> float:
-        tag = self._book.tags[code]
-        return sum_limit(
-            tag,
-            bandwidth_hz=self._bandwidth_hz,
-            bursts=bursts,
-            pulses=pulses,
-            false_per_hour=self._false_per_hour,
-        )
+    def _least(self, bursts: int) -> NDArray[np.float64]:
+        """Least sums of so many bursts, by code."""
+        if bursts not in self._least_of:
+            limits = [
+                sum_limit(
+                    tag,
+                    bandwidth_hz=self._bandwidth_hz,
+                    bursts=bursts,
+                    pulses=bursts * self._book.pulses,
+                    false_per_hour=self._false_per_hour,
+                )
+                for tag in self._book.tags
+            ]
+            self._least_of[bursts] = np.array(limits)
+        return self._least_of[bursts]
 
     def _found(self, seed: list[int], first: int, off: float, bursts: int) -> Found:
         code, row, stretch, column, _ = seed

@@ -6,7 +6,10 @@ burst is explained by it; a code is told apart from another by the likelihood of
 they do not share (equal priors, noncoherent: I0 of the matched filter).
 """
 
+import math
 from dataclasses import dataclass, field, replace
+from itertools import combinations
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -43,6 +46,10 @@ _NAMED, _SURE_PULSE = 2, 12.0
 """Pulses that must be alone on air, and how strong each, for a burst that is not identified."""
 _NEARLY = 1.0 - 1e-6
 """Of the least sum: rounding must not decide beforehand."""
+_ROUNDED = 1.0 + 1e-9
+"""Between sums of the same numbers in another order."""
+_NOWHERE = -(2**40)
+"""Column of no pulse."""
 _SATURATED = 12.0
 """Noise energies from which on kept cells do not tell where a pulse is best."""
 
@@ -91,6 +98,10 @@ class Burst:
         """Whose it is."""
         return self.book.tags[self.code].tag_id
 
+    def afresh(self) -> "Burst":
+        """The same claim, to be judged again: what that changes is its own."""
+        return replace(self, good=self.good.copy(), rivals=[])
+
 
 def measure(
     cells: Cells, book: CodeBook, seeds: NDArray[np.int32], limits: dict[int, float]
@@ -109,12 +120,14 @@ def measure(
     if not len(seeds):
         return []
     seeds = _centred(cells, book, seeds)
-    rows = seeds[:, 1][:, None]
-    last = cells.recent.shape[1] - 1
     offsets = _finely(cells, book, seeds)
+    last = cells.recent.shape[1] - 1
     at = seeds[:, 3:4] + offsets - cells.recent_from
     # What counts lies exactly at the gaps: each further column would be one more chance.
-    energies = cells.recent[rows, np.clip(at, 0, last)]
+    energies = cells.recent[seeds[:, 1][:, None], np.clip(at, 0, last)]
+    able = np.flatnonzero(could_be(energies, limits))
+    seeds, offsets, at, energies = seeds[able], offsets[able], at[able], energies[able]
+    rows = seeds[:, 1][:, None]
     near, shift = _best(cells, rows, at, _POOL)
     at = at + shift
     tall = np.maximum(
@@ -174,16 +187,19 @@ def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[
     margin = cells.pulse + int(np.ptp(book.offsets, axis=1).max())
     root = np.pad(np.sqrt(cells.recent), ((0, 0), (margin, margin)), mode="edge")
     first = seeds[strong, 1].astype(np.intp) * root.shape[1] + at[strong] + margin
-    where = first[:, np.newaxis] + shifts
+    windows = sliding_window_view(root.ravel(), len(shifts))
     amplitude = np.zeros((len(strong), offsets.shape[1], len(shifts)), np.float32)
     for pulse in range(book.pulses):
-        beside = offsets[strong, :, pulse].astype(np.intp)
-        amplitude += root.ravel().take(where[:, np.newaxis] + beside[:, :, np.newaxis])
+        amplitude += windows[first[:, np.newaxis] + offsets[strong, :, pulse] - cells.pulse]
     best = amplitude.reshape(len(strong), -1).argmax(axis=1)
     moved = seeds.copy()
     moved[strong, 2] = best // len(shifts)
     moved[strong, 3] += shifts[best % len(shifts)].astype(np.int32)
-    _, first = np.unique(moved[:, :4], axis=0, return_index=True)
+    key = np.zeros(len(moved), np.int64)
+    for field_ in moved[:, :4].T:
+        low, high = int(field_.min()), int(field_.max())
+        key = key * (high - low + 1) + (field_ - low)
+    _, first = np.unique(key, return_index=True)
     return moved[first]
 
 
@@ -203,9 +219,10 @@ def _best(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp], reach: int
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
     """Largest cells within so many columns, and where."""
-    places = np.arange(-reach, reach + 1)
-    columns = np.clip(at[:, :, None] + places, 0, cells.recent.shape[1] - 1)
-    near = cells.recent[rows[:, :, None], columns]
+    padded = np.pad(cells.recent, ((0, 0), (reach, reach)), mode="edge")
+    columns = np.clip(at, 0, cells.recent.shape[1] - 1)
+    windows = sliding_window_view(padded.ravel(), 2 * reach + 1)
+    near = windows[rows.astype(np.intp) * padded.shape[1] + columns]
     which = near.argmax(axis=2)
     best = np.take_along_axis(near, which[:, :, None], axis=2)[:, :, 0]
     return best, which - reach
@@ -255,6 +272,22 @@ def plausible(
     return taken
 
 
+def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
+    """Leave out what `plausible` takes whichever of its pulses count: most of many seeds."""
+    pulses = energies.shape[1]
+    amplitude = np.sqrt(energies.astype(np.float64))
+    able = np.zeros(len(energies), np.bool_)
+    for count, limit in limits.items():
+        for own in combinations(range(pulses), count):
+            chosen = amplitude[:, own]
+            middle = chosen.mean(axis=1)
+            unlike = ((chosen - middle[:, np.newaxis]) ** 2).sum(axis=1)
+            total = np.minimum(chosen**2, 0.5 * limit).sum(axis=1)
+            equal = unlike <= _UNEQUAL * (0.5 + (_FADING * middle) ** 2) * _ROUNDED
+            able |= equal & (total * _ROUNDED >= _NEARLY * limit)
+    return able
+
+
 def weigh(burst: Burst, limits: dict[int, float]) -> bool:
     """Whether a burst's good pulses suffice; its score and likelihood are noted.
 
@@ -264,26 +297,30 @@ def weigh(burst: Burst, limits: dict[int, float]) -> bool:
     limits : dict of int to float
         Least sum by the number of pulses.
     """
+    # Plain numbers: of four, arrays would cost more than the sums.
+    energies = burst.energies.tolist()
+    own = [place for place, good in enumerate(burst.good.tolist()) if good]
     while True:
-        count = int(burst.good.sum())
-        if count < least_pulses(len(burst.good)):
+        count = len(own)
+        if count < least_pulses(len(energies)):
             return False
-        own = burst.energies[burst.good]
-        amplitude = np.sqrt(own)
-        middle = float(amplitude.mean())
+        amplitude = [math.sqrt(energies[place]) for place in own]
+        middle = sum(amplitude) / count
         variance = 0.5 + (_FADING * middle) ** 2
-        if float(((amplitude - middle) ** 2).sum()) <= _UNEQUAL * variance:
+        if sum((one - middle) ** 2 for one in amplitude) <= _UNEQUAL * variance:
             break
         # One that stands out may be hit by another signal; one that is not there speaks
         # against the code.
-        usual = float(np.median(amplitude))
-        if float(amplitude.max()) - usual < usual - float(amplitude.min()):
+        usual = median(amplitude)
+        if max(amplitude) - usual < usual - min(amplitude):
             return False
-        burst.good[int(np.where(burst.good, burst.energies, 0.0).argmax())] = False
+        own.remove(max(own, key=energies.__getitem__))
+        burst.good[:] = False
+        burst.good[own] = True
     # A pulse that is much stronger than the others does not stand for them.
     least = limits[count]
-    burst.score = float(np.minimum(own, 0.5 * least).sum()) / least
-    burst.likelihood = _likelihood(own) + burst.prior
+    burst.score = sum(min(energies[place], 0.5 * least) for place in own) / least
+    burst.likelihood = _likelihood(burst.energies[own]) + burst.prior
     return burst.score >= 1.0
 
 
@@ -308,12 +345,6 @@ class OnAir:
         self.bursts: list[Burst] = []
         self._cells = cells
 
-    def copy(self) -> "OnAir":
-        """The same bursts, to add others."""
-        same = OnAir(self._cells)
-        same.bursts = self.bursts.copy()
-        return same
-
     def forget(self, before: int) -> None:
         """Drop the bursts that ended before a column."""
         self.bursts = [one for one in self.bursts if one.columns[-1] >= before]
@@ -322,25 +353,74 @@ class OnAir:
         """Take an accepted burst."""
         self.bursts.append(burst)
 
-    def sends(self, burst: Burst) -> bool:
-        """Whether the burst's tag is sending another at that time: this is an echo of it."""
-        length = int(burst.columns[-1] - burst.columns[0])
-        return any(
-            one.tag_id == burst.tag_id and abs(one.column - burst.column) <= length
-            for one in self.bursts
+
+class Covered:
+    """Which pulses of claims lie on those of bursts on air, and what that leaves of them.
+
+    Parameters
+    ----------
+    claims : list of Burst
+    guard : int
+        Columns to either side of a pulse's that are its own.
+    """
+
+    def __init__(self, claims: list[Burst], guard: int) -> None:
+        shape = len(claims), max((len(one.columns) for one in claims), default=0)
+        self._guard = guard
+        self._columns = np.full(shape, _NOWHERE, np.intp)
+        self._energies = np.zeros(shape)
+        self._good = np.zeros(shape, np.bool_)
+        for pulses in {len(one.columns) for one in claims}:
+            own = [i for i, one in enumerate(claims) if len(one.columns) == pulses]
+            self._columns[own, :pulses] = [claims[i].columns for i in own]
+            self._energies[own, :pulses] = [claims[i].energies for i in own]
+            self._good[own, :pulses] = [claims[i].good for i in own]
+        self._least = [least_pulses(len(one.columns)) for one in claims]
+        self.pulses = np.zeros(shape, np.bool_)
+        """Covered, by claim."""
+        self._by: list[tuple[Burst, NDArray[np.bool_]]] = []
+        self._on_air: dict[int, list[Burst]] = {}
+        self._sum()
+
+    def add(self, *bursts: Burst) -> None:
+        """Put bursts on air."""
+        for burst in bursts:
+            apart = np.abs(self._columns[:, :, None] - burst.columns)
+            hit = (apart <= self._guard).any(axis=2)
+            self.pulses |= hit
+            self._by.append((burst, hit.any(axis=1)))
+            self._on_air.setdefault(burst.tag_id, []).append(burst)
+        self._sum()
+
+    def _sum(self) -> None:
+        alone = self._good & ~self.pulses
+        self.count: list[int] = self.pulses.sum(axis=1).tolist()
+        """Of covered pulses, by claim."""
+        self.alone: list[int] = alone.sum(axis=1).tolist()
+        """Good pulses that are left, by claim …"""
+        self.weakest: list[float] = (
+            np.where(alone, self._energies, np.inf).min(axis=1, initial=np.inf).tolist()
+        )
+        """… and the weakest of these."""
+
+    def leaves_nothing_of(self, claim: int) -> bool:
+        """Whether too few pulses are left for an identity, and for a name."""
+        alone = self.alone[claim]
+        return alone < self._least[claim] and (
+            alone < _NAMED or self.weakest[claim] < _SURE_PULSE
         )
 
-    def covers(self, burst: Burst) -> tuple[NDArray[np.bool_], list[Burst]]:
-        """Which pulses of a burst lie on those of accepted ones, and on whose."""
-        covered = np.zeros(len(burst.columns), np.bool_)
-        whose = []
-        for other in self.bursts:
-            apart = np.abs(burst.columns[:, None] - other.columns[None])
-            hit = (apart <= self.guard).any(axis=1)
-            if hit.any():
-                covered |= hit
-                whose.append(other)
-        return covered, whose
+    def whose(self, claim: int) -> list[Burst]:
+        """Bursts on air that a claim's pulses lie on."""
+        return [burst for burst, hit in self._by if hit[claim]]
+
+    def sends(self, burst: Burst) -> bool:
+        """Whether the burst's tag is sending another at that time: this is an echo of it."""
+        own = self._on_air.get(burst.tag_id)
+        if own is None:
+            return False
+        length = int(burst.columns[-1] - burst.columns[0])
+        return any(abs(one.column - burst.column) <= length for one in own)
 
 
 def decide(
@@ -400,29 +480,35 @@ def _greedy(
     without: frozenset[int],
 ) -> tuple[list[Burst], int]:
     """Accept the likeliest first, without some tags."""
-    on_air = before_now.copy()
+    ordered = [one for one in claims if one.tag_id not in without]
+    ordered.sort(key=lambda one: -one.likelihood)
+    covered = Covered(ordered, before_now.guard)
+    covered.add(*before_now.bursts)
     accepted: list[Burst] = []
     lost = 0
-    for claim in sorted(claims, key=lambda one: -one.likelihood):
-        if claim.tag_id in without or on_air.sends(claim):
+    for i, claim in enumerate(ordered):
+        if covered.sends(claim):
             continue
-        burst = replace(claim, good=claim.good.copy(), rivals=[])
-        covered, whose = on_air.covers(burst)
-        if covered.any():
-            shared = int(covered.sum()) >= len(covered) - 1
-            for other in whose if shared else ():
-                near = burst.likelihood > other.likelihood - _CERTAIN
-                if near and burst.tag_id not in other.rivals:
-                    other.rivals.append(burst.tag_id)
-            burst.good &= ~covered
-            if not weigh(burst, limits[burst.book.pulses]):
+        if covered.count[i]:
+            pulses = len(claim.columns)
+            for other in covered.whose(i) if covered.count[i] >= pulses - 1 else ():
+                near = claim.likelihood > other.likelihood - _CERTAIN
+                if near and claim.tag_id not in other.rivals:
+                    other.rivals.append(claim.tag_id)
+            if covered.leaves_nothing_of(i):
+                lost += covered.alone[i] > 0 and claim.column < before
+                continue
+        burst = claim.afresh()
+        if covered.count[i]:
+            burst.good &= ~covered.pulses[i, :pulses]
+            if not weigh(burst, limits[pulses]):
                 alone = burst.energies[burst.good]
                 lost += len(alone) > 0 and burst.column < before
                 if len(alone) < _NAMED or alone.min() < _SURE_PULSE:
                     continue
                 # Too much of it is hit; it is named, and others may not have its pulses.
                 burst.likelihood = _likelihood(alone)
-                burst.rivals += [other.tag_id for other in whose]
+                burst.rivals += [other.tag_id for other in covered.whose(i)]
         accepted.append(burst)
-        on_air.add(burst)
+        covered.add(burst)
     return accepted, lost
