@@ -410,9 +410,10 @@ def sure_within_m(
     )
     if len(row):
         way = KDTree(np.stack((east_m, north_m), axis=1))
-        away, _ = way.query(np.stack((ground.east_m[column], ground.north_m[row]), axis=1))
+        unsure = np.stack((ground.east_m[column], ground.north_m[row]), axis=1)
+        away = float(np.min(way.query(unsure)[0]))
         # As far as the nearest corner of such a cell.
-        least = min(least, float(away.min()) - math.sqrt(0.5) * ground.cell_m)
+        least = min(least, away - math.sqrt(0.5) * ground.cell_m)
     return least if least > 0.0 else None
 
 
