@@ -112,7 +112,7 @@ function fold(one: Verdict): HTMLElement | string {
 function verdict(one: Verdict): HTMLElement {
   const row = store.review?.rows.find((each) => Number(each.id) === one.tag_id);
   const name = `Tag ${[one.tag_id, row?.name].filter(Boolean).join(" ")}`;
-  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`, remarks(one), fold(one));
+  if (!one.found) return h("li", {}, h("strong", {}, name), ` not found: noise alone shows as much ${often(one.false_alarm_probability)}`, one.silent ? "." : "", silent(one), remarks(one), fold(one));
   const where = isPlace(one)
     ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
     : one.places > 1
@@ -133,6 +133,14 @@ function verdict(one: Verdict): HTMLElement {
 
 function partOf(one: Verdict["parts"][number]): string {
   return `${fixed(one.latitude_deg, 5)}, ${fixed(one.longitude_deg, 5)}, within ${metres(one.radius95_m)} (${Math.round(100 * one.probability)}\u202f%)`;
+}
+
+function silent(one: Verdict): string {
+  if (!one.silent) return "";
+  const { tag_power_dbm, probability, within_m } = one.silent;
+  return within_m === null
+    ? ` Nowhere around the flight is it sure that a tag that radiates ${fixed(tag_power_dbm, 0)} dBm would have been found (p ≥ ${fixed(probability, 1)}).`
+    : ` Within ${metres(within_m)} of the flight a tag that radiates ${fixed(tag_power_dbm, 0)} dBm would have been found with p ≥ ${fixed(probability, 1)}.`;
 }
 
 function remarks(one: Verdict): HTMLElement | string {

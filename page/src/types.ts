@@ -310,6 +310,8 @@ export interface Verdict {
   parts: { latitude_deg: number; longitude_deg: number; radius95_m: number; probability: number }[];
   /** Latitudes and longitudes around its parts. */
   region95: [number, number][][];
+  /** What a search in vain says around the flight; null where the tag was heard. */
+  silent: { tag_power_dbm: number; probability: number; within_m: number | null; whole_flight: boolean } | null;
 }
 
 export interface Hindsight {

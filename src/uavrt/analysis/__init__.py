@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.integrated_records import (
         IntegratedRecord,
         PlaceRecord,
+        SilenceRecord,
         integrated_record,
     )
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
@@ -62,7 +63,14 @@ if TYPE_CHECKING:
         judge_together,
         share_alone,
     )
-    from uavrt.analysis.silence import ListenedFlight, SilentMap, silent_map
+    from uavrt.analysis.silence import (
+        ListenedFlight,
+        SilentMap,
+        around_in_words,
+        silent_map,
+        silent_maps,
+        write_silence,
+    )
     from uavrt.analysis.survey import Survey, read_survey
     from uavrt.analysis.whole_flight import (
         LEAST_PART,
@@ -90,12 +98,14 @@ __all__ = [
     "MapSize",
     "PlaceRecord",
     "Season",
+    "SilenceRecord",
     "SilentMap",
     "Survey",
     "TagBearing",
     "TagOfFlights",
     "TagPosition",
     "antenna_is_told",
+    "around_in_words",
     "assumed_tag",
     "bearings_of_flight",
     "bearings_of_pulses",
@@ -140,11 +150,13 @@ __all__ = [
     "save_integrated",
     "share_alone",
     "silent_map",
+    "silent_maps",
     "slots_of",
     "verdict_of",
     "write_facts",
     "write_fold_pictures",
     "write_maps",
+    "write_silence",
 ]
 __getattr__ = lazily(
     __name__,
@@ -155,6 +167,7 @@ __getattr__ = lazily(
         "write_facts": "facts",
         "USUAL_ANTENNA": "flown_with",
         "antenna_is_told": "flown_with",
+        "around_in_words": "silence",
         "flight_antenna": "flown_with",
         "IntegratedRecord": "integrated_records",
         "PlaceRecord": "integrated_records",
@@ -172,6 +185,7 @@ __getattr__ = lazily(
         "MapSize": "coverage",
         "POSITION_M": "whole_flight",
         "RASTERS": "map_files",
+        "SilenceRecord": "integrated_records",
         "SilentMap": "silence",
         "Survey": "survey",
         "TagBearing": "bearings",
@@ -215,11 +229,13 @@ __getattr__ = lazily(
         "read_survey": "survey",
         "save_integrated": "hindsight",
         "silent_map": "silence",
+        "silent_maps": "silence",
         "share_alone": "several_flights",
         "slots_of": "hindsight",
         "verdict_of": "hindsight",
         "write_fold_pictures": "fold_pictures",
         "write_maps": "coverage",
+        "write_silence": "silence",
         "bursts_of_pulses": "found_bursts",
     },
 )

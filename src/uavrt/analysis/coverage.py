@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -448,9 +449,11 @@ def _covered(
 
 
 def write_maps(
-    directory: Path, name: str, coverage: Coverage, picture: bytes | None = None
+    directory: Path, name: str, coverage: Coverage, way: Sequence[tuple[float, float]]
 ) -> list[Path]:
     """Write a map as GeoTIFF (probabilities) and PNG (a picture).
+
+    The picture is that of a report, and without matplotlib the map's squares alone.
 
     Parameters
     ----------
@@ -458,8 +461,8 @@ def write_maps(
         Where, and how the files are called before their endings.
     coverage : Coverage
         The map.
-    picture : bytes, optional
-        The PNG; without it one with the map's squares alone.
+    way : sequence of (longitude, latitude)
+        Where the drone flies or flew [deg].
 
     Raises
     ------
@@ -476,7 +479,7 @@ def write_maps(
     )
     files = {
         f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
-        f"{name}.png": picture or png_bytes(chance(coverage.heard[::-1])),
+        f"{name}.png": _picture(coverage, way),
     }
     written = []
     for file, content in files.items():
@@ -489,6 +492,15 @@ def write_maps(
             ) from error
         written.append(path)
     return written
+
+
+def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
+    """A map as a report draws it; without what draws reports its squares alone."""
+    if find_spec("matplotlib") is None:
+        return png_bytes(chance(coverage.heard[::-1]))
+    from uavrt.analysis.report import coverage_png
+
+    return coverage_png(coverage, way)
 
 
 def best_of(covered: Sequence[Coverage]) -> int:

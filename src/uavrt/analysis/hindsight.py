@@ -2,7 +2,8 @@
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.fold_pictures import best_place, fold_of
 from uavrt.analysis.listening import listened_in
+from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.whole_flight import LEAST_PART, IntegratedTag
 from uavrt.clock import iso_intervals
 from uavrt.config import AntennaSettings
@@ -32,7 +34,11 @@ _SAME = 0.25
 an interval. Where samples were lost, times told in flight are off by tens of milliseconds."""
 
 
-def save_integrated(flight: Flight, results: Sequence[IntegratedTag]) -> Path:
+def save_integrated(
+    flight: Flight,
+    results: Sequence[IntegratedTag],
+    silent: Mapping[int, SilentMap] | None = None,
+) -> Path:
     """Write verdicts and pulses seen in hindsight beside a flight, as ``integrated/``.
 
     Pulses that the flight's own log has are not written again, so nothing is counted twice.
@@ -43,6 +49,8 @@ def save_integrated(flight: Flight, results: Sequence[IntegratedTag]) -> Path:
         With `info.directory` where it lies.
     results : sequence of IntegratedTag
         Of `integrate_flight` or `integrate_kept`.
+    silent : mapping, optional
+        Maps of tags that were not found, by tag: what each says around the flight is kept.
 
     Returns
     -------
@@ -60,7 +68,8 @@ def save_integrated(flight: Flight, results: Sequence[IntegratedTag]) -> Path:
     verdicts = []
     for one in results:
         own = integrated_pulses(flight, one)
-        verdicts.append(_verdict(flight, one, len(own)))
+        verdict, found = _verdict(flight, one, len(own)), (silent or {}).get(one.tag.tag_id)
+        verdicts.append(replace(verdict, silent=None if found is None else found.around))
         pulses += own
     folds = [fold_of(one) for one in results]
     return write_integrated(flight.info.directory, verdicts, pulses, folds)

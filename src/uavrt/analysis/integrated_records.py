@@ -1,8 +1,12 @@
 """What a whole flight says of a tag, as ``uavrt integrate --json`` prints it."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from uavrt.analysis.hindsight import parts_of, rings_of, slots_of
+from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.whole_flight import IntegratedTag
 from uavrt.clock import iso_utc
 from uavrt.integration import OtherTrain, PlaceBelief
@@ -79,6 +83,50 @@ class PlaceRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SilenceRecord:
+    """Where a tag that was not found is not: the map of ``uavrt coverage``, and its sums."""
+
+    tag_power_dbm: float
+    """That the tag is taken to radiate."""
+    whole_flight: bool
+    """Found by judging the whole flight; else by groups of pulses: `limitations` say why."""
+    mean_probability: float | None
+    """Of being found, over the map; None where no ground is known."""
+    share50: float | None
+    """Of the map, on which it is found with .5 or more."""
+    share90: float | None
+    sure_within_m: float | None
+    """So near the flight it is found everywhere with .9 or more; None: nowhere."""
+    noise: str
+    """What is known of the drone's, in words."""
+    antenna: str
+    limitations: tuple[str, ...]
+    files: tuple[str, ...]
+    """GeoTIFF and PNG; none where nothing is saved."""
+
+    @classmethod
+    def of(cls, one: SilentMap, files: Sequence[Path]) -> "SilenceRecord":
+        """Sum up a map."""
+        coverage = one.coverage
+        return cls(
+            tag_power_dbm=one.tag_power_dbm,
+            whole_flight=coverage.whole_flight,
+            mean_probability=_finite(coverage.mean),
+            share50=_finite(coverage.share_above(0.5)),
+            share90=_finite(coverage.share_above(0.9)),
+            sure_within_m=one.around.within_m,
+            noise=one.noise,
+            antenna=one.antenna,
+            limitations=coverage.limitations,
+            files=tuple(map(str, files)),
+        )
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 4) if math.isfinite(value) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedRecord(PlaceRecord):
     """What a whole flight says of one tag."""
 
@@ -103,9 +151,13 @@ class IntegratedRecord(PlaceRecord):
     """Nobody told which antenna the drone carried."""
     limitations: tuple[str, ...]
     integrated_pulses: tuple[SlotRecord, ...]
+    silence: SilenceRecord | None = None
+    """None where it was heard, or may have been, or no map was made."""
 
 
-def integrated_record(one: IntegratedTag) -> IntegratedRecord:
+def integrated_record(
+    one: IntegratedTag, silence: SilenceRecord | None = None
+) -> IntegratedRecord:
     """Sum up what a flight says of a tag."""
     slots = _slots(one) if one.found else ()
     place = PlaceRecord.of(one.place)
@@ -127,6 +179,7 @@ def integrated_record(one: IntegratedTag) -> IntegratedRecord:
         antenna_assumed=one.searched.antenna_assumed,
         limitations=one.limitations,
         integrated_pulses=slots,
+        silence=silence,
     )
 
 

@@ -4,11 +4,13 @@ Of a tag that ``uavrt integrate`` looked for in vain it is the map of what judgi
 flight would have found; of others that of single groups of pulses.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavrt.analysis.coverage import (
     MapArea,
@@ -17,18 +19,27 @@ from uavrt.analysis.coverage import (
     flight_plane,
     frequency_window_hz,
     map_around,
+    write_maps,
 )
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
 from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
 from uavrt.clock import parse_iso_intervals
-from uavrt.errors import RecordingError, UsageError
+from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.localization import PATTERNS, pattern_named
 from uavrt.messages import Tag
 from uavrt.planning import Coverage, LinkBudget
-from uavrt.recording import Flight, IntegratedVerdict, SearchedFor, read_integrated
+from uavrt.recording import (
+    Flight,
+    IntegratedVerdict,
+    SearchedFor,
+    SilentAround,
+    read_integrated,
+)
 from uavrt.terrain import Elevation
 
 LEVEL_SIGMA_DB = 3.0
+SURE = 0.9
+"""Probability of being heard from which silence counts as telling."""
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
@@ -72,11 +83,23 @@ class SilentMap:
     """What is known of the drone's, in words."""
     antenna: str
     """Name of the pattern that it was made with."""
+    sure_within_m: float | None
+    """So near the flight it would have been heard everywhere with .9 or more; None: nowhere."""
 
     @property
     def heard(self) -> bool:
         """Whether it was heard, or may have been: then silence tells nothing."""
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
+
+    @property
+    def around(self) -> SilentAround:
+        """The map in three numbers, as they are kept with a verdict."""
+        return SilentAround(
+            tag_power_dbm=self.tag_power_dbm,
+            probability=SURE,
+            within_m=None if self.sure_within_m is None else round(self.sure_within_m, 1),
+            whole_flight=self.coverage.whole_flight,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,6 +111,8 @@ class ListenedFlight:
     noise: FlightNoise | None
     noise_said: str
     verdicts: tuple[IntegratedVerdict, ...]
+    way_m: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """East and north of the flight in the plane of the map."""
 
     @classmethod
     def read(
@@ -98,8 +123,11 @@ class ListenedFlight:
         *,
         margin_m: float = _MARGIN_M,
         cell_m: float | None = None,
+        verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
         """Lay a map around a flight, by default of 120 cells, and read its noise.
+
+        What was said of the whole flight is read, too, where `verdicts` are not given.
 
         Raises
         ------
@@ -118,14 +146,15 @@ class ListenedFlight:
         try:
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
-        except RecordingError as error:
+        except (RecordingError, FormatError) as error:
             noise, said = None, f"not known: {error.message}"
         return cls(
             flight=flight,
             area=map_around(plane, east, north, elevation, size),
             noise=noise,
             noise_said=said,
-            verdicts=read_integrated(directory)[0],
+            verdicts=tuple(read_integrated(directory)[0] if verdicts is None else verdicts),
+            way_m=(east, north),
         )
 
     def silent_map(
@@ -185,6 +214,7 @@ class ListenedFlight:
             ambiguous=verdict is not None and verdict.ambiguous,
             noise=self.noise_said,
             antenna=named,
+            sure_within_m=sure_within_m(coverage, *self.way_m),
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
@@ -282,11 +312,167 @@ def silent_map(
         raise UsageError(
             f"tag {tag_id} was not listed in this flight", remedy=f"Choose from {listed}"
         )
-    budget = LinkBudget(
+    listened = ListenedFlight.read(directory, flight, elevation)
+    budget = _budget(tag, tag_power_dbm)
+    return listened.silent_map(tag, budget, antenna=antenna, on_pulse=on_pulse)
+
+
+def silent_maps(
+    flight: Flight,
+    tags: Sequence[Tag],
+    verdicts: Sequence[IntegratedVerdict],
+    tag_power_dbm: float,
+    *,
+    elevation: Elevation | None,
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> dict[int, SilentMap]:
+    """Map where a flight just judged would have found those tags that it did not, by tag.
+
+    The maps are those of `uavrt coverage FLIGHT`, made before the verdicts are kept. Tags that
+    were heard, or may have been, have none: of them silence tells nothing.
+
+    Parameters
+    ----------
+    flight : Flight
+    tags : sequence of Tag
+        That were judged.
+    verdicts : sequence of IntegratedVerdict
+        Of each.
+    tag_power_dbm : float
+        That they radiate.
+    elevation : Elevation, optional
+        None takes the ground for level.
+    on_pulse : callable, optional
+        Takes how many pulses are done, and of how many.
+
+    Raises
+    ------
+    UsageError
+        The flight is too long.
+    RecordingError
+        It has no poses.
+    FormatError
+        A file of heights is damaged.
+    """
+    silent = [
+        (tag, one)
+        for tag, one in zip(tags, verdicts, strict=True)
+        if not (one.ambiguous or _shown(one) or _confirmed(flight, tag))
+    ]
+    if not silent:
+        return {}
+    listened = ListenedFlight.read(
+        Path(flight.info.directory), flight, elevation, verdicts=verdicts
+    )
+    return {
+        tag.tag_id: listened.silent_map(
+            tag,
+            _budget(tag, tag_power_dbm),
+            antenna=None if one.searched is None else one.searched.antenna,
+            on_pulse=on_pulse,
+        )
+        for tag, one in silent
+    }
+
+
+def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
+    """That of `uavrt coverage`, whose maps take the height from the flight."""
+    return LinkBudget(
         frequency_hz=tag.frequency_hz,
         pulse_width_s=tag.pulse_width_s,
         tag_eirp_dbm=tag_power_dbm,
         drone_height_m=60.0,
     )
-    listened = ListenedFlight.read(directory, flight, elevation)
-    return listened.silent_map(tag, budget, antenna=antenna, on_pulse=on_pulse)
+
+
+def sure_within_m(
+    coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
+) -> float | None:
+    """How near a way a tag is heard everywhere with .9 or more; None where nowhere.
+
+    Ground of unknown height counts as not heard; as far as the map goes at most.
+
+    Parameters
+    ----------
+    coverage : Coverage
+    east_m, north_m : ndarray of float64, shape (n,)
+        The way, in the plane of the map.
+    """
+    from scipy.spatial import KDTree
+
+    ground = coverage.ground
+    row, column = np.nonzero(~(coverage.heard >= SURE))
+    least = min(
+        float(east_m.min() - ground.east_m[0]),
+        float(ground.east_m[-1] - east_m.max()),
+        float(north_m.min() - ground.north_m[0]),
+        float(ground.north_m[-1] - north_m.max()),
+    )
+    if len(row):
+        way = KDTree(np.stack((east_m, north_m), axis=1))
+        unsure = np.stack((ground.east_m[column], ground.north_m[row]), axis=1)
+        away = float(np.min(way.query(unsure)[0]))
+        # As far as the nearest corner of such a cell.
+        least = min(least, away - math.sqrt(0.5) * ground.cell_m)
+    return least if least > 0.0 else None
+
+
+def around_in_words(around: SilentAround) -> str:
+    """Say how near the flight a tag would have been found, were it there."""
+    what = "found" if around.whole_flight else "heard"
+    power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
+    if around.within_m is None:
+        return (
+            f"nowhere around the flight is it sure that a tag that radiates {power} would have "
+            f"been {what} (p ≥ {around.probability:g})"
+        )
+    return (
+        f"within {_rounded_down(around.within_m):.0f} m of the flight a tag that radiates "
+        f"{power} would have been {what} with p ≥ {around.probability:g}"
+    )
+
+
+def _rounded_down(metres: float) -> float:
+    """To two digits: more would be made up."""
+    step = 10.0 ** max(0, math.floor(math.log10(max(metres, 1.0))) - 1)
+    return math.floor(metres / step) * step
+
+
+def write_silence(
+    directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
+) -> dict[int, list[Path]]:
+    """Write maps as GeoTIFF and PNG, by tag; those of tags that have none now are removed.
+
+    Parameters
+    ----------
+    directory : Path
+    flight : Flight
+        Whose way is drawn.
+    maps : dict
+        Of `silent_maps`.
+    tag_ids : sequence of int
+        Of all that were judged.
+
+    Raises
+    ------
+    RecordingError
+        They cannot be written.
+    """
+    for tag_id in set(tag_ids) - set(maps):
+        for ending in ("tif", "png"):
+            (directory / f"{_map_name(tag_id)}.{ending}").unlink(missing_ok=True)
+    way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
+    return {
+        tag_id: write_maps(directory, _map_name(tag_id), one.coverage, way)
+        for tag_id, one in maps.items()
+    }
+
+
+def _map_name(tag_id: int) -> str:
+    return f"coverage_tag_{tag_id}"
+
+
+def _confirmed(flight: Flight, tag: Tag) -> bool:
+    return any(
+        one.pulse.tag_id == tag.tag_id and one.pulse.confirmed for one in flight.pulse_poses
+    )

@@ -24,10 +24,9 @@ import uavrt.cli.one_thread  # noqa: F401  before numpy
 # isort: on
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,6 +37,7 @@ from uavrt.errors import ConfigError
 if TYPE_CHECKING:
     from uavrt.messages import Tag
     from uavrt.planning import Absence, Coverage, LinkBudget
+    from uavrt.recording import SilentAround
     from uavrt.terrain import Elevation
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
@@ -244,6 +244,8 @@ class _Told:
     """Name of its pattern."""
     in_hindsight: bool = False
     """Whether the whole flight showed it."""
+    silent: "SilentAround | None" = None
+    """What silence says around a flight; None where it was heard."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
 
@@ -377,11 +379,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
         best = best_of(maps)
         for number, (height_m, one) in enumerate(zip(asked.heights_m, maps, strict=True)):
             name = f"coverage_tag_{tag.tag_id}_{height_m:g}m"
-            files = (
-                ()
-                if asked.output is None
-                else write_maps(asked.output, name, one, _picture(one, way))
-            )
+            files = () if asked.output is None else write_maps(asked.output, name, one, way)
             told.append(
                 _Told(
                     tag=tag,
@@ -432,11 +430,7 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
         if cells is not None and not found.heard:
             silence = absence(one, cells, asked.prior)
         name = f"coverage_tag_{tag.tag_id}"
-        files = (
-            ()
-            if asked.output is None
-            else write_maps(asked.output, name, one, _picture(one, way))
-        )
+        files = () if asked.output is None else write_maps(asked.output, name, one, way)
         told.append(
             _Told(
                 tag=tag,
@@ -448,19 +442,11 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
                 in_hindsight=found.in_hindsight,
                 noise=found.noise,
                 antenna=found.antenna,
+                silent=None if found.heard else found.around,
                 files=tuple(files),
             )
         )
     return told
-
-
-def _picture(one: "Coverage", way: Sequence[tuple[float, float]]) -> bytes | None:
-    """The map as a report draws it; None without what draws reports."""
-    if find_spec("matplotlib") is None:
-        return None
-    from uavrt.analysis.report import coverage_png
-
-    return coverage_png(one, way)
 
 
 def _mean(one: "Coverage", cells: Any) -> float:
@@ -504,6 +490,7 @@ def _record(one: _Told) -> dict[str, Any]:
         "whole_flight": one.coverage.whole_flight,
         "prior": None if silence is None else _finite(silence.prior),
         "not_here": None if silence is None else _finite(silence.not_here),
+        "sure_within_m": None if one.silent is None else one.silent.within_m,
         "noise": one.noise,
         "antenna": one.antenna,
         "limitations": list(one.coverage.limitations),
@@ -512,6 +499,8 @@ def _record(one: _Told) -> dict[str, Any]:
 
 
 def _print(found: list[_Told]) -> None:
+    from uavrt.analysis import around_in_words
+
     for one in found:
         ground = one.coverage.ground
         rows, columns = ground.height_m.shape
@@ -532,6 +521,8 @@ def _print(found: list[_Told]) -> None:
             print(f"  it was heard: {one.heard} confirmed pulses")
         if one.in_hindsight:
             print("  it was found over the whole flight (uavrt integrate)")
+        if one.silent is not None:
+            print(f"  {around_in_words(one.silent)}")
         if one.absence is not None:
             print(
                 f"  not heard: not here, p = {one.absence.not_here:.3f} (it was in the area "

@@ -2,7 +2,7 @@
 
 # isort: off
 from uavrt.cli.elevation import elevation_of
-from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, SecondsApart, TagIds
+from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
 from uavrt.cli.outputs import make_directory
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
@@ -22,7 +22,7 @@ from uavrt.errors import ConfigError, FormatError, RecordingError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from uavrt.analysis import IntegratedTag
+    from uavrt.analysis import IntegratedTag, SilenceRecord, SilentMap
     from uavrt.localization import AntennaPattern
     from uavrt.messages import Tag
     from uavrt.recording import Flight
@@ -49,6 +49,7 @@ def integrate(
     center_frequency: HertzOrZero | None = None,
     start_time: str | None = None,
     moves: Annotated[bool, Parameter(negative="")] = False,
+    tag_power: Power = -25.0,
     plot: Path | None = None,
     save: bool = True,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
@@ -108,12 +109,17 @@ def integrate(
         Time of the first sample, ISO 8601, UTC, unless the recording states it.
     moves
         Of several flights: the tag may be elsewhere in each. By default it rests.
+    tag_power
+        Power that the tags radiate [dBm], antenna and animal included; collars: -30 to -10.
+        Where a tag is not found, the map of where one of that power would have been, as of
+        uavrt coverage, tells where it is not.
     plot
-        Directory for a picture of each tag: the flight folded at the interval found. Needs the
-        extra uavrt[analysis].
+        Directory for a picture of each tag: the flight folded at the interval found; and for
+        the maps of where tags are not. Needs the extra uavrt[analysis].
     save
         Write what was found beside the flight (integrated/), for report and export, where its
-        pulses are marked; the flight's own log is never changed.
+        pulses are marked, and the maps of where tags are not; the flight's own log is never
+        changed.
     as_json
         Print a list of objects, with the times of all pulses.
     """
@@ -159,6 +165,7 @@ def integrate(
         most_drift=drift,
         elevation=elevation_of(dem, sea=sea),
         moves=moves,
+        tag_power_dbm=tag_power,
         plot=plot,
         save=save and track is None,
     )
@@ -273,6 +280,7 @@ class _Asked:
     most_drift: float
     elevation: "Elevation | None"
     moves: bool
+    tag_power_dbm: float
     plot: Path | None
     save: bool
 
@@ -287,11 +295,13 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
 
     with _progress(len(wanted)) as (on_progress, on_tag):
         results = _judged(asked, flight, wanted, asked.false_alarm, on_progress, on_tag)
-    _keep(asked, flight, results, asked.plot)
-    return (
-        any(one.found for one in results),
-        [(record(one), sentence(one)) for one in results],
-    )
+    silent = _silent(asked, flight, results)
+    files = _keep(asked, flight, results, silent, asked.plot)
+    told = []
+    for one in results:
+        own = silent.get(one.tag.tag_id)
+        told.append((record(one, _silence(own, files)), sentence(one, own)))
+    return any(one.found for one in results), told
 
 
 def _together(
@@ -322,11 +332,17 @@ def _together(
                 moves=asked.moves,
                 elevation=asked.elevation,
             )
+            maps, records = [], []
             for flight, own in zip(flights, one.flights, strict=True):
                 name = Path(flight.info.directory).resolve().name
-                _keep(asked, flight, [own], None if asked.plot is None else asked.plot / name)
+                # What is found in all together is silent in none.
+                silent = {} if one.found else _silent(asked, flight, [own])
+                plot = None if asked.plot is None else asked.plot / name
+                files = _keep(asked, flight, [own], silent, plot)
+                maps.append(silent.get(tag.tag_id))
+                records.append(_silence(maps[-1], files))
             found |= one.found
-            told.append((record_of_flights(one), sentence_of_flights(one)))
+            told.append((record_of_flights(one, records), sentence_of_flights(one, maps)))
     return found, told
 
 
@@ -359,22 +375,61 @@ def _judged(
     return [replace(one, limitations=(*one.limitations, *asked.remarks)) for one in found]
 
 
-def _keep(
-    asked: _Asked, flight: "Flight", results: "list[IntegratedTag]", plot: Path | None
-) -> None:
-    """Write what was found beside the flight, and its pictures, as asked."""
-    from uavrt.analysis import save_integrated, write_fold_pictures
+def _silent(
+    asked: _Asked, flight: "Flight", results: "list[IntegratedTag]"
+) -> "dict[int, SilentMap]":
+    """Map where tags that were not found are not, by tag; what hinders it is told."""
+    from uavrt.analysis import silent_maps, verdict_of
 
+    try:
+        with _mapping() as on_pulse:
+            return silent_maps(
+                flight,
+                [one.tag for one in results],
+                [verdict_of(flight, one) for one in results],
+                asked.tag_power_dbm,
+                elevation=asked.elevation,
+                on_pulse=on_pulse,
+            )
+    except (UsageError, RecordingError, FormatError) as error:
+        print(f"uavrt: no map of where it is not: {error}", file=sys.stderr)
+        return {}
+
+
+def _silence(one: "SilentMap | None", files: dict[int, list[Path]]) -> "SilenceRecord | None":
+    """Sum up a map for JSON."""
+    from uavrt.analysis import SilenceRecord
+
+    return None if one is None else SilenceRecord.of(one, files.get(one.tag_id, []))
+
+
+def _keep(
+    asked: _Asked,
+    flight: "Flight",
+    results: "list[IntegratedTag]",
+    silent: "dict[int, SilentMap]",
+    plot: Path | None,
+) -> dict[int, list[Path]]:
+    """Write what was found beside the flight, pictures and maps, as asked; the maps, by tag."""
+    from uavrt.analysis import save_integrated, write_fold_pictures, write_silence
+
+    ids = [one.tag.tag_id for one in results]
+    files: dict[int, list[Path]] = {}
     if asked.save:
         try:
-            directory = save_integrated(flight, results)
+            directory = save_integrated(flight, results, silent)
             with suppress(UsageError):  # without matplotlib there are no pictures
                 write_fold_pictures(directory, results)
+            files = write_silence(directory, flight, silent, ids)
         except (RecordingError, FormatError) as error:  # what was found is told all the same
             print(f"uavrt: not saved: {error}", file=sys.stderr)
     if plot is not None:
-        for file in write_fold_pictures(plot, results):
+        drawn = write_fold_pictures(plot, results)
+        here = write_silence(plot, flight, silent, ids)
+        files = files or here
+        for file in [*drawn, *(one for some in here.values() for one in some)]:
             print(f"drawn: {file}", file=sys.stderr)
+    return files
 
 
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
@@ -447,3 +502,14 @@ def _progress(
             lambda done, total: bar.update(read, completed=done, total=total),
             lambda done: bar.update(searched, completed=done),
         )
+
+
+@contextmanager
+def _mapping() -> "Iterator[Callable[[int, int], None]]":
+    """Show how far the maps are of where tags are not."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("mapping where it is not", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -4,7 +4,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from uavrt.analysis import IntegratedTag, TagOfFlights
+    from collections.abc import Sequence
+
+    from uavrt.analysis import IntegratedTag, SilenceRecord, SilentMap, TagOfFlights
     from uavrt.integration import OtherTrain, PlaceBelief
 
 
@@ -12,8 +14,8 @@ ALL_ROUND_DEG = 330.0
 """An arc of so much is no direction."""
 
 
-def sentence(one: "IntegratedTag") -> str:
-    """Say in words what the flight says of a tag."""
+def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
+    """Say in words what the flight says of a tag, and of where it is not."""
     from uavrt.analysis import chance_in_words
 
     chance = chance_in_words(one.train.false_alarm_probability)
@@ -24,7 +26,8 @@ def sentence(one: "IntegratedTag") -> str:
     if one.ambiguous is not None:
         return f"tag {one.tag.tag_id}: ambiguous, {chance} without that train{alone}{others}"
     if one.place is None:
-        return f"tag {one.tag.tag_id}: not found, {chance}{alone}{others}"
+        where_not = "" if silent is None else "".join(f"\n  {t}" for t in _silence(silent))
+        return f"tag {one.tag.tag_id}: not found, {chance}{alone}{where_not}{others}"
     place, pulses = one.place, one.pulses
     lines = [
         f"tag {one.tag.tag_id}: found over the whole flight, {chance}{alone}",
@@ -96,14 +99,26 @@ def _other(other: "OtherTrain") -> str:
     return f"{told}: {above}/{below} of its interval, its times alone do not tell them apart"
 
 
-def record(one: "IntegratedTag") -> dict[str, Any]:
+def _silence(silent: "SilentMap") -> list[str]:
+    """Say where a tag is not, and what the map does not hold for."""
+    from uavrt.analysis import around_in_words
+
+    found = silent.coverage
+    return [
+        f"{around_in_words(silent.around)} (another power: --tag-power)",
+        f"so on {100.0 * found.share_above(0.9):.0f} % of the map of where it is not",
+        *(f"the map: {text}" for text in found.limitations),
+    ]
+
+
+def record(one: "IntegratedTag", silence: "SilenceRecord | None" = None) -> dict[str, Any]:
     """Make JSON of what a flight says of a tag."""
     from uavrt.analysis import integrated_record
 
-    return asdict(integrated_record(one))
+    return asdict(integrated_record(one, silence))
 
 
-def sentence_of_flights(one: "TagOfFlights") -> str:
+def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]") -> str:
     """Say in words what several flights say of a tag."""
     from uavrt.analysis import chance_in_words
 
@@ -117,11 +132,12 @@ def sentence_of_flights(one: "TagOfFlights") -> str:
         lines = [f"tag {one.tag.tag_id}: found in one of {count} flights alone, {chance}"]
     if one.place is not None:
         lines += where(one.place, "the flights")
-    for alone, flight, name in zip(one.alone, one.flights, one.names, strict=True):
+    for alone, flight, name, own in zip(one.alone, one.flights, one.names, silent, strict=True):
         by_itself = f"by itself: {chance_in_words(alone)}"
         if not flight.found:
             told = "; too weak to tell its pulses" if one.found else ""
             lines.append(f"{name}: {by_itself}{told}")
+            lines += [] if own is None else [f"  {text}" for text in _silence(own)]
             continue
         lines.append(
             f"{name}: {slots_in_words(flight)}, "
@@ -134,14 +150,18 @@ def sentence_of_flights(one: "TagOfFlights") -> str:
     return "\n  ".join(dict.fromkeys(lines))
 
 
-def record_of_flights(one: "TagOfFlights") -> dict[str, Any]:
+def record_of_flights(
+    one: "TagOfFlights", silences: "Sequence[SilenceRecord | None]"
+) -> dict[str, Any]:
     """Make JSON of what several flights say of a tag.
 
     Interval and frequency are of the flight that shows it most clearly; pulses are of all.
     """
     from uavrt.analysis import PlaceRecord
 
-    each = [record(flight) for flight in one.flights]
+    each = [
+        record(flight, silence) for flight, silence in zip(one.flights, silences, strict=True)
+    ]
     telling = [n for n, flight in enumerate(each) if flight["found"]] or range(len(each))
     clearest = each[min(telling, key=lambda number: one.alone[number])]
     place = asdict(PlaceRecord.of(one.place))

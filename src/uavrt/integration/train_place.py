@@ -41,6 +41,13 @@ _LEAST_LOG = -30.0
 _FINE = 3
 """Parts of a likely cell in bearing and distance."""
 _MOST_FINED = 300
+_FINED_AGAIN = 33
+"""As long as no more cells than these are likely, they are fined again: of a loud tag."""
+_MOST_TIMES = 3
+_SHARPER = 4
+"""Power of the belief whose mean is the likeliest place: of a normal one the same."""
+_ALONE = 0.9
+"""A part with so much is where the tag is; else the place is the middle of all."""
 _WITHIN = 7
 """Points along each side of a cell over which its probability lies."""
 _LIKELY = 100
@@ -52,8 +59,11 @@ _BETWEEN_DB = 3.0
 """Of a tag's level from one flight to another: posture, receiver, ground."""
 _EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
 """Of the fall with distance, from free space to a tag on the ground beyond the break point."""
-_EXPONENT_SHARES = np.exp(-0.5 * ((np.array(_EXPONENTS) - EXPONENT) / 0.7) ** 2)
-"""As `uavrt.localization.Propagation` believes in them."""
+_EXPONENT_SHARES = np.diff(
+    special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - EXPONENT) / 0.7)
+)
+"""As `uavrt.localization.Propagation` believes in what is nearest to each. A quarter of that is
+below free space, and counts for it: left out, tags that are seen freely seem farther away."""
 _SAME_RANGE_DB = 0.3
 """Where a place was as far all the time, the exponent tells nothing."""
 _COUNTED = 0.8
@@ -125,16 +135,20 @@ class Cells:
     by_fall: _Floats
     """(falls with distance, cells) the same if one of them were known."""
 
+    @property
+    def area(self) -> _Floats:
+        """(cells,) ground, relative."""
+        return np.asarray(self.range_m**2 * self.width_deg * np.log(self.ratio))
+
     def region(self, share: float) -> NDArray[np.bool_]:
         """Which cells hold a share of the probability, whatever the fall with distance is.
 
         For each fall they are the smallest such region. After a pass the falls cannot be told
         apart, and a region of all together leaves out what the less believed ones say.
         """
-        area = self.range_m**2 * self.width_deg * np.log(self.ratio)
-        inside = np.zeros(len(area), bool)
+        inside = np.zeros(len(self.range_m), bool)
         for probability in self.by_fall:
-            order = np.argsort(-probability / area, kind="stable")
+            order = np.argsort(-probability / self.area, kind="stable")
             before = np.cumsum(probability[order]) - probability[order]
             inside[order[before < share]] = True
         return inside
@@ -169,28 +183,52 @@ class Cells:
     def parts(self, share: float = 0.95) -> "list[Part]":
         """Connected parts of a region, the likeliest first."""
         inside = np.flatnonzero(self.region(share))
+        found = [self._part(cells) for cells in self._connected(inside)]
+        return sorted(found, key=lambda one: -one.probability)
+
+    def _connected(self, inside: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+        """Some cells by parts that hang together."""
         bearing, half = self.bearing_deg[inside], 0.5 * self.width_deg[inside]
         away, deep = np.log(self.range_m[inside]), 0.5 * np.log(self.ratio[inside])
         beside = np.abs(wrap_degrees_180(bearing[:, np.newaxis] - bearing))
         touching = beside <= 1.01 * (half[:, np.newaxis] + half)
         touching &= np.abs(away[:, np.newaxis] - away) <= 1.01 * (deep[:, np.newaxis] + deep)
         count, which = csgraph.connected_components(touching, directed=False)
-        found = [self._part(inside[which == number]) for number in range(count)]
-        return sorted(found, key=lambda one: -one.probability)
+        return [inside[which == number] for number in range(count)]
 
     def _part(self, cells: NDArray[np.intp]) -> "Part":
-        held = self.probability[cells]
-        east, north = east_north(self.bearing_deg[cells], self.range_m[cells])
-        total = float(held.sum())
-        middle_east, middle_north = float(held @ east) / total, float(held @ north) / total
-        (radius95,) = self.radii_m(middle_east, middle_north, (0.95,), cells)
-        latitude, longitude = self.plane.to_geodetic(middle_east, middle_north)
+        east, north = self.likeliest_m(cells)
+        (radius95,) = self.radii_m(east, north, (0.95,), cells)
+        latitude, longitude = self.plane.to_geodetic(east, north)
         return Part(
             latitude_deg=float(latitude),
             longitude_deg=float(longitude),
             radius95_m=radius95,
-            probability=total,
+            probability=float(self.probability[cells].sum()),
         )
+
+    def likeliest_m(self, cells: NDArray[np.intp]) -> tuple[float, float]:
+        """The likeliest place in some cells, from the middle of the flight.
+
+        It is the mean where the probability is densest. That of all lies farther away than
+        the tag: a distance is told the worse the greater it is, and more so beside a straight
+        way, where each fall with distance has its own.
+        """
+        area = self.area[cells]
+        density = self.probability[cells] / area
+        weight = area * (density / density.max()) ** _SHARPER
+        weight /= weight.sum()
+        east, north = east_north(self.bearing_deg[cells], self.range_m[cells])
+        return float(weight @ east), float(weight @ north)
+
+    def middle_m(self) -> tuple[float, float]:
+        """Where a tag is that is in one part of the ground; else the middle of all cells."""
+        inside = np.flatnonzero(self.region(0.95))
+        for part in self._connected(inside):
+            if self.probability[part].sum() >= _ALONE:
+                return self.likeliest_m(part)
+        east, north = east_north(self.bearing_deg, self.range_m)
+        return float(self.probability @ east), float(self.probability @ north)
 
     def radii_m(
         self,
@@ -433,8 +471,7 @@ def _all_logs(
         shift_db = top_db - _strongest(turned_db)  # levels are of the strongest pulse
         turned_db = [one + shift_db for one in turned_db]
         logs.append(_COUNTED * _joint_logs(heard, turned_db, tables, levels_db))
-    shares = (_EXPONENT_SHARES / _EXPONENT_SHARES.sum())[:, np.newaxis, np.newaxis]
-    return np.asarray(np.stack(logs) + np.log(shares))
+    return np.asarray(np.stack(logs) + np.log(_EXPONENT_SHARES)[:, np.newaxis, np.newaxis])
 
 
 def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
@@ -510,51 +547,109 @@ def _fined(
 ) -> Cells:
     """The cells in which the tag is likely, in parts; the others hold the rest."""
     places = heard[0].places
-    probability = by_fall.sum(axis=0)
-    order = np.argsort(-probability, kind="stable")
-    count = int(np.searchsorted(np.cumsum(probability[order]), _KEPT)) + 1
-    likely = np.sort(order[: min(count, _MOST_FINED)])
-    rest = np.setdiff1d(np.arange(len(probability)), likely)
-    range_m = np.hypot(places.east_m, places.north_m)
-    parts = (np.arange(_FINE) - 0.5 * (_FINE - 1)) / _FINE
-    around, apart = (one.ravel() for one in np.meshgrid(parts, parts))
-    bearing = places.bearing_deg[likely, np.newaxis] + around * BEARING_STEP_DEG
-    distance = range_m[likely, np.newaxis] * RANGE_STEP**apart
-    east_m, north_m = east_north(bearing.ravel(), distance.ravel())
-    each_db = [one.places.track.gain_db(east_m, north_m) for one in heard]
+    count = len(places.east_m)
+    ground = _Ground(
+        bearing_deg=places.bearing_deg,
+        range_m=np.hypot(places.east_m, places.north_m),
+        width_deg=np.full(count, BEARING_STEP_DEG),
+        ratio=np.full(count, RANGE_STEP),
+        by_fall=by_fall,
+    )
+    for _ in range(_MOST_TIMES):
+        likely = ground.likely()
+        parts = ground.parts(likely)
+        logs = _logs_anywhere(heard, parts, tables, levels_db, falls=len(by_fall) > 1)
+        ground = ground.with_parts(likely, parts, np.exp(logs - logs.max()).sum(axis=2))
+        if len(ground.likely()) > _FINED_AGAIN:
+            break
+    held = ground.by_fall
+    share = held.sum(axis=1, keepdims=True)
+    told = held[share[:, 0] >= _LEAST_FALL]
+    return Cells(
+        plane=places.plane,
+        bearing_deg=ground.bearing_deg,
+        range_m=ground.range_m,
+        width_deg=ground.width_deg,
+        ratio=ground.ratio,
+        probability=held.sum(axis=0),
+        by_fall=told / told.sum(axis=1, keepdims=True),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Ground:
+    """Cells whose probabilities sum up to 1 over falls and cells."""
+
+    bearing_deg: _Floats
+    """(cells,) as of `Cells`."""
+    range_m: _Floats
+    width_deg: _Floats
+    ratio: _Floats
+    by_fall: _Floats
+    """(falls, cells)."""
+
+    def likely(self) -> NDArray[np.intp]:
+        """Which cells hold nearly all."""
+        probability = self.by_fall.sum(axis=0)
+        order = np.argsort(-probability, kind="stable")
+        count = int(np.searchsorted(np.cumsum(probability[order]), _KEPT)) + 1
+        return np.sort(order[: min(count, _MOST_FINED)])
+
+    def parts(self, which: NDArray[np.intp]) -> "_Ground":
+        """Some cells in parts, which hold nothing yet."""
+        steps = (np.arange(_FINE) - 0.5 * (_FINE - 1)) / _FINE
+        around, apart = (one.ravel() for one in np.meshgrid(steps, steps))
+        width, ratio = self.width_deg[which, np.newaxis], self.ratio[which, np.newaxis]
+        bearing = self.bearing_deg[which, np.newaxis] + around * width
+        distance = self.range_m[which, np.newaxis] * ratio**apart
+        return _Ground(
+            bearing_deg=wrap_degrees_360(bearing.ravel()),
+            range_m=distance.ravel(),
+            width_deg=np.repeat(width / _FINE, len(around)),
+            ratio=np.repeat(ratio ** (1.0 / _FINE), len(around)),
+            by_fall=np.zeros((len(self.by_fall), distance.size)),
+        )
+
+    def with_parts(
+        self, which: NDArray[np.intp], parts: "_Ground", likelihood: _Floats
+    ) -> "_Ground":
+        """Parts in place of their cells, with what these held, by likelihood and ground."""
+        held = likelihood * parts.range_m**2 * parts.width_deg * np.log(parts.ratio)
+        held *= self.by_fall[:, which].sum() / held.sum()
+        rest = np.setdiff1d(np.arange(len(self.range_m)), which)
+        return _Ground(
+            bearing_deg=np.concatenate((parts.bearing_deg, self.bearing_deg[rest])),
+            range_m=np.concatenate((parts.range_m, self.range_m[rest])),
+            width_deg=np.concatenate((parts.width_deg, self.width_deg[rest])),
+            ratio=np.concatenate((parts.ratio, self.ratio[rest])),
+            by_fall=np.concatenate((held, self.by_fall[:, rest]), axis=1),
+        )
+
+
+def _logs_anywhere(
+    heard: Sequence[HeardTrain],
+    ground: _Ground,
+    tables: Sequence[_Floats],
+    levels_db: _Floats,
+    *,
+    falls: bool,
+) -> _Floats:
+    """As `_all_logs` of cells that are not among the flight's places."""
+    from_here = east_north(ground.bearing_deg, ground.range_m)
+    each_db = [one.places.track.gain_db(*from_here) for one in heard]
     strongest_db = np.stack([gain_db.max(axis=1) for gain_db in each_db])
     gains = [
         10.0 ** ((gain_db - strongest_db.max(axis=0)[:, np.newaxis]) / 10.0)
         for gain_db in each_db
     ]
-    falls = len(by_fall) > 1
-    logs = _all_logs(heard, gains, (east_m, north_m), tables, levels_db, falls=falls)
-    fine = np.exp(logs - logs.max()).sum(axis=2) * distance.ravel() ** 2
-    fine *= probability[likely].sum() / fine.sum()
-    all_cells = np.concatenate((fine, by_fall[:, rest]), axis=1)
-    share = all_cells.sum(axis=1, keepdims=True)
-    held = all_cells[share[:, 0] >= _LEAST_FALL]
-    return Cells(
-        plane=places.plane,
-        bearing_deg=np.concatenate(
-            (wrap_degrees_360(bearing.ravel()), places.bearing_deg[rest])
-        ),
-        range_m=np.concatenate((distance.ravel(), range_m[rest])),
-        width_deg=np.repeat(
-            (BEARING_STEP_DEG / _FINE, BEARING_STEP_DEG), (fine.shape[1], len(rest))
-        ),
-        ratio=np.repeat((RANGE_STEP ** (1.0 / _FINE), RANGE_STEP), (fine.shape[1], len(rest))),
-        probability=all_cells.sum(axis=0),
-        by_fall=held / held.sum(axis=1, keepdims=True),
-    )
+    return _all_logs(heard, gains, from_here, tables, levels_db, falls=falls)
 
 
 def _summary(
     probability: _Floats, level_db: float, log_evidence: float, cells: Cells
 ) -> PlaceBelief:
     held = cells.probability
-    east_m, north_m = east_north(cells.bearing_deg, cells.range_m)
-    east, north = float(held @ east_m), float(held @ north_m)
+    east, north = cells.middle_m()
     radius50, radius95 = cells.radii_m(east, north, (0.5, 0.95))
     latitude, longitude = cells.plane.to_geodetic(east, north)
     turn = np.radians(cells.bearing_deg)

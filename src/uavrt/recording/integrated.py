@@ -64,6 +64,20 @@ class SearchedFor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SilentAround:
+    """What a search in vain says of the ground around a flight; the map is beside it."""
+
+    tag_power_dbm: float
+    """That the tag is taken to radiate."""
+    probability: float
+    """With which it would have been found."""
+    within_m: float | None
+    """So near the flight everywhere; None: nowhere with so much."""
+    whole_flight: bool
+    """Found by judging the whole flight, else heard by groups of pulses."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedVerdict:
     """What a whole flight says of one tag."""
 
@@ -105,6 +119,8 @@ class IntegratedVerdict:
     region95: tuple[Ring, ...] = field(default=(), metadata=_BESIDE)
     searched: SearchedFor | None = field(default=None, metadata=_BESIDE)
     """None where earlier versions did not tell."""
+    silent: SilentAround | None = field(default=None, metadata=_BESIDE)
+    """None where it was heard, or nobody asked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,6 +274,8 @@ def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
         told["parts"] = tuple(_numbers(IntegratedPart, one) for one in told["parts"])
     if told.get("searched") is not None:
         told["searched"] = _numbers(SearchedFor, told["searched"])
+    if told.get("silent") is not None:
+        told["silent"] = _numbers(SilentAround, told["silent"])
     verdict = IntegratedVerdict(**told)
     for name in sorted(_FIELDS - _NESTED):
         value = getattr(verdict, name)

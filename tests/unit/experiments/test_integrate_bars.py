@@ -106,6 +106,8 @@ def test_regions_hold_the_tag_and_a_straight_pass_has_two_places() -> None:
     assert all(one is not None and one.off_deg < 4.0 * one.bound_deg for one in found)
     passed = [placed(np.random.default_rng((11, n)), passing(150), 8.0, 0.0) for n in range(2)]
     assert sum(one is not None and one.held and one.mirror for one in passed) >= 2
+    # They were three and five times the bound off, on the far side of the tag.
+    assert all(one is not None and one.off_m <= 1.3 * one.bound_m for one in passed)
 
 
 def test_the_command_prints_and_files_its_table(

@@ -12,8 +12,16 @@ import pytest
 from numpy.typing import NDArray
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
-from uavrt.analysis import channel_of, integrate_kept, kept_channels
+from uavrt.analysis import (
+    channel_of,
+    integrate_kept,
+    kept_channels,
+    read_survey,
+    write_silence,
+)
+from uavrt.analysis.report.words import hindsight
 from uavrt.cli.app import app
+from uavrt.config import Settings
 from uavrt.errors import FormatError, UavrtError
 from uavrt.localization import PATTERNS
 from uavrt.messages import ChannelBlock, Poses, Tag
@@ -45,7 +53,8 @@ def kept(weak: Rotation, tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("kept") / "flight_log_2023-11-14_22-13-20"
     other = replace(weak.tag, tag_id=9, frequency_hz=weak.tag.frequency_hz + 4 * SPACING_HZ)
     info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag, other))
-    recorder = FlightRecorder.create(info, None)
+    listened = replace(Settings().detection, frequency_window_hz=WINDOW_HZ)
+    recorder = FlightRecorder.create(info, replace(Settings(), detection=listened))
     recorder.write_poses(Poses(poses=weak.flight.poses))
     recorder.close()
     quiet = noise(np.random.default_rng(4), len(weak.samples))
@@ -106,6 +115,53 @@ def test_the_command_takes_what_the_flight_kept_by_itself(
     said = capsys.readouterr()
     assert [one["found"] for one in json.loads(said.out)] == [True, False]
     assert "channel_1_Hz_0001.sigmf-meta is not JSON" in " ".join(said.err.split())
+
+
+def test_a_tag_that_is_not_found_has_the_map_of_where_it_is_not(
+    flown: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It took a second command to learn what the silence of a whole flight says."""
+
+    def told(*arguments: str) -> dict[str, object]:
+        with suppress(SystemExit):
+            app([*arguments, "--tag", "9", "--tag-power", "-50", "--json"])
+        (one,) = json.loads(capsys.readouterr().out)
+        return dict(one)
+
+    window = ("--frequency-window", str(WINDOW_HZ))
+    silence = told("integrate", str(flown), *window)["silence"]
+    assert isinstance(silence, dict)
+    assert silence["whole_flight"]
+    # The same map as of the command that makes nothing else.
+    mapped = told("coverage", str(flown), "-o", str(flown / "maps"))
+    shared = ("mean_probability", "share50", "share90", "sure_within_m", "antenna")
+    assert {name: silence[name] for name in shared} == {name: mapped[name] for name in shared}
+    assert 500.0 < silence["sure_within_m"] < 2000.0
+    assert 0.1 < silence["share90"] < 0.9
+    names = ["coverage_tag_9.tif", "coverage_tag_9.png"]
+    for file, name in zip(silence["files"], names, strict=True):
+        assert Path(file) == flown / "integrated" / name
+        assert Path(file).read_bytes() == (flown / "maps" / name).read_bytes()
+    # It is told with the verdict, in words.
+    (words,) = (one for one in hindsight(read_survey(flown), 9) if one.startswith("Within"))
+    assert silence["sure_within_m"] - 10.0 < float(words.split()[1]) <= silence["sure_within_m"]
+    assert "radiates \N{MINUS SIGN}50 dBm would have been found with p ≥ 0.9" in words
+    with suppress(SystemExit):
+        app(["integrate", str(flown), *window, "--tag", "9", "--tag-power", "-90", "--no-save"])
+    assert "nowhere around the flight is it sure" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_map_of_where_a_tag_is_not_goes_when_it_is_found(flown: Path) -> None:
+    integrated = flown / "integrated"
+    integrated.mkdir()
+    for tag_id in (2, 9):
+        for ending in ("tif", "png"):
+            (integrated / f"coverage_tag_{tag_id}.{ending}").write_bytes(b"")
+    write_silence(integrated, read_flight(flown), {}, [2])
+    assert sorted(one.name for one in integrated.iterdir()) == [
+        "coverage_tag_9.png",
+        "coverage_tag_9.tif",
+    ]
 
 
 def test_a_tag_whose_channel_was_not_kept_is_named(flown: Path, weak: Rotation) -> None:

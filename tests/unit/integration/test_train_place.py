@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from uavrt.integration.train_place import Cells
+from uavrt.integration.train_place import _EXPONENT_SHARES, _EXPONENTS, Cells, _Ground
+from uavrt.localization import Propagation
 from uavrt_experiments.integrate.flights import PLANE
 from uavrt_experiments.integrate.several import fly_past, worlds
 
@@ -23,6 +25,62 @@ def test_a_region_holds_for_each_fall_with_distance() -> None:
     )
     assert cells.region(0.85).tolist() == [True, False, True]
     assert cells.holds(-1000.0, 0.0, 0.85)
+
+
+def ring(probability: np.ndarray, range_m: np.ndarray, ratio: float) -> Cells:
+    """Cells one behind the other to the east, for one fall with distance."""
+    return Cells(
+        plane=PLANE,
+        bearing_deg=np.full(len(range_m), 90.0),
+        range_m=range_m,
+        width_deg=np.full(len(range_m), 5.0),
+        ratio=np.full(len(range_m), ratio),
+        probability=probability,
+        by_fall=probability[np.newaxis],
+    )
+
+
+def east_of(cells: Cells) -> float:
+    (part,) = cells.parts()
+    return float(PLANE.to_local([part.latitude_deg], [part.longitude_deg])[0][0])
+
+
+def test_the_place_told_is_the_likeliest_and_not_the_mean_of_a_skewed_belief() -> None:
+    range_m = np.geomspace(200.0, 5000.0, 120)
+    ratio = float(range_m[1] / range_m[0])
+    # Known to a third of the distance, as of a weak tag beside a straight way.
+    density = np.exp(-0.5 * (np.log(range_m / 1000.0) / 0.35) ** 2)
+    skewed = ring(density * range_m / (density @ range_m), range_m, ratio)
+    assert 850.0 < east_of(skewed) < 1020.0
+    normal = np.exp(-0.5 * ((range_m - 1500.0) / 150.0) ** 2) * range_m
+    assert east_of(ring(normal / normal.sum(), range_m, ratio)) == pytest.approx(1500.0, abs=30)
+
+
+def test_the_falls_with_distance_are_believed_in_as_by_bearings_and_levels() -> None:
+    belief = Propagation()
+    mean = float(_EXPONENT_SHARES @ _EXPONENTS)
+    assert _EXPONENT_SHARES.sum() == pytest.approx(1.0)
+    assert mean == pytest.approx(belief.exponent, abs=0.1)
+
+
+def test_cells_in_parts_hold_what_they_held_and_cover_the_same_ground() -> None:
+    ground = _Ground(
+        bearing_deg=np.array([0.0, 5.0, 357.0]),
+        range_m=np.array([500.0, 500.0, 725.0]),
+        width_deg=np.full(3, 5.0),
+        ratio=np.full(3, 1.45),
+        by_fall=np.array([[0.1, 0.3, 0.0], [0.2, 0.3999, 0.0001]]),
+    )
+    likely = ground.likely()
+    assert likely.tolist() == [0, 1]
+    parts = ground.parts(likely)
+    finer = ground.with_parts(likely, parts, np.ones((2, 18)))
+    assert len(finer.range_m) == 19
+    assert finer.by_fall.sum() == pytest.approx(1.0)
+    assert finer.by_fall[:, -1].tolist() == [0.0, 0.0001]
+    assert parts.width_deg * 3.0 == pytest.approx(np.full(18, 5.0))
+    assert parts.ratio**3 == pytest.approx(np.full(18, 1.45))
+    assert set(parts.bearing_deg[:9].round(2)) == {0.0, 1.67, 358.33}
 
 
 def test_a_strong_tag_as_far_from_both_flights_is_placed() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import uavrt
 from uavrt.analysis.measure import straight_walk
 from uavrt.analysis.report.roses import verdict
+from uavrt.analysis.silence import around_in_words
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
 from uavrt.localization import Position, TangentPlane
@@ -125,7 +126,11 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
     over = f"over {verdict.flights} flights together" if many else "over the whole flight"
     middle = "all flights" if many else "the flight"
     if not verdict.found:
-        return [f"In hindsight, {over}: not found ({chance}).", *_remarks(verdict)]
+        said = [f"In hindsight, {over}: not found ({chance})."]
+        if verdict.silent is not None:
+            near = around_in_words(verdict.silent)
+            said.append(f"{near[:1].upper()}{near[1:]}.")
+        return [*said, *_remarks(verdict)]
     parts = [
         f"In hindsight, {over}: found ({chance}), "
         f"{_count(verdict.pulses, _what(survey, tag_id))} "
