@@ -149,6 +149,7 @@ function drawPolar(): void {
           `${bearing.pulses} pulses`,
           bearing.from_drone ? "estimated on the drone" : "",
           bearing.ambiguous ? "another direction is possible" : "",
+          ...bearing.remarks,
         ]
           .filter(Boolean)
           .join(" · ")

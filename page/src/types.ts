@@ -158,6 +158,8 @@ export interface BearingRecord {
   pulses: number;
   accepted: boolean;
   ambiguous: boolean;
+  /** Why the arc is as wide as it is. */
+  remarks: string[];
   rose_snr_db: (number | null)[];
   /** Estimated on board, from more pulses than have reached the ground. */
   from_drone: boolean;

@@ -448,7 +448,7 @@ def _estimated(
         found.append(
             TagBearing(
                 tag_id=one.tag_id,
-                bearing=bearing_of(one, antenna=antenna, method=method),
+                bearing=bearing_of(one, antenna=antenna, method=method, widenings=True),
                 latitude_deg=one.latitude_deg,
                 longitude_deg=one.longitude_deg,
                 altitude_amsl_m=float(np.median(altitudes)),

@@ -109,6 +109,15 @@ def _record(one: "TagBearing") -> dict[str, Any]:
         "level_db": found.level_db,
         "fading_db": found.fading_db,
         "confidence": found.confidence,
+        "widenings": [
+            {
+                "prior": each.prior,
+                "by_deg": each.by_deg,
+                "arc90_without_deg": each.arc90_without_deg,
+            }
+            for each in found.widenings
+        ],
+        "remarks": [*found.remarks],
     }
 
 
@@ -125,4 +134,4 @@ def _sentence(one: "TagBearing") -> str:
         text += "; a reflection is likely, or another antenna than said"
     elif found.ambiguous:
         text += "; another direction is nearly as good"
-    return text
+    return "\n  ".join([text, *found.remarks])

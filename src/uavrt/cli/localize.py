@@ -136,6 +136,7 @@ def _record(one: "TagPosition", names: dict[int, str | None]) -> dict[str, Any]:
             }
             for each in found.widenings
         ],
+        "remarks": [*_remarks(found)],
         "track": [
             {
                 "time": iso_utc(each.time_ns),
@@ -151,8 +152,6 @@ def _record(one: "TagPosition", names: dict[int, str | None]) -> dict[str, Any]:
 
 
 def _sentence(one: "TagPosition", names: dict[int, str | None]) -> str:
-    from uavrt.analysis.measure import straight_walk
-
     found, name = one.position, names.get(one.tag_id)
     tag = f"tag {one.tag_id} ({name})" if name else f"tag {one.tag_id}"
     if found is None:
@@ -168,9 +167,15 @@ def _sentence(one: "TagPosition", names: dict[int, str | None]) -> str:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
+    return "\n  ".join([text, *_remarks(found), *_way(found)])
+
+
+def _remarks(found: "Position") -> list[str]:
+    """What an operator must know beside the circles."""
+    from uavrt.analysis.measure import straight_walk
+
     straight = straight_walk(found)
-    remarks = found.remarks if straight is None else (straight, *found.remarks)
-    return "\n  ".join([text, *remarks, *_way(found)])
+    return [*([] if straight is None else [straight]), *found.remarks]
 
 
 def _way(found: "Position") -> list[str]:

@@ -310,6 +310,11 @@ class HeardInTurn:
     missed_yaw_deg: _Floats
     """(m,) headings at pulses that must have come and were not heard."""
 
+    @property
+    def whole(self) -> bool:
+        """Whether the turn has gone all the way round, or nearly."""
+        return abs(self.turn.turned_deg) >= _WHOLE_DEG
+
 
 def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
     """(n,) which times are farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
@@ -412,8 +417,21 @@ def bearing_of(
     *,
     antenna: AntennaPattern | str,
     method: BearingMethod | str = "pattern_ml",
+    widenings: bool = False,
 ) -> Bearing:
     """Estimate the bearing of a tag in a turn.
+
+    Parameters
+    ----------
+    heard : HeardInTurn
+        What was heard of it.
+    antenna : AntennaPattern or str
+        The pattern.
+    method : str
+        How pulses become a bearing.
+    widenings : bool
+        Tell also what each error that the pulses may share adds to the arc, and thereby to the
+        circles of positions from it.
 
     Raises
     ------
@@ -435,16 +453,13 @@ def bearing_of(
         noise_psd=np.concatenate([noise, fill]) if known else None,
         threshold_db=MISS_THRESHOLD_DB,
         heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
+        widenings=widenings,
     )
 
 
 def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
     """Choose the turns that a pattern is learnt from: whole ones with many pulses."""
-    whole = [
-        one
-        for one in heard
-        if abs(one.turn.turned_deg) >= _WHOLE_DEG and len(one.snr_db) >= _LEAST_TO_LEARN
-    ]
+    whole = [one for one in heard if one.whole and len(one.snr_db) >= _LEAST_TO_LEARN]
     return whole[:_MOST_TURNS]
 
 

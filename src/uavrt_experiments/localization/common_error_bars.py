@@ -60,7 +60,9 @@ CASES = {
     "compass + 20°, 4 stations": Errors(compass_deg=20.0, stations=4),
     "tag walks 0.5 m/s": Errors(walk_m_s=0.5),
     "fading of correlation 0.9": Errors(fading_correlation=0.9),
+    "fading of correlation 0.9, 4 stations": Errors(fading_correlation=0.9, stations=4),
     "5 % foreign pulses": Errors(foreign_share=0.05),
+    "5 % foreign pulses, 4 stations": Errors(foreign_share=0.05, stations=4),
     "compass + 20°, 3 stations": Errors(compass_deg=20.0, stations=3),
     "compass + 20°, on one side": Errors(compass_deg=20.0, one_side=True),
 }
@@ -116,7 +118,7 @@ def flight(rng: Generator, errors: Errors) -> Flight:
         heading = truth + compass + rng.normal(0.0, _OWN_HEADING_DEG)
         if errors.drawn and rng.random() < _OUTLIER_SHARE:
             heading = rng.uniform(0.0, 360.0)
-        bearings.append(_turn(rng, heading, distance, errors))
+        bearings.append(turn(rng, heading, distance, errors))
     latitude, longitude = _PLANE.to_geodetic(east, north)
     stations = Stations.of(latitude, longitude, bearings, time_s)
     # The levels are of a world of its own here; positions are from bearings.
@@ -138,7 +140,14 @@ def _places(rng: Generator, errors: Errors) -> tuple[_Floats, _Floats]:
     return radius * np.sin(turns), radius * np.cos(turns)
 
 
-def _turn(rng: Generator, bearing_deg: float, distance_m: float, errors: Errors) -> Bearing:
+def turn(
+    rng: Generator,
+    bearing_deg: float,
+    distance_m: float,
+    errors: Errors,
+    *,
+    widenings: bool = False,
+) -> Bearing:
     """A turn of 60 pulses, 20 dB at 400 m, fading of 2 dB."""
     count = 60
     yaw = rng.uniform(0.0, 360.0) + np.arange(count) * 360.0 / count
@@ -150,7 +159,13 @@ def _turn(rng: Generator, bearing_deg: float, distance_m: float, errors: Errors)
     power = matched_power(rng, level + PATTERNS["RA-23K"].gain_db(bearing_deg - yaw))
     foreign = rng.random(count) < errors.foreign_share
     power[foreign] = matched_power(rng, rng.uniform(5.0, 30.0, int(foreign.sum())))
-    return estimate_bearing(yaw, None, matched_power=power, heading_sigma_deg=_OWN_HEADING_DEG)
+    return estimate_bearing(
+        yaw,
+        None,
+        matched_power=power,
+        heading_sigma_deg=_OWN_HEADING_DEG,
+        widenings=widenings,
+    )
 
 
 def common_errors(runs: int, seed: int) -> list[Row]:

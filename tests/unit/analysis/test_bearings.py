@@ -17,6 +17,7 @@ from pulses import pulse_at
 
 from uavrt.analysis.bearings import bearings_of_flight, bearings_of_pulses, read_bearings
 from uavrt.analysis.positions import read_positions
+from uavrt.analysis.report.words import bearing_table
 from uavrt.analysis.survey import read_survey
 from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
@@ -315,7 +316,7 @@ def mounted_across(tmp_path: Path) -> Path:
     return write(tuple(of_the_drone), tmp_path / "flight.jsonl")
 
 
-def test_every_command_that_makes_bearings_takes_the_antennas_offset(
+def test_every_command_that_makes_bearings_takes_the_offset_and_tells_the_same_of_them(
     uavrt: Run, tmp_path: Path
 ) -> None:
     log = mounted_across(tmp_path)
@@ -336,6 +337,14 @@ def test_every_command_that_makes_bearings_takes_the_antennas_offset(
     assert [one.bearing.bearing_deg for one in survey.bearings] == [
         one["bearing_deg"] for one in bearings
     ]
+    # What its pulses may share is told of each arc and of the circle, everywhere alike.
+    for one, row in zip(bearings, bearing_table(survey)[1], strict=True):
+        assert {each["prior"] for each in one["widenings"]} == {"fading", "foreign"}
+        assert one["remarks"][0].startswith("90 % arc ")
+        assert one["remarks"][0] in row[-1]
+    assert one["remarks"][0] in uavrt("bearing", str(log), *told)
+    assert {each["prior"] for each in position["widenings"]} >= {"heading", "fading", "foreign"}
+    assert position["remarks"][-1] in uavrt("localize", str(log), *told)
 
 
 def test_bearings_that_are_made_already_are_not_turned_again(tmp_path: Path) -> None:

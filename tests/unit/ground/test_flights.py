@@ -252,6 +252,7 @@ def test_drone_page_report_and_command_line_tell_the_same_of_one_flight(
         assert in_report.interval90_deg is not None
         assert one["bearing_deg"] == pytest.approx(in_report.bearing_deg, abs=0.01)
         assert one["interval90_deg"] == pytest.approx(in_report.interval90_deg, abs=0.01)
+        assert one["remarks"] == list(in_report.remarks) != []
         assert one["pulses"] < in_report.pulses  # misses are counted there
         assert live.bearing_deg == pytest.approx(in_report.bearing_deg, abs=0.01)
         assert live.sigma_deg == pytest.approx(in_report.sigma_deg, abs=0.01)

@@ -154,7 +154,7 @@ def test_what_is_not_weighed_widens_nothing() -> None:
 def test_a_heading_error_does_not_widen_the_circle_of_stations_all_around() -> None:
     position, _ = found(np.random.default_rng(66), widenings=True)
     assert abs(widened_m(position, "heading")) < 1.0
-    assert "does not widen it" in position.remarks[-1] or "animal" in position.remarks[-1]
+    assert "heading" not in position.remarks[-1] or "adds nothing" in position.remarks[-1]
 
 
 def test_a_tag_that_may_have_walked_has_its_circle_widened_by_that() -> None:

@@ -177,7 +177,7 @@ class _Book:
         if (codes := words.code_table(survey)) is not None:
             writer.table("Codes", codes, (15, 30, 30, 14))
         if survey.bearings:
-            widths = (6, 11, 24, 9, 16, 8, 18)
+            widths = (6, 11, 22, 8, 15, 7, 23)
             writer.table("Bearings", words.bearing_table(survey), widths)
         if survey.health:
             writer.table("System", words.health_table(survey), (14, 18, 18, 42))

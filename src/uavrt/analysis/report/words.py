@@ -237,7 +237,7 @@ def bearing_table(survey: Survey) -> Table:
                 f"{one.bearing.bearing_deg:.0f}°",
                 "–" if interval is None else f"{interval[0]:.0f}° to {interval[1]:.0f}°",
                 str(one.bearing.pulses),
-                verdict(one),
+                "; ".join([verdict(one), *one.bearing.remarks]),
             ]
         )
     return header, rows

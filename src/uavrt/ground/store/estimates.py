@@ -438,7 +438,8 @@ def _bearing(
     number: int, heard: HeardInTurn, pattern: AntennaPattern
 ) -> tuple[Bearing, Record] | None:
     try:
-        bearing = bearing_of(heard, antenna=pattern)
+        # What its pulses share costs as much again: a turn that goes on is told of soon enough.
+        bearing = bearing_of(heard, antenna=pattern, widenings=heard.whole)
     except UsageError:
         return None
     rose = _rose(yaws_deg(heard.quaternion_wxyz), heard.snr_db)
@@ -480,6 +481,7 @@ def _record(
         "accepted": bearing.accepted,
         "ambiguous": bearing.ambiguous,
         "multipath_suspected": bearing.multipath_suspected,
+        "remarks": [*bearing.remarks],
         "level_db": _rounded(bearing.level_db),
         "rose_snr_db": [None] * SECTORS if rose is None else rose,
         "from_drone": False,

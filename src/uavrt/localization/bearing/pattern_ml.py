@@ -6,14 +6,18 @@ needs no threshold; pulses that were missed count as "below the threshold".
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.bearing.lasting_fading import Whitened, variance_factor
-from uavrt.localization.bearing.pattern_likelihood import GRID_DEG, bearing_likelihood
+from uavrt.localization.bearing.pattern_likelihood import (
+    GRID_DEG,
+    BearingLikelihood,
+    bearing_likelihood,
+)
 from uavrt.localization.bearing.posterior import (
     blurred,
     lobe_mean_deg,
@@ -23,10 +27,15 @@ from uavrt.localization.bearing.posterior import (
     shortest_arc,
     whole_degrees,
 )
-from uavrt.localization.bearing.two_paths import two_paths
+from uavrt.localization.bearing.two_paths import TwoPaths, two_paths
 from uavrt.localization.headings import Headings
-from uavrt.localization.position import FADINGS_DB, power_tables
-from uavrt.localization.results import Bearing
+from uavrt.localization.position import (
+    ALL_OWN_SHARE,
+    FADINGS_DB,
+    OUTLIER_SHARE,
+    power_tables,
+)
+from uavrt.localization.results import FADING_TEXT, FOREIGN_TEXT, Bearing, WithoutPrior
 
 _LEAST_FOR_CORRELATION = 12
 
@@ -42,6 +51,7 @@ def pattern_ml(
     folds: int = 1,
     fading_db: float | None = None,
     heading_sigma_deg: float = 0.0,
+    widenings: bool = False,
 ) -> Bearing:
     """Estimate a bearing with its whole posterior.
 
@@ -63,55 +73,131 @@ def pattern_ml(
         Known standard deviation of the fading; by default it is learnt.
     heading_sigma_deg : float
         Error that all headings share (compass, mounting, lag at one rate of turn).
+    widenings : bool
+        Tell also what the bearing would be without fading that lasts, and without pulses of
+        others; the second costs as much as the bearing itself.
     """
-    fadings = FADINGS_DB if fading_db is None else (max(fading_db, 0.3),)
-    tables = power_tables(matched_power, missed_below, folds=folds, fadings_db=fadings)
-
-    def gain(bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
-        return headings.gain_db(pattern, bearing_deg, elevation_deg)
-
-    found = bearing_likelihood(tables, gain, noise_db)
-    best_deg = peak_deg(found.log_density)
-    heard = len(matched_power)
-    model_db = found.level_db + gain(np.array([best_deg]))[:heard, 0] - noise_db[:heard]
-    misfit = _misfit(
-        headings.yaw_deg[:heard], matched_power, missed_below, model_db, found.fading_db, folds
+    turn = _Turn(
+        headings=headings,
+        matched_power=matched_power,
+        missed_below=missed_below,
+        noise_db=noise_db,
+        pattern=pattern,
+        elevation_deg=elevation_deg,
+        folds=folds,
+        fading_db=fading_db,
+        heading_sigma_deg=heading_sigma_deg,
     )
-    inflation = 1.0
-    if misfit.marked:
-        inflation = (1.0 + misfit.correlation) / (1.0 - misfit.correlation)
-    around = gain(np.array([best_deg - 1.0, best_deg + 1.0]))[:heard]
+    fit = _fitted(turn, OUTLIER_SHARE)
+    found = _bearing(turn, fit, fit.lasting)
+    if not widenings:
+        return found
+    own = _fitted(turn, ALL_OWN_SHARE)
+    without = (
+        WithoutPrior(prior="fading", text=FADING_TEXT, bearing=_bearing(turn, fit, 1.0)),
+        WithoutPrior(
+            prior="foreign", text=FOREIGN_TEXT, bearing=_bearing(turn, own, own.lasting)
+        ),
+    )
+    return replace(found, without=without)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Turn:
+    """What was heard in a turn, as `pattern_ml` takes it."""
+
+    headings: Headings
+    matched_power: NDArray[np.float64]
+    missed_below: NDArray[np.float64]
+    noise_db: NDArray[np.float64]
+    pattern: AntennaPattern
+    elevation_deg: float
+    folds: int
+    fading_db: float | None
+    heading_sigma_deg: float
+
+    @property
+    def heard(self) -> int:
+        """Pulses that were not missed; they come first."""
+        return len(self.matched_power)
+
+    def gain(self, bearing_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n + m, bearings) gain of the antenna at each pulse [dB]."""
+        return self.headings.gain_db(self.pattern, bearing_deg, self.elevation_deg)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Fit:
+    """The likelihood of a turn, and how far the powers are from its best bearing."""
+
+    likelihood: BearingLikelihood
+    best_deg: float
+    misfit: "_Misfit"
+    lasting: float
+    """Variance over that of independent pulses, by what neighbours share; 1 or more."""
+    double: TwoPaths | None
+
+
+def _fitted(turn: _Turn, outlier_share: float) -> _Fit:
+    """Fit one direction, and two, to a turn of which some pulses may be anyone's."""
+    known, heard = turn.fading_db, turn.heard
+    tables = power_tables(
+        turn.matched_power,
+        turn.missed_below,
+        folds=turn.folds,
+        fadings_db=FADINGS_DB if known is None else (max(known, 0.3),),
+        outlier_share=outlier_share,
+    )
+    found = bearing_likelihood(tables, turn.gain, turn.noise_db)
+    best_deg = peak_deg(found.log_density)
+    noise_db = turn.noise_db[:heard]
+    model_db = found.level_db + turn.gain(np.array([best_deg]))[:heard, 0] - noise_db
+    yaw_deg = turn.headings.yaw_deg[:heard]
+    power, fading_db, folds = turn.matched_power, found.fading_db, turn.folds
+    misfit = _misfit(yaw_deg, power, turn.missed_below, model_db, fading_db, folds)
+    sure = misfit.sure
+    around = turn.gain(np.array([best_deg - 1.0, best_deg + 1.0]))[:heard]
     slope = 0.5 * (around[:, 1] - around[:, 0])
-    lasting = _whitened(matched_power, model_db, slope, misfit.sure, found.fading_db, folds)
-    inflation = max(inflation, variance_factor(lasting))
-    if fading_db is not None and misfit.reduced_chi2 is not None:
+    whitened = _whitened(power, model_db, slope, sure, fading_db, folds)
+    return _Fit(
+        likelihood=found,
+        best_deg=best_deg,
+        misfit=misfit,
+        lasting=max(misfit.inflation, variance_factor(whitened)),
+        double=two_paths(
+            yaw_deg[sure],
+            power[sure],
+            noise_db[sure],
+            pattern=turn.pattern,
+            level_db=found.level_db,
+            fading_db=fading_db,
+            folds=folds,
+        ),
+    )
+
+
+def _bearing(turn: _Turn, fit: _Fit, lasting: float) -> Bearing:
+    """Read the bearing off a likelihood that is worth less, since pulses share their fading."""
+    found, misfit = fit.likelihood, fit.misfit
+    inflation = lasting
+    if turn.fading_db is not None and misfit.reduced_chi2 is not None:
         inflation *= max(1.0, misfit.reduced_chi2)
     log_density = found.log_density / inflation
     density = np.exp(log_density - log_density.max())
     density /= density.sum()
-    sure = misfit.sure
-    double = two_paths(
-        headings.yaw_deg[:heard][sure],
-        matched_power[sure],
-        noise_db[:heard][sure],
-        pattern=pattern,
-        level_db=found.level_db,
-        fading_db=found.fading_db,
-        folds=folds,
-    )
     paths_deg = None
-    if double is not None and double.suspected:
-        paths_deg = double.bearings_deg
-        spread = np.interp(GRID_DEG, np.arange(360.0), double.density, period=360.0)
+    if fit.double is not None and fit.double.suspected:
+        paths_deg = fit.double.bearings_deg
+        spread = np.interp(GRID_DEG, np.arange(360.0), fit.double.density, period=360.0)
         density = 0.5 * density + 0.5 * spread / spread.sum()
-    density = blurred(density, heading_sigma_deg)
-    bearing_deg = lobe_mean_deg(density, best_deg)
+    density = blurred(density, turn.heading_sigma_deg)
+    bearing_deg = lobe_mean_deg(density, fit.best_deg)
     sigma, second = lobe_moments(density, bearing_deg)
     directional = log_mean_exp(found.log_density)
     return Bearing(
         bearing_deg=bearing_deg,
         method="pattern_ml",
-        pulses=len(noise_db),
+        pulses=len(turn.noise_db),
         sigma_deg=sigma,
         interval90_deg=shortest_arc(density, 0.9),
         second_lobe_probability=second,
@@ -142,6 +228,11 @@ class _Misfit:
         """Whether the correlation is beyond chance: 3.3 sigma, 1 in 1000 or so."""
         count = int(self.sure.sum())
         return count > 0 and self.correlation > 2.3 / math.sqrt(count)
+
+    @property
+    def inflation(self) -> float:
+        """Variance over that of independent pulses, by a correlation beyond chance."""
+        return (1.0 + self.correlation) / (1.0 - self.correlation) if self.marked else 1.0
 
 
 def _misfit(

@@ -38,8 +38,10 @@ if TYPE_CHECKING:
         fit_each,
     )
     from uavrt.localization.position.power_law import (
+        ALL_OWN_SHARE,
         FADINGS_DB,
         LEVEL_STEP_DB,
+        OUTLIER_SHARE,
         PowerTables,
         power_tables,
     )
@@ -48,11 +50,13 @@ if TYPE_CHECKING:
 __all__ = [
     "ADDED_METHODS",
     "ALIKE_M",
+    "ALL_OWN_SHARE",
     "ANY_STRENGTH",
     "FACTORS",
     "FADINGS_DB",
     "HEADING_SIGMA_DEG",
     "LEVEL_STEP_DB",
+    "OUTLIER_SHARE",
     "REFERENCE_M",
     "WALKING_M_S",
     "WALKING_SHARE",
@@ -79,11 +83,13 @@ __getattr__ = lazily(
     {
         "ADDED_METHODS": "estimate",
         "ALIKE_M": "loss_error",
+        "ALL_OWN_SHARE": "power_law",
         "ANY_STRENGTH": "level_belief",
         "Area": "bayes_fix",
         "FADINGS_DB": "power_law",
         "HEADING_SIGMA_DEG": "estimate",
         "LEVEL_STEP_DB": "power_law",
+        "OUTLIER_SHARE": "power_law",
         "FACTORS": "over_hills",
         "OverHills": "over_hills",
         "PowerEvidence": "power_evidence",

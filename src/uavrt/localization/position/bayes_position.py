@@ -37,6 +37,8 @@ from uavrt.localization.position.follow import Follow, followed
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.results import (
+    FADING_TEXT,
+    FOREIGN_TEXT,
     Caution,
     Position,
     PositionGrid,
@@ -354,12 +356,13 @@ def _widenings(model: Model, solved: _Solved, position: Position) -> tuple[Widen
     known, agreement = model.known, solved.agreement
     radius_m = solved.cells.radius_m(0.95, solved.point)
     without: list[tuple[SharedError, str, float]] = []
-    if model.powers is not None:
-        without += _widenings_of_survey(model, position)
+    for less in _beliefs_without(model, position):
+        alone = _solved(Model(less.stations, model.powers, less.known))
+        without.append((less.prior, less.text, _radius95_m(alone)))
     if model.stations is not None and known.heading_sigma_deg > 0.0:
-        less = Model(model.stations, model.powers, replace(known, heading_sigma_deg=0.0))
+        true = Model(model.stations, model.powers, replace(known, heading_sigma_deg=0.0))
         text = f"the common heading error of {known.heading_sigma_deg:g}°"
-        without.append(("heading", text, _radius95_m(_solved(less))))
+        without.append(("heading", text, _radius95_m(_solved(true))))
     for explanation, text in _UNUSUAL_TEXTS.items():
         if all(fit.explanation != explanation for _, fit in agreement.found):
             continue
@@ -382,12 +385,12 @@ def _widenings_of_way(
     without: list[tuple[SharedError, str, float]] = [
         ("walk", "an animal that walks", resting_m)
     ]
-    for prior, text, known in _surveys_without(model, resting):
-        less = bayes_position(
-            model.stations, model.powers, known, widenings=False, follow=follow
+    for less in _beliefs_without(model, resting):
+        found = bayes_position(
+            less.stations, model.powers, less.known, widenings=False, follow=follow
         )
-        if less.radius95_m is not None:
-            without.append((prior, text, less.radius95_m))
+        if found.radius95_m is not None:
+            without.append((less.prior, less.text, found.radius95_m))
     return _sorted(radius_m, without)
 
 
@@ -401,12 +404,42 @@ def _sorted(
     return tuple(sorted(found, key=lambda one: -one.by_m))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Belief:
+    """What is heard and believed, were one shared error of the pulses impossible."""
+
+    prior: SharedError
+    text: str
+    """The prior, for the operator."""
+    stations: Stations | None
+    known: Known
+
+
+def _beliefs_without(model: Model, position: Position) -> list[_Belief]:
+    """Take out each prior of what pulses share, in turns and in a survey alike."""
+    stations = model.stations
+    turns = {} if stations is None else {one.prior: one for one in stations.without}
+    surveys = [] if model.powers is None else _surveys_without(model, position)
+    believed = {prior: known for prior, _, known in surveys}
+    texts: dict[SharedError, str] = {prior: one.text for prior, one in turns.items()}
+    texts |= {prior: text for prior, text, _ in surveys}
+    return [
+        _Belief(
+            prior=prior,
+            text=text,
+            stations=turns[prior].of(stations) if stations and prior in turns else stations,
+            known=believed.get(prior, model.known),
+        )
+        for prior, text in texts.items()
+    ]
+
+
 def _surveys_without(model: Model, position: Position) -> list[tuple[SharedError, str, Known]]:
     """What is believed without each of a survey's priors."""
     survey, fall = model.known.survey, model.known.propagation
     less: list[tuple[SharedError, str, SurveyErrors]] = [
-        ("fading", "fading that may last", replace(survey, lasting_fading=False)),
-        ("foreign", "pulses that may be of others", replace(survey, foreign_pulses=False)),
+        ("fading", FADING_TEXT, replace(survey, lasting_fading=False)),
+        ("foreign", FOREIGN_TEXT, replace(survey, foreign_pulses=False)),
     ]
     if survey.height_sigma_m > 0.0:
         text = f"the height's error of {survey.height_sigma_m:g} m"
@@ -420,15 +453,6 @@ def _surveys_without(model: Model, position: Position) -> list[tuple[SharedError
         )
         found.append(("exponent", text, replace(model.known, propagation=known)))
     return found
-
-
-def _widenings_of_survey(
-    model: Model, position: Position
-) -> list[tuple[SharedError, str, float]]:
-    return [
-        (prior, text, _radius95_m(_solved(Model(model.stations, model.powers, known))))
-        for prior, text, known in _surveys_without(model, position)
-    ]
 
 
 def _radius95_m(solved: _Solved) -> float:
