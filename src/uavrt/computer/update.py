@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from uavrt.computer.trial import Verdict
@@ -33,6 +34,8 @@ Judge = Callable[[], tuple[Verdict, str]]
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
 """An extra, and a distribution by which an environment with it is known."""
+PAGE_UNIT = "uavrt-page.service"
+"""Of an image (deploy/image)."""
 KEYS = ".update-keys.pem"
 """In a version's directory: the keys that it brings."""
 SPACE_FACTOR = 2.2
@@ -261,3 +264,13 @@ def restart_by(command: Sequence[str]) -> None:
         raise UavrtError(f"{command[0]}: {error.strerror}") from error
     if done.returncode:
         raise UavrtError(f"{' '.join(command)} failed: {done.stderr.strip()}")
+
+
+def restart_page() -> None:
+    """Let the page of an image run the version that runs now; elsewhere nothing happens.
+
+    It is a service of its own, which would go on with the files of the version before until
+    these are removed.
+    """
+    with suppress(OSError):
+        subprocess.run(["systemctl", "try-restart", PAGE_UNIT], capture_output=True, check=False)
