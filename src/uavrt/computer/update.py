@@ -34,6 +34,8 @@ Judge = Callable[[], tuple[Verdict, str]]
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
 """An extra, and a distribution by which an environment with it is known."""
+BUILT_HERE = "wheels"
+"""Beside the versions: what deploy/install.sh had to build, as no index has it (64-bit ARM)."""
 PAGE_UNIT = "uavrt-page.service"
 """Of an image (deploy/image)."""
 KEYS = ".update-keys.pem"
@@ -135,6 +137,9 @@ def _make(update: Update, present: Path, made: Path) -> None:
     with tempfile.TemporaryDirectory(prefix=".wheels-", dir=made) as wheels:
         unpack_wheels(update, Path(wheels))
         _run([*pip, "--find-links", wheels, wanted], update)
+    if _has(present, EXTRAS["ros2"]) and not _has(made, EXTRAS["ros2"]):
+        for built in (present.parents[1] / BUILT_HERE).glob("cyclonedds-*.whl"):
+            _run([*pip, "--no-deps", str(built)], update)
     if update.manifest is not None and update.manifest.keys is not None:
         write_text_atomically(made / KEYS, update.manifest.keys)
 
@@ -273,4 +278,5 @@ def restart_page() -> None:
     these are removed.
     """
     with suppress(OSError):
-        subprocess.run(["systemctl", "try-restart", PAGE_UNIT], capture_output=True, check=False)
+        command = ["systemctl", "try-restart", PAGE_UNIT]
+        subprocess.run(command, capture_output=True, check=False)
