@@ -53,6 +53,9 @@ if [ -z "$root" ]; then
     [ "$(id -u)" = 0 ] || fail "run it with sudo"
     command -v apt-get >/dev/null || fail "no apt-get: this is for Debian, Ubuntu, Raspberry Pi OS"
     missing=
+    # There is no wheel of the DDS binding for 64-bit ARM: it is built.
+    [ "$locks" = "${locks#*ros2}" ] || [ "$(uname -m)" = x86_64 ] ||
+        package="$package gcc libc6-dev python3-dev"
     for name in python3-venv util-linux openssl $package; do
         dpkg-query -W -f '${Status}' "$name" 2>/dev/null | grep -q 'ok installed' ||
             missing="$missing $name"
@@ -111,9 +114,15 @@ if [ ! -L "$link" ]; then
 fi
 [ -z "$update_key" ] || install -m 644 "$update_key" "$root$prefix/update-keys.pem"
 
-# The DDS binding has no wheel for 64-bit ARM; all else runs without it.
+# The DDS binding has no wheel for 64-bit ARM: it is built once and kept, for `uavrt update`, too.
+# All else runs without it.
 if [ "$locks" != "${locks#*ros2}" ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
-    say "no DDS binding for $(uname -m): the gateway to ROS 2 stays off (docs/how-to/ros2.md)"
+    say "building the DDS binding for $(uname -m), which takes some minutes"
+    if wheel=$(PYTHON="$environment/bin/python" "$source/deploy/dds-wheel.sh" "$root$prefix/wheels"); then
+        "$environment/bin/python" -m pip install --quiet --no-index --no-deps "$wheel"
+    else
+        say "no DDS binding: the gateway to ROS 2 stays off (docs/how-to/ros2.md)"
+    fi
 fi
 
 # 3. A place for settings and flights, and the groups for serial port and radio.

@@ -4,9 +4,10 @@
 # Makes a Debian root for 64-bit ARM, runs it by an emulator (enter.sh: no root rights needed,
 # nothing of this machine is touched), installs uavrt there with deploy/install.sh as on a
 # Raspberry Pi, and compares it with this machine (arm64/checks.py): doctor, pulses of a
-# recording, the processes killed and restarted in a flight, the page. Needs the package servers
-# of Debian and PyPI and the uavrt of this source (`make setup`); takes ten to twenty minutes,
-# mostly in the emulator, and 3 GB. With DIRECTORY everything is kept there, and the next run
+# recording, the page, messages over ROS 2, the processes killed and restarted in a flight. Needs
+# the package servers of Debian and PyPI and the uavrt of this source (`make setup`); takes ten to
+# twenty minutes, mostly in the emulator, besides the DDS library, which it compiles, and 3 GB.
+# With DIRECTORY everything is kept there, and the next run
 # begins with what is there; otherwise it is removed at the end.
 set -eu
 
@@ -29,5 +30,5 @@ if [ "$said" != aarch64 ]; then
 fi
 say "a root for $said, by $("$work/qemu-aarch64-static" --version | head -1)"
 say "installing as on a Raspberry Pi"
-"$source/deploy/arm64/install-uavrt.sh" "$work"
+"$source/deploy/arm64/install-uavrt.sh" "$work" --ros2
 "${PYTHON:-$source/.venv/bin/python}" "$source/deploy/arm64/checks.py" "$work"

@@ -39,6 +39,7 @@ RATE_HZ = 250_000.0
 SAMPLES_S = os.environ.get("SAMPLES_S", "40")
 MOST_DB = 1e-3
 FEED_S = 0.05
+MESSAGES = 10
 KILLED = ("connection", "detector-1", "recorder", "receiver")
 SLOWEST_START_S = 180.0
 RADIO = """\
@@ -335,6 +336,22 @@ def check_page(there: Emulated) -> str:
     return f"the page, {len(sizes)} files of {sum(sizes)} bytes, its state ({len(state)} parts)"
 
 
+def check_ros2(there: Emulated) -> str:
+    """Does the DDS binding that was built there reach this machine's?"""
+    from heard import SPEAK, THERE, Heard  # the other checks need no DDS
+
+    here, count, log = Heard(), 0, there.shared / "ros2.log"
+    words = ("/usr/bin/env", f"CYCLONEDDS_URI={THERE}", PYTHON, "-c", SPEAK)
+    begin_s = time.monotonic()
+    with ended(there.start(*words, log=log)):
+        while count < MESSAGES and time.monotonic() - begin_s < SLOWEST_START_S:
+            time.sleep(0.2)
+            count += here.count()
+    said = log.read_text().strip()
+    require(count >= MESSAGES, f"{count} messages came over ROS 2; there: {said}")
+    return f"{count} messages by {said}"
+
+
 def fetched(address: str, patience_s: float) -> str:
     """Get what a server says, as soon as it is there."""
     deadline_s = time.monotonic() + patience_s
@@ -352,7 +369,8 @@ def main() -> int:
     """Check all; 1 when one does not hold."""
     there = Emulated(Path(sys.argv[1]).resolve())
     wanted = sys.argv[2:]
-    for check in (check_doctor, check_kernels, check_recording, check_page, check_flight):
+    still = (check_doctor, check_kernels, check_recording, check_page, check_ros2)
+    for check in (*still, check_flight):
         name = check.__name__.removeprefix("check_")
         if wanted and name not in wanted:
             continue

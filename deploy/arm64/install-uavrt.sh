@@ -23,6 +23,18 @@ if [ ! -e "$wheels/.complete" ]; then
     fetch --require-hashes -r "$source/deploy/locks/build.txt"
     touch "$wheels/.complete"
 fi
+# What the DDS binding is built from; its source is asked for where the library is.
+case " $* " in
+    *" --ros2 "*)
+        if [ ! -e "$wheels/.dds-complete" ]; then
+            fetch --require-hashes -r "$source/deploy/locks/dds-build.txt"
+            mkdir -p "$work/no-dds/bin" "$work/no-dds/include" "$work/no-dds/lib"
+            touch "$work/no-dds/lib/libddsc.so"
+            CYCLONEDDS_HOME=$work/no-dds "$python" -m pip download -qq --no-deps --dest "$wheels" \
+                --no-binary=:all: --require-hashes -r "$source/deploy/locks/dds.txt"
+            touch "$wheels/.dds-complete"
+        fi ;;
+esac
 
 # The source as it is now, and the page, which needs Node to build.
 copy=$work/root/src

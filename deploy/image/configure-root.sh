@@ -65,8 +65,16 @@ hostname-mode=none
 NETWORK
 write /etc/ssh/sshd_config.d/uavrt.conf <<'SSH'
 HostKey /data/ssh/ssh_host_ed25519_key
+AuthorizedKeysFile /data/ssh/authorized_keys
+PasswordAuthentication no
+KbdInteractiveAuthentication no
 PermitRootLogin no
+AllowUsers drone
 SSH
+# Who logs in has shown a key, and is to update the drone; there is no password to ask for.
+write /etc/sudoers.d/uavrt 440 <<'SUDO'
+drone ALL=(ALL) NOPASSWD: ALL
+SUDO
 
 # The page on the drone is a ground station of its own: a link to it, and the key of the first boot.
 settings=$root/var/lib/uavrt/uavrt.toml
@@ -95,7 +103,7 @@ FIRST
 write /usr/local/sbin/uavrt-identity 755 <<IDENTITY
 #!/bin/sh
 # Who this computer is, at each start: name, passwords, and what the first set-up on the page
-# has left in set-up.conf, which is taken once. uavrt-identity [DATA]
+# has left in set-up.conf, which is taken once. uavrt-identity [DATA [SCREEN]]
 set -eu
 umask 077
 data=\${1:-/data} given=$given
@@ -106,7 +114,7 @@ secret() { head -c 4096 /dev/urandom | tr -dc 'abcdefghijkmnpqrstuvwxyz23456789'
 # As the page's own user, so that a link it could have put there leads nowhere; and whatever does
 # not look as it should is left out: root believes nothing that a service has written.
 handed() { runuser -u uavrt -- head -c 20000 "$data/uavrt/$1" 2>/dev/null || :; }
-wanted() { handed set-up.conf | sed -nE "s/^$1=($2)\$/\1/p" | head -n 1; }
+wanted() { handed set-up.conf | sed -nE "s#^$1=($2)\$#\1#p" | head -n 1; }
 kept() { sed -nE "s/^$1=(.*)\$/\1/p" "$data/identity" 2>/dev/null | head -n 1; }
 either() { [ -n "$1" ] && printf '%s' "$1" || printf '%s' "$2"; }
 
@@ -157,9 +165,29 @@ case $keys in
         chmod 644 "$data/opt/update-keys.pem"
     } ;;
 esac
+# Who may log in, as the user drone; a later key replaces it.
+key=$(wanted ssh_key '(ssh-(ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}( [A-Za-z0-9@._-]{1,80})?')
+[ -z "$key" ] || {
+    mkdir -p "$data/ssh"
+    printf '%s\n' "$key" >"$data/ssh/authorized_keys.new"
+    chmod 644 "$data/ssh/authorized_keys.new"
+    mv "$data/ssh/authorized_keys.new" "$data/ssh/authorized_keys"
+    chmod 755 "$data/ssh"
+}
 sync "$data"
 rm -f "$data/uavrt/set-up.conf" "$data/uavrt/update-keys.pem"
+# Until somebody has set it up, a screen at this computer says how to come to the page.
+screen=${2:-/run/issue.d/uavrt.issue}
+mkdir -p "$(dirname "$screen")" && chmod 755 "$(dirname "$screen")"
+if [ -e "$data/uavrt/set-up-done" ]; then
+    rm -f "$screen"
+else
+    { cat "$data/access-point.txt"
+    "$data/opt/venv/bin/segno" --compact "WIFI:T:WPA;S:$name;P:$wifi;;" 2>/dev/null || :
+    } >"$screen"
+fi
 [ "$data" = /data ] || exit 0 # elsewhere for a trial: this computer stays as it is
+mkdir -p "$data/home/drone" && chown drone:drone "$data/home/drone" && chmod 755 "$data/home"
 printf '127.0.0.1 localhost\n127.0.1.1 %s\n::1 localhost\n' "$name" >/run/uavrt-hosts
 chmod 644 /run/uavrt-hosts
 printf '%s' "$name" >/proc/sys/kernel/hostname

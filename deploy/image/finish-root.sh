@@ -76,6 +76,8 @@ g _ssh -
 u uavrt - "Finds radio-tagged animals" /var/lib/uavrt
 m uavrt dialout
 m uavrt plugdev
+u drone 1000 "Who looks after this computer" /data/home/drone /bin/bash
+m drone uavrt
 USERS
 systemd-sysusers
 pwconv

@@ -148,7 +148,7 @@ function labelled(name: string, label: string, input: HTMLElement): HTMLElement 
 }
 
 function field(name: string, label: string, value: string, hint = "", type = "text"): HTMLElement {
-  return labelled(name, label, h("input", { id: `wizard-${name}`, name, type, value, placeholder: hint, title: hint, autocomplete: "off", spellcheck: "false", maxlength: 600 }));
+  return labelled(name, label, h("input", { id: `wizard-${name}`, name, type, value, placeholder: hint, title: hint, autocomplete: "off", spellcheck: "false", maxlength: 1600 }));
 }
 
 function select(name: string, label: string, choices: [string, string][], value: string, onchange?: () => void): HTMLElement {
@@ -199,6 +199,7 @@ function keyFields(): Node[] {
     field("wifi_password", "New password of its Wi-Fi", "", "8 to 63 letters and digits", "password"),
     field("command_key", "Key for commands", "", setup.values.command_key ? "there is one; paste another, or type: new" : "none yet: type new, or paste one"),
     h("p", { class: "note" }, setup.values.command_key ? h("a", { class: "export", id: "wizard-key", href: "/api/set-up/command.key", download: "command.key" }, "Save it for a laptop") : "", h("span", {}, " Who has it may command the drone.")),
+    field("ssh_key", "Public ssh key of who looks after it", "", "ssh-ed25519 AAAA…, as in a .pub file"),
     setup.values.update_key
       ? h("p", { class: "note" }, "Whose updates are taken is settled; an update can change it.")
       : labelled("update_key", "Public key of who makes updates", h("span", {}, file, update)),

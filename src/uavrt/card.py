@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.clock import wall_ns
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 
 MOUNTS = Path("/proc/self/mounts")
 SYSFS = Path("/sys")
@@ -138,5 +138,6 @@ def clock_fault() -> str | None:
         return time.strftime("believes it is %Y-%m-%d %H:%M UTC", time.gmtime(seconds))
     off_s = battery_clock_off_s()
     if off_s is not None and abs(off_s) > BATTERY_CLOCK_OFF_S:
-        return f"the battery clock is {off_s:+.0f} s off"
+        way = "ahead" if off_s > 0 else "behind"
+        return f"the battery clock is {rough_duration(off_s)} {way}"
     return None

@@ -36,6 +36,15 @@ def s_from_ns(nanoseconds: int) -> float:
     return nanoseconds / NANOSECONDS_PER_SECOND
 
 
+def rough_duration(seconds: float) -> str:
+    """Say how long something is, whatever its sign, for people: "40 s", "12 min", "3 days"."""
+    length_s = abs(seconds)
+    for unit, unit_s, most in (("s", 1.0, 120.0), ("min", 60.0, 120.0), ("h", 3600.0, 48.0)):
+        if length_s < most * unit_s:
+            return f"{length_s / unit_s:.0f} {unit}"
+    return f"{length_s / 86400.0:.0f} days"
+
+
 def s_from_ms(milliseconds: float) -> float:
     """Milliseconds to seconds."""
     return milliseconds / 1000.0

@@ -104,7 +104,8 @@ def test_free_space_is_told_in_gigabytes() -> None:
     [
         ("drone", {"heard": False}, "not heard"),
         ("radio", {"state": SystemState.HAS_TAGS}, "nothing is being searched for"),
-        ("time", {"clock_off_s": 1.7e9}, "1700000000 s behind"),
+        ("time", {"clock_off_s": 1.7e9}, "clock is 19676 days behind this"),
+        ("time", {"clock_off_s": -7200.0}, "clock is 2 h ahead of this"),
         ("time", {"time_known": False}, "not known"),
         ("poses", {"pose_age_s": 7.0}, "7 s old"),
         ("poses", {"pose_age_s": None}, "no position yet"),

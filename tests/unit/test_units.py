@@ -24,3 +24,8 @@ def test_decibels_survive_a_round_trip(level_db: float) -> None:
 
 def test_megahertz_become_exact_hertz() -> None:
     assert units.hz_from_mhz(148.71) == 148_710_000.0
+
+
+def test_durations_are_told_in_units_that_people_count_in() -> None:
+    told = {40.2: "40 s", -90: "90 s", 721: "12 min", -18_000: "5 h", 1.7e9: "19676 days"}
+    assert {seconds: units.rough_duration(seconds) for seconds in told} == told

@@ -91,7 +91,7 @@ def update(
         text = "this uavrt was not installed by deploy/install.sh, so it cannot update itself"
         raise UsageError(text, remedy="Call /opt/uavrt/venv/bin/uavrt, or give --prefix")
     place.require()
-    again = partial(updating.restart_by, shlex.split(restart))
+    again = partial(_restart, restart)
     watch = partial(_watch, settings, place, hold_s=hold_s, patience_s=patience_s)
     with place.locked():
         if resume:
@@ -114,6 +114,12 @@ def update(
             made, place, restart=again, judge=lambda: watch(needs), say=_say
         )
     sys.exit(0 if taken else 1)
+
+
+def _restart(command: str) -> None:
+    updating.restart_by(shlex.split(command))
+    if command == RESTART:
+        updating.restart_page()
 
 
 def _say(text: str) -> None:

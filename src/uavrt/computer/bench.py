@@ -10,7 +10,7 @@ from math import inf, isfinite, log10
 
 from uavrt.computer.finding import Finding
 from uavrt.messages import Poses, PulsePose, SearchReport, SystemState, Tag
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 
 DETECTOR_SILENT_S = 15.0
 """Over the link a detector is told of at least every 6 s, with many tags less often."""
@@ -208,9 +208,12 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     what = "time"
     off_s = facts.clock_off_s
     if off_s is not None and abs(off_s) > CLOCK_OFF_S:
+        off = rough_duration(off_s)
         return _bad(
             what,
-            f"the drone's clock is {off_s:.0f} s behind this computer's",
+            f"the drone's clock is {off} behind this computer's"
+            if off_s > 0
+            else f"the drone's clock is {off} ahead of this computer's",
             "Set the clock that is wrong; on the drone: sudo timedatectl set-time",
         )
     if facts.time_known or (facts.time_known is None and bench.posed):

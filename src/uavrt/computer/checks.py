@@ -102,7 +102,7 @@ def check_permissions(settings: Settings) -> Finding:
                 what="permissions",
                 ok=False,
                 text=f"there is no {port}",
-                remedy="Plug the autopilot's cable in, or set mavlink.address",
+                remedy="Plug the autopilot's cable in, or give another mavlink.address",
             )
         if not os.access(port, os.R_OK | os.W_OK):
             return Finding(

@@ -39,6 +39,11 @@ NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
 SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
 """A password: WPA wants 8 to 63 signs; these need no quoting anywhere."""
 KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
+SSH_KEY = re.compile(
+    r"(?:ssh-(?:ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}"
+    r"(?: [A-Za-z0-9@._-]{1,80})?"
+)
+"""A public key of who may log in, as ``ssh-keygen`` writes it (sshd(8)), without options."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,6 +254,10 @@ class FirstSetup:
         elif pem and self._has_update_key():
             text = "this computer has keys already; an update changes them"
             faults.append(StepFault(field="update_key", text=text))
+        ssh_key = " ".join(_text(values, "ssh_key").split())
+        if ssh_key and not SSH_KEY.fullmatch(ssh_key):
+            text = "one line that begins with ssh-ed25519, ssh-rsa or ecdsa-sha2, or empty"
+            faults.append(StepFault(field="ssh_key", text=text))
         if faults:
             return tuple(faults)
         if kept:
@@ -259,7 +268,8 @@ class FirstSetup:
         if pem:
             keys = "".join(split_keys(_lines(pem)))
             write_text_atomically(self.config.parent / UPDATE_KEYS, keys)
-        self._hand_over(**{name: one for name, one in passwords.items() if one})
+        handed = passwords | {"ssh_key": ssh_key}
+        self._hand_over(**{name: one for name, one in handed.items() if one})
         return ()
 
     # ------------------------------------------------------------------- files

@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from uavrt.computer.trial import Verdict
@@ -33,6 +34,10 @@ Judge = Callable[[], tuple[Verdict, str]]
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
 """An extra, and a distribution by which an environment with it is known."""
+BUILT_HERE = "wheels"
+"""Beside the versions: what deploy/install.sh had to build, as no index has it (64-bit ARM)."""
+PAGE_UNIT = "uavrt-page.service"
+"""Of an image (deploy/image)."""
 KEYS = ".update-keys.pem"
 """In a version's directory: the keys that it brings."""
 SPACE_FACTOR = 2.2
@@ -132,6 +137,9 @@ def _make(update: Update, present: Path, made: Path) -> None:
     with tempfile.TemporaryDirectory(prefix=".wheels-", dir=made) as wheels:
         unpack_wheels(update, Path(wheels))
         _run([*pip, "--find-links", wheels, wanted], update)
+    if _has(present, EXTRAS["ros2"]) and not _has(made, EXTRAS["ros2"]):
+        for built in (present.parents[1] / BUILT_HERE).glob("cyclonedds-*.whl"):
+            _run([*pip, "--no-deps", str(built)], update)
     if update.manifest is not None and update.manifest.keys is not None:
         write_text_atomically(made / KEYS, update.manifest.keys)
 
@@ -261,3 +269,14 @@ def restart_by(command: Sequence[str]) -> None:
         raise UavrtError(f"{command[0]}: {error.strerror}") from error
     if done.returncode:
         raise UavrtError(f"{' '.join(command)} failed: {done.stderr.strip()}")
+
+
+def restart_page() -> None:
+    """Let the page of an image run the version that runs now; elsewhere nothing happens.
+
+    It is a service of its own, which would go on with the files of the version before until
+    these are removed.
+    """
+    with suppress(OSError):
+        command = ["systemctl", "try-restart", PAGE_UNIT]
+        subprocess.run(command, capture_output=True, check=False)

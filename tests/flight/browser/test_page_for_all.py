@@ -30,6 +30,9 @@ FOCUSED = """() => { const one = document.activeElement; const style = getComput
   return [one.dataset.walked ?? null, seen]; }"""
 
 
+CLIPPED = """() => [...document.querySelectorAll("button, .tab, .chip, .check-name")]
+  .filter((one) => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1)
+  .map((one) => one.textContent)"""
 SLOW_FRAMES = """() => { const burn = () => { const end = performance.now() + 40;
   while (performance.now() < end); requestAnimationFrame(burn); };
   requestAnimationFrame(burn); }"""
@@ -96,7 +99,7 @@ def states(page: Page) -> Iterator[str]:
 
 
 @pytest.mark.parametrize(("scheme", "locale"), [("light", "en-US"), ("dark", "de-DE")])
-def test_no_view_has_a_serious_finding_of_axe_or_a_text_in_another_language(
+def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_language(
     browser: Browser, station: str, scheme: str, locale: str
 ) -> None:
     watched = Watched(browser, station, color_scheme=scheme, locale=locale)
@@ -107,6 +110,7 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_in_another_language(
     missing: set[tuple[str, str]] = set()
     for state in states(page):
         found += [(state, *one) for one in axe_findings(page)]
+        found += [(state, "serious", "cut off", one) for one in page.evaluate(CLIPPED)]
         untold = page.evaluate("() => [...window.uavrt.missing]")
         missing |= {(state, text) for text in untold}
         page.evaluate("() => window.uavrt.missing.clear()")

@@ -1,0 +1,57 @@
+#!/bin/sh
+# Make a wheel of the DDS binding, with the library in it: dds-wheel.sh DIRECTORY
+#
+# For the gateway to ROS 2 where PyPI has no such wheel: 64-bit ARM under Linux. Builds release
+# 0.10.5 of Cyclone DDS (EPL 2.0 or BSD) from the source that Debian keeps, and the binding of that
+# release, for this machine's processor and PYTHON: minutes on a Raspberry Pi, and 45 MB to
+# download, all of it checked against hashes. Needs gcc, libc6-dev and python3-dev; installs
+# nothing. A wheel that is in DIRECTORY already stays. DDS_SOURCE names the source elsewhere.
+set -eu
+
+out=${1:?dds-wheel.sh DIRECTORY}
+locks=$(cd "$(dirname "$0")" && pwd)/locks
+python=${PYTHON:-python3}
+release=0.10.5
+from=${DDS_SOURCE:-http://deb.debian.org/debian/pool/main/c/cyclonedds/cyclonedds_$release.orig.tar.gz}
+sum=84e3fc6af1dda2f128cda62efc56f8ef87f02a9db1414a63f52e387935837734
+mkdir -p "$out"
+out=$(cd "$out" && pwd)
+tag=$("$python" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
+made=$out/cyclonedds-$release-$tag-$tag-linux_$(uname -m).whl
+[ ! -e "$made" ] || { echo "$made"; exit 0; }
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+trap 'exit 130' INT TERM
+cd "$work"
+"$python" -m venv tools
+PATH=$work/tools/bin:$PATH
+pip() { python -m pip "$@" --quiet --disable-pip-version-check --require-hashes; }
+pip install -r "$locks/dds-build.txt"
+
+python -c 'import sys, urllib.request as r; r.urlretrieve(*sys.argv[1:])' "$from" source.tar.gz
+echo "$sum  source.tar.gz" | sha256sum --check --quiet
+mkdir source build home home/bin
+tar -xzf source.tar.gz -C source --strip-components=1
+# Without what needs further libraries, and without its own compiler of types, which we do not use.
+# Nor does it send or read descriptions of types: those of release 11 and its own are not the same,
+# and topics then do not match. By name they do, as with all of ROS 2.
+cmake -G Ninja -S source -B build -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX="$work/home" \
+    -DCMAKE_INSTALL_LIBDIR=lib -DBUILD_IDLC=OFF -DBUILD_DDSPERF=OFF -DBUILD_TESTING=OFF \
+    -DENABLE_SSL=OFF -DENABLE_SECURITY=OFF -DENABLE_SHM=OFF \
+    -DENABLE_TYPE_DISCOVERY=OFF -DENABLE_TOPIC_DISCOVERY=OFF \
+    -DENABLE_LTO=OFF >cmake.log || { cat cmake.log >&2; exit 1; }
+cmake --build build --target install >build.log || { tail -n 40 build.log >&2; exit 1; }
+
+# The binding finds its library beside itself, wherever the environment is moved.
+LDFLAGS="-Wl,-rpath,\$ORIGIN/../cyclonedds.libs" CYCLONEDDS_HOME=$work/home STANDALONE_WHEELS=1 \
+    pip wheel --no-cache-dir --no-deps --no-build-isolation --no-binary cyclonedds -w plain -r "$locks/dds.txt"
+python -m wheel unpack plain/*.whl >wheel.log
+place=$work/cyclonedds-$release
+mkdir "$place/cyclonedds.libs"
+rm -rf "$place/cyclonedds/.libs"
+cp home/lib/libddsc.so.0 "$place/cyclonedds.libs/"
+cp source/LICENSE "$place/cyclonedds.libs/"
+python -m wheel pack "$place" --dest-dir "$out" >>wheel.log
+[ -e "$made" ] || { echo "dds-wheel.sh: no $made" >&2; cat wheel.log >&2; exit 1; }
+echo "$made"
