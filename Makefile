@@ -12,13 +12,18 @@ PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: demo test lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo test tests checks lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
-test: $(STAMP) browser disk-tools  ## lint, types, import contracts, manual, all tests
-	$(MAKE) --no-print-directory -j 2 types lint docs
-	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
+test: $(STAMP) browser disk-tools lint  ## lint, types, import contracts, manual, all tests
+	$(MAKE) --no-print-directory -j 2 checks tests
+
+tests: $(STAMP)         ## all tests alone; tests/drivers/workers.py shares them out
+	$(BIN)/pytest -n 5 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
+
+checks: $(STAMP)        ## types and manual, at low priority: flights beside them must lose nothing
+	nice -n 19 $(MAKE) --no-print-directory types docs
 
 lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .
