@@ -27,7 +27,7 @@ from uavrt.simulation.flying import MODES, Flavour, Frame
 
 HISTORIES = int(os.environ.get("UAVRT_HISTORIES", "200"))
 ROUGH = 2 * HISTORIES // 5
-"""Of these, so many. Each kind of event has its turn: 60 and 40 histories of 17 and 18 kinds."""
+"""Of these, so many; each kind of event has its turn: 60 histories of 17 kinds, 40 of 18."""
 AFTERWARDS_S = 3.0
 
 Event = Callable[[Flown, random.Random], None]
