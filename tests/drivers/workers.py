@@ -30,7 +30,6 @@ _ON_FILES = ("test_install", "test_detect_bad_input", "test_detect_flight", "tes
 _FOR_ITSELF = (
     "test_band_recording",
     "test_delivery",
-    "test_demo",
     "test_kept_channels",
     "test_original_halves",
     "test_pose_time",
@@ -39,6 +38,8 @@ _FOR_ITSELF = (
     "test_shapes",
 )
 """Flights that count each sample, or time what they hear; by how their files begin."""
+_DEMO = "test_demo.py"
+"""It loses samples beside a browser."""
 _HELPERS_NICENESS = 19
 """A hundredth of the others' share of a busy core: a flight has all it needs."""
 
@@ -47,6 +48,7 @@ class Kind(StrEnum):
     """What a file's tests need."""
 
     FLIGHT = "flight"
+    DEMO = "demo"
     BESIDE = "flight beside others"
     BROWSER = "browser"
     REAL_TIME = "real time"
@@ -62,6 +64,8 @@ def kind_of(path: Path) -> Kind:
     if FLIGHTS in name:
         if path.name.startswith(_ON_FILES):
             return Kind.COMPUTES
+        if path.name == _DEMO:
+            return Kind.DEMO
         return Kind.FLIGHT if path.name.startswith(_FOR_ITSELF) else Kind.BESIDE
     text = path.read_text("utf-8") if path.is_file() else ""
     if _FLIES.search(text):
@@ -72,13 +76,16 @@ def kind_of(path: Path) -> Kind:
 
 
 ORDERS = (
-    (Kind.FLIGHT, Kind.BESIDE, Kind.REAL_TIME, Kind.COMPUTES),
+    (Kind.FLIGHT, Kind.BESIDE, Kind.BROWSER, Kind.REAL_TIME, Kind.DEMO, Kind.COMPUTES),
     (Kind.BROWSER, Kind.REAL_TIME, Kind.COMPUTES),
     (Kind.BESIDE, Kind.REAL_TIME, Kind.COMPUTES),
     (Kind.REAL_TIME, Kind.COMPUTES),
     (Kind.COMPUTES,),
 )
-"""What each worker takes, the first that is left; the last one's is that of all others."""
+"""What each worker takes, the first that is left; the last one's is that of all others.
+
+The first takes all there is: it may be the only one. The demo comes when browsers are done.
+"""
 
 
 @cache
