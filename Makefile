@@ -11,14 +11,26 @@ PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 # Several processes with several BLAS threads each would compete for few cores.
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
+# A container may ask for no bytecode: then each of a thousand programs that the tests start
+# compiles all that it imports, and each worker rewrites the assertions of all tests.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo test collected tests checks lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
 test: $(STAMP) browser disk-tools  ## lint, types, import contracts, manual, all tests
-	$(MAKE) --no-print-directory -j 2 types lint docs
-	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
+	$(MAKE) --no-print-directory -j 2 lint collected
+	$(MAKE) --no-print-directory -j 2 checks tests
+
+collected: $(STAMP)     ## every test compiled once, before all workers would do that
+	$(BIN)/pytest --collect-only -qq >/dev/null || true  # the tests tell what cannot be imported
+
+tests: $(STAMP)         ## all tests alone; tests/drivers/workers.py shares them out
+	$(BIN)/pytest -n 5 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
+
+checks: $(STAMP)        ## types and manual, at low priority: flights beside them must lose nothing
+	nice -n 19 $(MAKE) --no-print-directory types docs
 
 lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .

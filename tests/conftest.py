@@ -50,8 +50,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     A shared machine that stands still for seconds breaks the silence limits that flights, links
     and processes are there to test. The summary shows what was tried twice.
     """
-    # The demo loses samples beside a browser: by the end there is none any more.
-    items.sort(key=lambda item: item.path.name == "test_demo.py")
     for item in items:
         module = getattr(item, "module", None)
         if (

@@ -103,9 +103,14 @@ class Ground:
 
 
 class Watched:
-    """A page, everything it asked for, and everything that went wrong in it."""
+    """A page, everything it asked for, and everything that went wrong in it.
+
+    A light that pulses is drawn sixty times a second, which takes a core without a graphics
+    processor: unless a test says otherwise, its reader wants less motion.
+    """
 
     def __init__(self, browser: Browser, address: str, **context: Any) -> None:
+        context = {"reduced_motion": "reduce"} | context
         self._context = browser.new_context(
             viewport={"width": 1024, "height": 600}, accept_downloads=True, **context
         )

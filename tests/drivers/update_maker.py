@@ -80,8 +80,10 @@ def sign_alone(wheel: Path, key: Path) -> Path:
 
 
 def make_environment(environment: Path, wheel: Path) -> None:
-    """Make an environment that has a wheel of uavrt, and this one's libraries."""
-    subprocess.run([sys.executable, "-m", "venv", str(environment)], check=True)
+    """Make an environment with a wheel of uavrt, and this one's libraries (pip is one)."""
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", str(environment)], check=True
+    )
     place = next(environment.glob("lib/python3*/site-packages"))
     here = Path(next(path for path in sys.path if path.endswith("site-packages")))
     (place / "libraries.pth").write_text(f"{here}\n", encoding="utf-8")

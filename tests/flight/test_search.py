@@ -152,7 +152,7 @@ def test_a_takeover_in_the_middle_of_a_decision_ends_a_search_for_good(
             os.kill(guide, signal.SIGCONT)
         wait_for(lambda: program.ended, 5.0)
         assert "another has given a target" in field.events()
-        time.sleep(12.0)
+        time.sleep(8.0)
     assert field.commands() == sent
     assert notes_until_the_end(field)[-1].text == "0 of 1 found"
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ pytestmark = [pytest.mark.flight, pytest.mark.timeout(120)]
 TAG = "1, 148715000, 1000, 15, 20, 20, 3, 0.01\n"
 BAD = re.compile(r"Traceback|Exception ignored|KeyboardInterrupt|never awaited|leaked")
 PATIENCE_S = 30.0
-STARTING_S = 0.35
+STOPPED_AFTER_S = {"midway": 3.0, "begun": 1.0, "start": 0.35}
 
 
 def drone(_: Path) -> list[str]:
@@ -90,60 +91,97 @@ PROGRAMS = [
 ENDLESS_INPUT = (stream, channels)
 
 
-def prepared(directory: Path) -> None:
-    """Tags, half a minute of noise, and a drone without radio and autopilot."""
-    (directory / "tags.txt").write_text(TAG)
-    (directory / "uavrt.toml").write_text(
-        '[mavlink]\naddress = ""\n[recording]\ndirectory = "flights"\n'
-        '[radio]\nprogram = ["sleep", "100"]\n'
-    )
-    noise = np.random.default_rng(1).standard_normal(2 * 375_000, dtype=np.float32)
-    with (directory / "air.cf32").open("wb") as samples:
+@pytest.fixture(scope="module")
+def noise(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A minute of noise."""
+    path = tmp_path_factory.mktemp("air") / "air.cf32"
+    some = np.random.default_rng(1).standard_normal(2 * 375_000, dtype=np.float32)
+    with path.open("wb") as samples:
         for _ in range(60):
-            noise.tofile(samples)
+            some.tofile(samples)
+    return path
 
 
-@pytest.mark.parametrize("after_s", [STARTING_S, 1.0, 3.0], ids=["start", "begun", "midway"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["INT", "TERM"])
-@pytest.mark.parametrize("program", PROGRAMS, ids=lambda one: one.__name__)
-def test_a_stop_ends_in_order(
-    program: Callable[[Path], list[str]], number: signal.Signals, after_s: float, tmp_path: Path
-) -> None:
-    prepared(tmp_path)
-    endless = program in ENDLESS_INPUT
-    with (tmp_path / "told").open("w+") as told:
-        started = subprocess.Popen(
-            [sys.executable, "-m", "uavrt.cli", *program(tmp_path)],
-            cwd=tmp_path,
-            stdin=subprocess.PIPE if endless else subprocess.DEVNULL,
-            stdout=told,
-            stderr=told,
-            start_new_session=True,
+class Started:
+    """A program in its own directory, with tags, noise, and no radio and autopilot."""
+
+    def __init__(
+        self, program: Callable[[Path], list[str]], directory: Path, noise: Path
+    ) -> None:
+        directory.mkdir()
+        (directory / "air.cf32").symlink_to(noise)
+        (directory / "tags.txt").write_text(TAG)
+        (directory / "uavrt.toml").write_text(
+            '[mavlink]\naddress = ""\n[recording]\ndirectory = "flights"\n'
+            '[radio]\nprogram = ["sleep", "100"]\n'
         )
-        feeder = None
+        self._told = directory / "told"
+        self._feeder: subprocess.Popen[bytes] | None = None
+        endless = program in ENDLESS_INPUT
+        with self._told.open("w") as told:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "uavrt.cli", *program(directory)],
+                cwd=directory,
+                stdin=subprocess.PIPE if endless else subprocess.DEVNULL,
+                stdout=told,
+                stderr=told,
+                start_new_session=True,
+            )
         if endless:
-            feeder = subprocess.Popen(
+            self._feeder = subprocess.Popen(
                 ["sh", "-c", "while :; do cat air.cf32; done"],
-                cwd=tmp_path,
-                stdout=started.stdin,
+                cwd=directory,
+                stdout=self._process.stdin,
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
             )
-            started.stdin.close()  # type: ignore[union-attr]
+            self._process.stdin.close()  # type: ignore[union-attr]
+
+    def signal(self, number: signal.Signals) -> None:
+        if self._process.poll() is not None:
+            return
+        if number is signal.SIGINT:  # a terminal sends it to all
+            os.killpg(self._process.pid, number)
+        else:
+            self._process.send_signal(number)
+
+    def end(self) -> tuple[int, str]:
+        """Get the exit code, and what it has said."""
         try:
-            time.sleep(after_s)
-            if number is signal.SIGINT:  # a terminal sends it to all
-                os.killpg(started.pid, number)
-            else:
-                started.send_signal(number)
-            status = started.wait(PATIENCE_S)
+            status = self._process.wait(PATIENCE_S)
         finally:
-            for one in filter(None, (started, feeder)):
-                if one.poll() is None:
-                    os.killpg(one.pid, signal.SIGKILL)
-                    one.wait()
-        told.seek(0)
-        text = told.read()
-    if after_s > STARTING_S or "uavrt" in text:  # Python itself starts before us
-        assert BAD.search(text) is None, text
-    assert status in (0, 1, 2, 128 + number, -number), text
+            self.close()
+        return status, self._told.read_text()
+
+    def close(self) -> None:
+        """Leave nothing running."""
+        for one in filter(None, (self._process, self._feeder)):
+            if one.poll() is None:
+                os.killpg(one.pid, signal.SIGKILL)
+                one.wait()
+
+
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda one: one.__name__)
+def test_a_stop_ends_in_order(
+    program: Callable[[Path], list[str]], tmp_path: Path, noise: Path
+) -> None:
+    """By either signal, at its start, when it has begun and midway: at once, to spare time."""
+    with ExitStack() as stack:
+        running: dict[tuple[str, signal.Signals], Started] = {}
+        left_s = max(STOPPED_AFTER_S.values())
+        for moment, after_s in STOPPED_AFTER_S.items():
+            time.sleep(left_s - after_s)
+            left_s = after_s
+            for number in (signal.SIGINT, signal.SIGTERM):
+                started = Started(program, tmp_path / f"{moment}-{number.name}", noise)
+                stack.callback(started.close)
+                running[moment, number] = started
+        time.sleep(left_s)
+        for (_, number), one in running.items():
+            one.signal(number)
+        for (moment, number), one in running.items():
+            status, text = one.end()
+            story = f"{moment} {number.name}: {text}"
+            if moment != "start" or "uavrt" in text:  # Python itself starts before us
+                assert BAD.search(text) is None, story
+            assert status in (0, 1, 2, 128 + number, -number), story

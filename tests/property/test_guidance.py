@@ -25,9 +25,9 @@ from uavrt.guidance.wishes import FlyThere
 from uavrt.messages import VehicleWish
 from uavrt.simulation.flying import MODES, Flavour, Frame
 
-HISTORIES = int(os.environ.get("UAVRT_HISTORIES", "600"))
+HISTORIES = int(os.environ.get("UAVRT_HISTORIES", "200"))
 ROUGH = 2 * HISTORIES // 5
-"""Of these, so many."""
+"""Of these, so many; each kind of event has its turn: 60 histories of 17 kinds, 40 of 18."""
 AFTERWARDS_S = 3.0
 
 Event = Callable[[Flown, random.Random], None]
@@ -206,7 +206,7 @@ def test_after_a_takeover_not_one_more_command_leaves(flavour: Flavour) -> None:
     happened: Counter[str] = Counter()
     for seed in range((HISTORIES - ROUGH) // 2):
         rng = random.Random(seed)
-        name = rng.choice(list(EVENTS))
+        name = list(EVENTS)[seed % len(EVENTS)]
         event, *shown_s = EVENTS[name]
         flown = begin(rng, flavour, name)
         if is_out(flown):
@@ -247,7 +247,7 @@ def test_nor_behind_the_desk_over_a_rough_link(
     happened: Counter[str] = Counter()
     for seed in range(ROUGH // 2):
         rng = random.Random(f"rough {seed}")
-        name = rng.choice([*EVENTS, "stop"])
+        name = [*EVENTS, "stop"][seed % (len(EVENTS) + 1)]
         flown = begin(rng, flavour, name, ROUGH_ORDERS, Desked)
         assert isinstance(flown, Desked)
         order_id = flown.authority.order_id

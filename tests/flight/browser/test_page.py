@@ -100,9 +100,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     tmp_path: Path,
 ) -> None:
     ground = start_ground(tmp_path)
-    # A light that pulses makes 60 pictures a second, which two cores do not film in time.
-    motion = "reduce" if VIDEO else "no-preference"
-    watched = Watched(browser, ground.address, color_scheme="light", reduced_motion=motion)
+    watched = Watched(browser, ground.address, color_scheme="light")
     page = watched.page
     scenario = demo_scenario(FLIGHT_S, 1)
     if not (SCREENSHOTS or VIDEO):

@@ -131,9 +131,9 @@ def turned(seed: int, path: Path, speed_m_s: float, enr_db: float) -> Told:
 def test_a_turn_carried_off_by_the_wind_finds_and_places_its_tag(
     tmp_path: Path, speed_m_s: float
 ) -> None:
-    told = [turned(seed, tmp_path, speed_m_s, 14.0) for seed in range(6)]
+    told = [turned(seed, tmp_path, speed_m_s, 14.0) for seed in range(4)]
     assert all(one.one.found for one in told)
-    assert sum(one.held for one in told) >= 4
+    assert sum(one.held for one in told) >= 3
     assert float(np.median([one.off_deg for one in told])) < 4.0
 
 

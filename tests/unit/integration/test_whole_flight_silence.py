@@ -48,11 +48,11 @@ def flown(rng: np.random.Generator, world: World, enr_db: float) -> tuple[float,
 def test_tags_are_found_as_often_as_the_map_tells() -> None:
     world = World(course=turning(100), slack_s=0.02, window_hz=60.0)
     rng = np.random.default_rng(31)
-    flights = [flown(rng, world, LEVELS_DB[n % len(LEVELS_DB)]) for n in range(25)]
+    flights = [flown(rng, world, LEVELS_DB[n % len(LEVELS_DB)]) for n in range(15)]
     expected = sum(probability for probability, _ in flights)
     spread = math.sqrt(sum(p * (1.0 - p) for p, _ in flights))
     found = sum(one for _, one in flights)
-    assert 5 < found < 22
+    assert 3 < found < 13
     # A decibel of the model's error, beside chance.
     assert abs(found - expected) < 2.0 * spread + 0.1 * len(flights)
 

@@ -100,9 +100,9 @@ def test_half_of_the_tags_are_within_the_50_percent_circle_when_headings_err_as_
     within = {}
     for case in (drawn, true, known):
         rng = np.random.default_rng(67)
-        within[case] = sum(by_bearings(rng, case)[0] for _ in range(30))
-    assert 9 <= within[drawn] <= 21  # .5 of 30 are 15; by chance outside once in 60
-    assert 9 <= within[known] <= 21
+        within[case] = sum(by_bearings(rng, case)[0] for _ in range(20))
+    assert 5 <= within[drawn] <= 15  # .5 of 20 are 10; by chance outside once in 85
+    assert 5 <= within[known] <= 15
     assert within[true] > within[known]
 
 
@@ -159,7 +159,7 @@ def test_a_heading_error_does_not_widen_the_circle_of_stations_all_around() -> N
 
 def test_a_tag_that_may_have_walked_has_its_circle_widened_by_that() -> None:
     rng = np.random.default_rng(62)
-    positions = [found(rng, walk_m_s=0.2, widenings=True)[0] for _ in range(8)]
+    positions = [found(rng, walk_m_s=0.2, widenings=True)[0] for _ in range(4)]
     assert np.mean([widened_m(one, "walk") for one in positions]) > 2.0
     widest = max(positions, key=lambda one: widened_m(one, "walk"))
     assert "m of it allow for an animal that may walk (0.5 m/s)" in widest.remarks[-1]
@@ -200,14 +200,14 @@ def test_two_gross_bearings_of_five_in_a_line_are_named() -> None:
     true = np.degrees(np.arctan2(-east, 400.0))
     rng = np.random.default_rng(68)
     told = 0
-    for _ in range(12):
+    for _ in range(8):
         bearing = true + rng.normal(0.0, SIGMA_DEG, 5)
         bearing[1] += 60.0
         bearing[3] -= 50.0
         position = at(list(east), bearing)
         texts = [one.text for one in position.cautions if one.name == "contradiction"]
         told += any("bearings 2 and 4 contradict" in text for text in texts)
-    assert told >= 10
+    assert told >= 7
 
 
 def test_bearings_of_a_line_that_agree_are_seldom_said_to_contradict_each_other() -> None:
@@ -216,8 +216,8 @@ def test_bearings_of_a_line_that_agree_are_seldom_said_to_contradict_each_other(
     true = np.degrees(np.arctan2(-east, 400.0))
     warned = 0
     for count in (2, 3, 5):
-        for _ in range(12):
+        for _ in range(6):
             bearing = true + rng.normal(0.0, SIGMA_DEG, 5) + rng.normal(0.0, 1.5)
             position = at(list(east[:count]), bearing[:count])
             warned += names(position) != {"unchecked"}
-    assert warned <= 2
+    assert warned <= 1

@@ -30,9 +30,20 @@ def kept(delivery: Delivery, *seeds: int) -> TimesKept:
     return TimesKept(**{name: sum(getattr(one, name) for one in each) for name in names})
 
 
-@pytest.mark.parametrize("jitter", ["exponential", "normal"])
-@pytest.mark.parametrize("loss_s", [0.001, 0.005, 0.02, 0.05, 0.1])
-@pytest.mark.parametrize("share", [0.01, 0.05])
+@pytest.mark.parametrize(
+    ("share", "loss_s", "jitter"),
+    [
+        (0.01, 0.001, "exponential"),
+        (0.01, 0.005, "normal"),
+        (0.01, 0.02, "exponential"),
+        (0.01, 0.1, "normal"),
+        (0.05, 0.001, "normal"),
+        (0.05, 0.005, "exponential"),
+        (0.05, 0.02, "normal"),
+        (0.05, 0.05, "exponential"),
+        (0.05, 0.1, "exponential"),
+    ],
+)
 def test_losses_are_counted_and_times_stay_right(
     share: float, loss_s: float, jitter: str
 ) -> None:

@@ -12,18 +12,25 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
 import sigmf
 from numpy.typing import NDArray
 
 from uavrt.clock import parse_iso_utc
 from uavrt.messages import ChannelBlock
 from uavrt.radio import open_recording
-from uavrt.recording import ChannelRecorder, FlightLayout
+from uavrt.recording import ChannelRecorder, FlightLayout, channel_recorder
 
 RATE_HZ = 3750.0
 CENTER_HZ = 148_124_375.0
 START_NS = 1_700_205_419_230_494_976
 BLOCK = 328
+
+
+@pytest.fixture(autouse=True)
+def soon_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let samples wait for 0.1 s in place of 2: many tests wait until they are on the disk."""
+    monkeypatch.setattr(channel_recorder, "FLUSH_S", 0.1)
 
 
 def noise(count: int, level: float = 1e-4, seed: int = 1) -> NDArray[np.complex64]:
@@ -122,7 +129,8 @@ def test_a_signal_that_grows_is_never_clipped(tmp_path: Path) -> None:
     keeping = recorder(tmp_path / "flight")
     for some in blocks(grows[:30_000]):
         keeping.put([some])
-    time.sleep(2.5)  # the second half meets a file that is open
+    while keeping.written_samples < 30_000:  # the second half meets a file that is open
+        time.sleep(0.01)
     for some in blocks(grows[30_000:], first=30_000):
         keeping.put([some])
     keeping.close()
@@ -180,7 +188,8 @@ def test_a_radio_that_gives_nothing_but_zeros_ends_nothing(tmp_path: Path) -> No
     keeping = recorder(flight)
     for some in blocks(sent[:15_000]):
         keeping.put([some])
-    time.sleep(2.5)  # the zeros are written by themselves
+    while keeping._waiting_bytes:  # the zeros are taken by themselves
+        time.sleep(0.01)
     for some in blocks(sent[15_000:], first=15_000):
         keeping.put([some])
     keeping.close()

@@ -1,6 +1,7 @@
 """Years on a memory card: what was promised stays, whatever disk, stars and clock do."""
 
 import contextlib
+import os
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -28,6 +29,8 @@ DAY_NS = 86_400 * 10**9
 SPRING_NS = 1_777_600_000 * 10**9
 """May 2026."""
 FREE_MB = 4.0
+FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "400"))
+"""On one card; ``UAVRT_FLIGHTS=2000`` takes some minutes."""
 
 
 @pytest.fixture
@@ -35,7 +38,7 @@ def card(tmp_path: Path) -> Iterator[LoopCard]:
     yield from loop_card(tmp_path)
 
 
-def test_a_thousand_flights_on_a_small_card_lose_nothing_that_was_promised(
+def test_hundreds_of_flights_on_a_small_card_lose_nothing_that_was_promised(
     card: LoopCard,
     make_info: Callable[[Path], FlightInfo],
     make_pulse_pose: Callable[[int], PulsePose],
@@ -50,7 +53,7 @@ def test_a_thousand_flights_on_a_small_card_lose_nothing_that_was_promised(
     starred: set[Path] = set()
     filled = refused = 0
     guard = DiskGuard(card.place, settings)
-    for number in range(1000):
+    for number in range(FLIGHTS):
         clock_ns = rng.choice((0, SPRING_NS, SPRING_NS)) + number * DAY_NS // 40
         flight = new_flight_directory(card.place, clock_ns)
         if rng.random() < 0.04:
@@ -90,9 +93,9 @@ def test_a_thousand_flights_on_a_small_card_lose_nothing_that_was_promised(
         if number % 50 == 0:  # a reboot
             guard = DiskGuard(card.place, settings)
     there = [flight for flight in flown if flight.exists()]
-    assert filled > 20
+    assert filled > 0.02 * FLIGHTS
     assert refused > 0
-    assert len(there) < 900  # room had to be made
+    assert len(there) < 0.9 * FLIGHTS  # room had to be made
     assert flights_in_order(card.place) == there
     assert starred <= set(there)
     plain = [flight for flight in there if flight not in starred]
