@@ -44,7 +44,7 @@ _MOST_FINED = 300
 _FINED_AGAIN = 33
 """As long as no more cells than these are likely, they are fined again: of a loud tag."""
 _MOST_TIMES = 3
-_SHARPER = 4
+_SHARPER = 8
 """Power of the belief whose mean is the likeliest place: of a normal one the same."""
 _ALONE = 0.9
 """A part with so much is where the tag is; else the place is the middle of all."""
