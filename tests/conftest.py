@@ -4,6 +4,7 @@ The participant knows the messages from the ament package's files and from `rosb
 makes and reads its bytes; ours are made by `uavrt.ros2.cdr`. Everything stays on the loopback.
 """
 
+import gc
 import os
 import platform
 import signal
@@ -58,6 +59,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             or any(hasattr(module, name) for name in REAL_TIME_MODULES)
         ):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+def pytest_collection_finish() -> None:
+    """Leave tests and modules, which stay to the end, out of each search for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling | None:

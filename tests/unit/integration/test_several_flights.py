@@ -108,7 +108,7 @@ def test_half_of_the_false_alarms_are_for_either_decision(
 
 def test_noise_of_several_flights_is_nobody(tmp_path: Path) -> None:
     chances = []
-    for seed in range(60, 66, 2):
+    for seed in (60, 62):
         flown = flights_of(seed, None, [0.0, 0.0])
         each = alone(flown, tmp_path)
         chances += [
