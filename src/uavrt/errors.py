@@ -42,7 +42,8 @@ class UavrtError(Exception):
     def __init__(self, message: str, *, remedy: str | None = None) -> None:
         self.message = message
         self.remedy = remedy
-        super().__init__(message if remedy is None else f"{message}. {remedy}")
+        stop = "" if message.endswith(("?", "!", ".")) else "."
+        super().__init__(message if remedy is None else f"{message}{stop} {remedy}")
 
 
 class UsageError(UavrtError):

@@ -33,3 +33,11 @@ def test_what_works_without_the_extra_is_offered() -> None:
 def test_other_errors_pass() -> None:
     with pytest.raises(ValueError, match="none"), needs_extra("analysis", "a report"):
         raise ValueError("none")
+
+
+@pytest.mark.parametrize(
+    ("said", "read"),
+    [("no such tag", "no such tag. Name one"), ("did you mean 3?", "did you mean 3? Name one")],
+)
+def test_a_remedy_follows_as_a_sentence_of_its_own(said: str, read: str) -> None:
+    assert str(UsageError(said, remedy="Name one")) == read

@@ -354,6 +354,22 @@ def test_an_offset_that_is_not_clear_is_refused(flight: Flight, tmp_path: Path) 
         estimate_offset(pulses, track.shifted(10**12))
 
 
+@pytest.mark.parametrize("hours", [-9.5, 2.0])
+def test_clocks_that_are_hours_apart_are_told_with_the_offset_of_another_time_zone(
+    flight: Flight, tmp_path: Path, hours: float
+) -> None:
+    track = read_track(write_tlog(list(flight.poses), tmp_path / "x.tlog"))
+    pulses = [PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses]
+    side = "before" if hours < 0.0 else "after"
+    with pytest.raises(UsageError, match=rf"\d h \d+ min {side} the track") as told:
+        estimate_offset(pulses, track.shifted(-round(hours * 3600e9)))
+    assert told.value.remedy is not None
+    assert f"--clock-offset {3600 * hours:+.0f}." in told.value.remedy
+    with pytest.raises(UsageError, match="min") as told:
+        estimate_offset(pulses, track.shifted(round(40 * 3600e9)))
+    assert "local time" not in str(told.value.remedy)
+
+
 @pytest.mark.parametrize("posed", [True, False], ids=["poses", "powers"])
 def test_a_log_that_begins_at_arming_gives_the_offset_of_what_it_covers(
     flight: Flight, tmp_path: Path, posed: bool

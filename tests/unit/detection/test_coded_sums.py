@@ -1,5 +1,6 @@
 """Sums of coded bursts in kernels and in NumPy, and what waits and what is left out of them."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +69,21 @@ def test_kernels_find_the_seeds_that_numpy_finds(pulses: int, clip: int) -> None
     assert found > 20
 
 
+def _folded(
+    cells: Cells,
+    book: CodeBook,
+    seeds: NDArray[np.int32],
+    bursts: int,
+    reach: float,
+    steps: int,
+    clip: int,
+    *,
+    by_numpy: bool,
+) -> NDArray[np.int32]:
+    with native.numpy_only() if by_numpy else nullcontext():
+        return fold(cells, book, seeds, bursts=bursts, reach=reach, steps=steps, clip=clip)
+
+
 @pytest.mark.usefixtures("processor")
 @pytest.mark.parametrize("pulses", [3, 4, 6])
 @pytest.mark.parametrize(("bursts", "reach"), [(3, 15.0), (10, 15.0), (10, 0.0), (7, 37.5)])
@@ -79,10 +95,10 @@ def test_kernels_sum_several_bursts_as_numpy_does(
     width = cells.end - cells.base - book.span - 4
     seeds = find_seeds(cells, book, cells.base, width, clip=clip, level=11 * pulses)[::7]
     steps = int(np.ceil((bursts - 1) * reach / 2.0))
-    asked = {"bursts": bursts, "reach": reach, "steps": steps, "clip": clip}
-    own = fold(cells, book, seeds, **asked)
-    with native.numpy_only():
-        other = fold(cells, book, seeds, **asked)
+    own, other = (
+        _folded(cells, book, seeds, bursts, reach, steps, clip, by_numpy=by_numpy)
+        for by_numpy in (False, True)
+    )
     assert len(own) > 20
     assert np.array_equal(own, other)
 
@@ -118,9 +134,9 @@ def test_seeds_wait_for_their_last_burst_and_come_out_in_the_order_they_came() -
 def test_nothing_that_would_be_weighed_is_left_out_before() -> None:
     rng = np.random.default_rng(4)
     limits = {3: 34.0, 4: 38.0}
-    energies = rng.gamma(1.0, rng.choice([1.0, 6.0, 14.0, 60.0], (20_000, 4)))
-    energies[:4000] = rng.uniform(8.0, 13.0, (4000, 1))  # about the limit, all equal
-    energies = energies.astype(np.float32)
+    any_ = rng.gamma(1.0, rng.choice([1.0, 6.0, 14.0, 60.0], (20_000, 4)))
+    any_[:4000] = rng.uniform(8.0, 13.0, (4000, 1))  # about the limit, all equal
+    energies = any_.astype(np.float32)
     able = could_be(energies, limits)
     one_is_hit = np.arange(4) != rng.integers(0, 4, (20_000, 1))
     for good in (one_is_hit, np.ones((20_000, 4), np.bool_)):

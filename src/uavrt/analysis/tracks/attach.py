@@ -23,6 +23,8 @@ from uavrt.messages import PulsePose
 from uavrt.pose import PoseAttacher, PoseRing
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
+_ZONES_S, _MOST_ZONES_S = 1800.0, 26 * 3600.0
+"""Of clocks set to local time."""
 SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
@@ -308,9 +310,7 @@ class _Common:
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)
         remedy = "Check that they are from the same flight, or give --clock-offset"
         if not most:
-            raise UsageError(
-                f"pulses and track do not overlap, even {SEARCH_S:.0f} s apart", remedy=remedy
-            )
+            raise self._apart(times_s, remedy)
         if most < max(_LEAST_PULSES, _LEAST_SHARE * len(times_s)):
             raise UsageError(
                 f"the track covers {most} of {len(times_s)} pulses at the most, however the "
@@ -318,6 +318,23 @@ class _Common:
                 remedy=remedy,
             )
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
+
+    def _apart(self, times_s: _Floats, remedy: str) -> UsageError:
+        """Say by how much; clocks that are half or whole hours apart are of other zones."""
+        ahead_s = float(times_s.min()) - max(self._turn_s[0], self._way_s[0])
+        zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
+        if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():
+            remedy = (
+                "A clock that was set to local time is so many hours off: if that is so, give "
+                f"--clock-offset {zones_s:+.0f}. {remedy}"
+            )
+        minutes = round(abs(ahead_s) / 60.0)
+        told = f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
+        return UsageError(
+            f"pulses and track do not overlap, even {SEARCH_S:.0f} s apart: the pulses begin "
+            f"{told} {'after' if ahead_s > 0.0 else 'before'} the track",
+            remedy=remedy,
+        )
 
     def _inside(self, times_s: _Floats, offset_s: float) -> NDArray[np.bool_] | None:
         """Pulses that the track covers; None unless nearly all that it can cover."""
