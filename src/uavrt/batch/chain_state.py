@@ -14,7 +14,7 @@ from typing import Any
 
 from uavrt.errors import FormatError
 
-MAGIC = b"uavrt chain state 1\n"
+MAGIC = b"uavrt chain state 2\n"
 _OURS = ("uavrt.analysis.measure.", "uavrt.config.", "uavrt.detection.", "uavrt.dsp.")
 _MESSAGES = "uavrt.messages"
 _UNREADABLE = (
