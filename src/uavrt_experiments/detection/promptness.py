@@ -16,6 +16,7 @@ from uavrt_experiments.detection.integration import long_tag
 from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
+    TruePulse,
     make_samples,
     noise,
     pulse_train,
@@ -39,27 +40,44 @@ class Latencies:
     later_s: tuple[float, ...]
 
 
-def group_latencies(records: Sequence[Emission], tag: Tag) -> Latencies:
+def group_latencies(
+    records: Sequence[Emission], tag: Tag, truth: Sequence[TruePulse]
+) -> Latencies:
     """Latency of each group: of the record of its last pulse, from the group's end.
 
     A group ends with its K-th place. One whose last places hold noise alone (a strong pulse
-    may carry two weak terms of the sum) is complete only then.
+    may carry two weak terms of the sum) is complete only then. One whose first places do, as
+    of a tag that begins to send, is one or two pulses, which alone need not stand out: the
+    first group is therefore the first K pulses of the tag that are heard; noise may be told
+    before.
     """
+    near_s = 0.75 * tag.pulse_width_s
+    heard = [
+        one
+        for one in records
+        if one.pulse.detection_status != "subthreshold"
+        and any(abs(_end_s(one) - tag.pulse_width_s - t.start_s) <= near_s for t in truth)
+    ]
     last: dict[tuple[int, int], Emission] = {}
-    for record in records:
-        if record.pulse.detection_status == "subthreshold":
-            continue
+    for record in heard:
         key = (record.pulse.rate, record.pulse.group_sequence)
         if key not in last or record.pulse.end_time_ns > last[key].pulse.end_time_ns:
             last[key] = record
     values = []
-    for record in last.values():
-        end_s = (record.pulse.end_time_ns - START_NS) * 1e-9
+    for record in list(last.values())[1:]:
         missing = tag.k - record.pulse.group_index
-        values.append(record.at_s - end_s - missing * tag.pulse_intervals_s[0])
+        values.append(record.at_s - _end_s(record) - missing * tag.pulse_intervals_s[0])
+    first = sorted(heard, key=_end_s)[: tag.k]
     # Of a group that the stream's end cut off nothing is known.
-    values = [value for value in values if value > 0.0]
-    return Latencies(first_s=values[0] if values else None, later_s=tuple(values[1:]))
+    return Latencies(
+        first_s=max(one.at_s for one in first) - _end_s(first[-1]) if first else None,
+        later_s=tuple(value for value in values if value > 0.0),
+    )
+
+
+def _end_s(record: Emission) -> float:
+    """End of a pulse, since the stream's start."""
+    return (record.pulse.end_time_ns - START_NS) * 1e-9
 
 
 def _latency_case(name: str, *, enr_db: float, silent_s: float, barred: bool) -> Case:
@@ -80,7 +98,7 @@ def _latency_case(name: str, *, enr_db: float, silent_s: float, barred: bool) ->
         records = emissions(
             samples, THESIS_TAG, sample_rate_hz=_RATE_HZ, frequency_window_hz=500.0
         )
-        return group_latencies(records, THESIS_TAG)
+        return group_latencies(records, THESIS_TAG, truth)
 
     def rows(streams: Sequence[Latencies]) -> list[Row]:
         first = [s.first_s for s in streams if s.first_s is not None]
