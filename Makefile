@@ -27,7 +27,7 @@ collected: $(STAMP)     ## every test compiled once, before all workers would do
 	$(BIN)/pytest --collect-only -qq >/dev/null || true  # the tests tell what cannot be imported
 
 tests: $(STAMP)         ## all tests alone; tests/drivers/workers.py shares them out
-	$(BIN)/pytest -n 5 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
+	$(BIN)/pytest -n 4 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
 
 checks: $(STAMP)        ## types and manual, at low priority: flights beside them must lose nothing
 	nice -n 19 $(MAKE) --no-print-directory types docs

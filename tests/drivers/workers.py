@@ -1,10 +1,10 @@
-"""Who runs which test: flights, browsers and what waits each in a lane, the rest behind them.
+"""Who runs which test: flights one at a time, browsers one at a time, the rest behind them.
 
-A flight at 3 MS/s that must lose no sample flies beside no other of its kind, and one browser
-draws at a time: without a graphics processor it takes a whole core. Flights that are not asked
-for each sample, and tests that talk over sockets, mostly wait; so each has a worker that takes
-them one by one. What only computes fills the processors at the lowest priority, and who has no
-more of its own helps out with that.
+A flight at 3 MS/s with its simulated radio and vehicle takes a whole core, as does a browser
+that draws a map without a graphics processor. Two flights at once on two cores lose samples,
+truly. So the first worker takes flights, the second browsers and what talks over sockets. What
+only computes fills the processors at the lowest priority, and who has no more of its own helps
+out with that.
 """
 
 import os
@@ -27,17 +27,6 @@ _FLIES = re.compile(r"^@pytest\.mark\.flight\b", re.M)
 """How a flight is recognized elsewhere."""
 _ON_FILES = ("test_install", "test_detect_bad_input", "test_detect_flight", "test_arm64")
 """Files among the flights whose tests do not run against the clock, by how they begin."""
-_FOR_ITSELF = (
-    "test_band_recording",
-    "test_delivery",
-    "test_kept_channels",
-    "test_original_halves",
-    "test_pose_time",
-    "test_radio",
-    "test_recovery",
-    "test_shapes",
-)
-"""Flights that count each sample, or time what they hear; by how their files begin."""
 _DEMO = "test_demo.py"
 """It loses samples beside a browser."""
 _HELPERS_NICENESS = 19
@@ -49,7 +38,6 @@ class Kind(StrEnum):
 
     FLIGHT = "flight"
     DEMO = "demo"
-    BESIDE = "flight beside others"
     BROWSER = "browser"
     REAL_TIME = "real time"
     COMPUTES = "computes"
@@ -66,20 +54,18 @@ def kind_of(path: Path) -> Kind:
             return Kind.COMPUTES
         if path.name == _DEMO:
             return Kind.DEMO
-        return Kind.FLIGHT if path.name.startswith(_FOR_ITSELF) else Kind.BESIDE
+        return Kind.FLIGHT
     text = path.read_text("utf-8") if path.is_file() else ""
     if _FLIES.search(text):
-        return Kind.BESIDE
+        return Kind.FLIGHT
     if _SPEAKS.search(text):
         return Kind.REAL_TIME
     return Kind.REAL_TIME if REAL_TIME & set(path.parts) else Kind.COMPUTES
 
 
 ORDERS = (
-    (Kind.FLIGHT, Kind.BESIDE, Kind.BROWSER, Kind.REAL_TIME, Kind.DEMO, Kind.COMPUTES),
+    (Kind.FLIGHT, Kind.BROWSER, Kind.REAL_TIME, Kind.DEMO, Kind.COMPUTES),
     (Kind.BROWSER, Kind.REAL_TIME, Kind.COMPUTES),
-    (Kind.BESIDE, Kind.REAL_TIME, Kind.COMPUTES),
-    (Kind.REAL_TIME, Kind.COMPUTES),
     (Kind.COMPUTES,),
 )
 """What each worker takes, the first that is left; the last one's is that of all others.

@@ -22,15 +22,18 @@ def test_the_demo_flies_when_the_browsers_are_done() -> None:
     assert not any(Kind.DEMO in order for order in ORDERS[1:])
 
 
-def test_flights_that_count_each_sample_fly_beside_no_other_of_their_kind() -> None:
-    assert kind_of(FLIGHTS / "test_recovery.py") is Kind.FLIGHT
+def test_flights_fly_one_at_a_time_and_installations_are_none() -> None:
     assert sum(Kind.FLIGHT in order for order in ORDERS) == 1
-    assert kind_of(FLIGHTS / "test_fly.py") is Kind.BESIDE
-    assert kind_of(ROOT / "tests/unit/experiments/test_packets.py") is Kind.BESIDE
+    for name in (
+        "flight/test_recovery.py",
+        "flight/test_fly.py",
+        "unit/experiments/test_packets.py",
+    ):
+        assert kind_of(ROOT / "tests" / name) is Kind.FLIGHT
     assert kind_of(FLIGHTS / "test_install.py") is Kind.COMPUTES
     assert kind_of(ROOT / BROWSERS) is Kind.BROWSER
 
 
-@pytest.mark.parametrize("begins", [*workers._FOR_ITSELF, *workers._ON_FILES, workers._DEMO])
+@pytest.mark.parametrize("begins", [*workers._ON_FILES, workers._DEMO])
 def test_every_flight_that_is_named_is_there(begins: str) -> None:
     assert list(FLIGHTS.glob(f"{begins.removesuffix('.py')}*.py"))
