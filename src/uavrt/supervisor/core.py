@@ -221,7 +221,7 @@ class Supervisor:
         self._disk.flying(Path(flight.directory))
         self._publish("flight", flight)
         self._progress.started(flight)
-        if (text := self._wall_clock.flight_started()) is not None:
+        if (text := self._wall_clock.flight_started(time.monotonic())) is not None:
             self._tell(4, text)
         self._next_disk_s = 0.0  # what is wrong with the card is told as it begins
 
@@ -284,6 +284,8 @@ class Supervisor:
         """Note in the flight that the wall clock was corrected; the flight's is not."""
         if self.mission.flight is None:
             return
+        if (again := self._wall_clock.wrong_time_again(time.monotonic())) is not None:
+            self._tell(4, again)
         text = self._wall_clock.check(self.clock.wall_correction_ns())
         if text is not None:
             self._tell(5, text)

@@ -15,7 +15,7 @@ from uavrt.errors import ConfigError
 from uavrt.messages import Command, FlightInfo, SystemState, Tag
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
-from uavrt.supervisor.mission.wall_clock import NOTED_S, WallClockWatch
+from uavrt.supervisor.mission.wall_clock import AGAIN_S, NOTED_S, WallClockWatch
 
 TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
 
@@ -149,8 +149,20 @@ def test_every_correction_of_the_wall_clock_is_noted_once(corrections_s: list[fl
             if new:
                 noted_s = round(correction_s * 1e9) / 1e9
                 assert f"{noted_s:+.3f} s from it" in str(text)
-    watch.flight_started()
+    watch.flight_started(0.0)
     assert watch.check(0) is None
+
+
+def test_a_wrong_time_is_told_once_more_to_a_ground_station_that_comes_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "uavrt.supervisor.mission.wall_clock.clock_fault", lambda: "believes it is 1970"
+    )
+    watch = WallClockWatch()
+    assert watch.flight_started(100.0) == "Drone's clock: believes it is 1970"
+    told = [second for second in range(100, 130) if watch.wrong_time_again(float(second))]
+    assert told == [100 + AGAIN_S]
 
 
 def rebooted(

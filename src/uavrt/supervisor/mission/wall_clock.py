@@ -5,6 +5,9 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 
 NOTED_S = 0.5
 """NTP slews by 500 ppm at most, half a second in 17 minutes; a step is usually more."""
+AGAIN_S = 15.0
+"""A ground station that is not yet heard when a flight begins hears of a wrong time by then;
+within ten seconds of a text the connection sends no second one."""
 
 
 class WallClockWatch:
@@ -12,12 +15,21 @@ class WallClockWatch:
 
     def __init__(self) -> None:
         self._noted_s = 0.0
+        self._again_s: float | None = None
 
-    def flight_started(self) -> str | None:
+    def flight_started(self, now_s: float) -> str | None:
         """From here on the two agree; return a text if the time they agree on is wrong."""
         self._noted_s = 0.0
-        fault = clock_fault()
-        return None if fault is None else f"Drone's clock: {fault}"
+        text = _wrong_time()
+        self._again_s = None if text is None else now_s + AGAIN_S
+        return text
+
+    def wrong_time_again(self, now_s: float) -> str | None:
+        """Return the text of a flight's start once more, some seconds later."""
+        if self._again_s is None or now_s < self._again_s:
+            return None
+        self._again_s = None
+        return _wrong_time()
 
     def check(self, correction_ns: int) -> str | None:
         """Compare the wall clock with the flight's; return a text if a change is new."""
@@ -30,3 +42,8 @@ class WallClockWatch:
             f"Wall clock corrected by {moved_s:+.3f} s; the flight keeps its time, "
             f"{correction_s:+.3f} s from it"
         )
+
+
+def _wrong_time() -> str | None:
+    fault = clock_fault()
+    return None if fault is None else f"Drone's clock: {fault}"
