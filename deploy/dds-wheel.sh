@@ -12,7 +12,10 @@ out=${1:?dds-wheel.sh DIRECTORY}
 locks=$(cd "$(dirname "$0")" && pwd)/locks
 python=${PYTHON:-python3}
 release=0.10.5
-from=${DDS_SOURCE:-http://deb.debian.org/debian/pool/main/c/cyclonedds/cyclonedds_$release.orig.tar.gz}
+# Where this computer's own packages are from.
+mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Origin: Debian' 2>/dev/null | grep -v security | head -n 1) || :
+from=${DDS_SOURCE:-${mirror:+${mirror}pool/main/c/cyclonedds/cyclonedds_$release.orig.tar.gz}}
+[ -n "$from" ] || { echo "dds-wheel.sh: apt knows no Debian mirror: run apt-get update, or set DDS_SOURCE" >&2; exit 1; }
 sum=84e3fc6af1dda2f128cda62efc56f8ef87f02a9db1414a63f52e387935837734
 mkdir -p "$out"
 out=$(cd "$out" && pwd)

@@ -165,9 +165,10 @@ case $keys in
         chmod 644 "$data/opt/update-keys.pem"
     } ;;
 esac
-# Who may log in, as the user drone; a later key replaces it.
+# Who may log in, as the user drone. Once: a service that somebody has broken into must not
+# let them in as root.
 key=$(wanted ssh_key '(ssh-(ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}( [A-Za-z0-9@._-]{1,80})?')
-[ -z "$key" ] || {
+[ -z "$key" ] || [ -e "$data/ssh/authorized_keys" ] || {
     mkdir -p "$data/ssh"
     printf '%s\n' "$key" >"$data/ssh/authorized_keys.new"
     chmod 644 "$data/ssh/authorized_keys.new"

@@ -71,6 +71,19 @@ def test_who_gave_a_key_in_the_set_up_may_log_in(computer: Computer) -> None:
     assert "PasswordAuthentication no" in sshd
 
 
+def test_a_service_that_was_broken_into_lets_nobody_in_after_the_first(
+    computer: Computer,
+) -> None:
+    """Who logs in becomes root without a password."""
+    assert not computer.setup.take("keys", {"ssh_key": KEY})
+    computer.start()
+    other = KEY.replace("A", "B")
+    assert [one.field for one in computer.setup.take("keys", {"ssh_key": other})] == ["ssh_key"]
+    (computer.data / "uavrt/set-up.conf").write_text(f"ssh_key={other}\n")
+    computer.start()
+    assert computer.login() == f"{KEY}\n"
+
+
 @pytest.mark.parametrize(
     "given",
     [

@@ -258,6 +258,9 @@ class FirstSetup:
         if ssh_key and not SSH_KEY.fullmatch(ssh_key):
             text = "one line that begins with ssh-ed25519, ssh-rsa or ecdsa-sha2, or empty"
             faults.append(StepFault(field="ssh_key", text=text))
+        elif ssh_key and self._may_log_in().exists():
+            text = "somebody may log in already, and changes the key there"
+            faults.append(StepFault(field="ssh_key", text=text))
         if faults:
             return tuple(faults)
         if kept:
@@ -297,6 +300,10 @@ class FirstSetup:
         whole = self._handed_over() | values
         text = "".join(f"{name}={value}\n" for name, value in sorted(whole.items()))
         write_text_atomically(self.config.parent / HANDOVER, text, mode=0o600)
+
+    def _may_log_in(self) -> Path:
+        """Keys of who may log in to an image (deploy/image/configure-root.sh)."""
+        return self.config.parent.resolve().parent / "ssh/authorized_keys"
 
     def _has_update_key(self) -> bool:
         installed = Installation.of(sys.executable)

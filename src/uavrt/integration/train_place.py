@@ -138,7 +138,7 @@ class Cells:
     @property
     def area(self) -> _Floats:
         """(cells,) ground, relative."""
-        return np.asarray(self.range_m**2 * self.width_deg * np.log(self.ratio))
+        return _area(self.range_m, self.width_deg, self.ratio)
 
     def region(self, share: float) -> NDArray[np.bool_]:
         """Which cells hold a share of the probability, whatever the fall with distance is.
@@ -146,9 +146,10 @@ class Cells:
         For each fall they are the smallest such region. After a pass the falls cannot be told
         apart, and a region of all together leaves out what the less believed ones say.
         """
-        inside = np.zeros(len(self.range_m), bool)
+        area = self.area
+        inside = np.zeros(len(area), bool)
         for probability in self.by_fall:
-            order = np.argsort(-probability / self.area, kind="stable")
+            order = np.argsort(-probability / area, kind="stable")
             before = np.cumsum(probability[order]) - probability[order]
             inside[order[before < share]] = True
         return inside
@@ -555,12 +556,13 @@ def _fined(
         ratio=np.full(count, RANGE_STEP),
         by_fall=by_fall,
     )
+    likely = ground.likely()
     for _ in range(_MOST_TIMES):
-        likely = ground.likely()
         parts = ground.parts(likely)
         logs = _logs_anywhere(heard, parts, tables, levels_db, falls=len(by_fall) > 1)
         ground = ground.with_parts(likely, parts, np.exp(logs - logs.max()).sum(axis=2))
-        if len(ground.likely()) > _FINED_AGAIN:
+        likely = ground.likely()
+        if len(likely) > _FINED_AGAIN:
             break
     held = ground.by_fall
     share = held.sum(axis=1, keepdims=True)
@@ -574,6 +576,11 @@ def _fined(
         probability=held.sum(axis=0),
         by_fall=told / told.sum(axis=1, keepdims=True),
     )
+
+
+def _area(range_m: _Floats, width_deg: _Floats, ratio: _Floats) -> _Floats:
+    """Ground of cells, relative: their depth is by a ratio of distances."""
+    return np.asarray(range_m**2 * width_deg * np.log(ratio))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -614,7 +621,7 @@ class _Ground:
         self, which: NDArray[np.intp], parts: "_Ground", likelihood: _Floats
     ) -> "_Ground":
         """Parts in place of their cells, with what these held, by likelihood and ground."""
-        held = likelihood * parts.range_m**2 * parts.width_deg * np.log(parts.ratio)
+        held = likelihood * _area(parts.range_m, parts.width_deg, parts.ratio)
         held *= self.by_fall[:, which].sum() / held.sum()
         rest = np.setdiff1d(np.arange(len(self.range_m)), which)
         return _Ground(
