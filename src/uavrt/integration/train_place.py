@@ -41,9 +41,6 @@ _LEAST_LOG = -30.0
 _FINE = 3
 """Parts of a likely cell in bearing and distance."""
 _MOST_FINED = 300
-_FINED_AGAIN = 33
-"""As long as no more cells than these are likely, they are fined again: of a loud tag."""
-_MOST_TIMES = 3
 _SHARPER = 8
 """Power of the belief whose mean is the likeliest place: of a normal one the same."""
 _ALONE = 0.9
@@ -557,13 +554,9 @@ def _fined(
         by_fall=by_fall,
     )
     likely = ground.likely()
-    for _ in range(_MOST_TIMES):
-        parts = ground.parts(likely)
-        logs = _logs_anywhere(heard, parts, tables, levels_db, falls=len(by_fall) > 1)
-        ground = ground.with_parts(likely, parts, np.exp(logs - logs.max()).sum(axis=2))
-        likely = ground.likely()
-        if len(likely) > _FINED_AGAIN:
-            break
+    parts = ground.parts(likely)
+    logs = _logs_anywhere(heard, parts, tables, levels_db, falls=len(by_fall) > 1)
+    ground = ground.with_parts(likely, parts, np.exp(logs - logs.max()).sum(axis=2))
     held = ground.by_fall
     share = held.sum(axis=1, keepdims=True)
     told = held[share[:, 0] >= _LEAST_FALL]
