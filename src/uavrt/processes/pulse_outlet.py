@@ -154,13 +154,16 @@ class PulseOutlet:
 
     def _refill(self, store: int) -> None:
         """Fetch pulses from the newest flight that has any."""
-        without = self.sender.keys() | {k for number, k in self._recent if number == store}
-        room = min(REFILL, self.sender.room(store))
+        sender = self.sender
+        without = sender.keys(store) | {k for number, k in self._recent if number == store}
+        room = min(REFILL, sender.room(store))
         newest_first = tuple(reversed(self._flights))
         self._reading = True
+        sender.reading(store)
         job = partial(_read, newest_first, store, room, without)
         if not self._disk(job, partial(self._refilled, store)):
             self._reading = False
+            sender.refill(store, (), more=True)
 
     def _refilled(self, store: int, result: tuple[list[PulsePose], bool]) -> None:
         self._reading = False

@@ -208,7 +208,8 @@ class LinkTrial:
         store = self.sender.wanted()
         if store is None:
             return
-        kept, here = self._on_disk.get(store, set()), self.sender.keys()
+        self.sender.reading(store)
+        kept, here = self._on_disk.get(store, set()), self.sender.keys(store)
         items = [
             ((2, i), i)
             for i in reversed(self._recorded)

@@ -12,8 +12,9 @@ first, for the display, and the backlog follows.
 
 Of some pulses there is more to say than their payload holds: what is inside a burst
 (`uavrt.tunnel.burst`). It goes to a store once that has acknowledged the pulse, and only with
-both is the pulse delivered. A ground station of an older version never acknowledges the inside;
-then the pulse alone counts, after some tries.
+both is the pulse delivered: who overhears the inside alone has not got the pulse. A ground
+station of an older version never acknowledges the inside; then the pulse alone counts, after
+some tries.
 
 A store is a number that anybody can make up. One that has acknowledged no pulse yet gets what
 goes to all, and a few repetitions when nothing else waits; when it has answered one, all.
@@ -241,9 +242,17 @@ class ReliableSender(Generic[T]):
         """The stores that have acknowledged a pulse: there is somebody."""
         return frozenset(n for n, store in self._stores.items() if store.acknowledges)
 
-    def keys(self) -> set[ItemKey]:
-        """Pulses in memory."""
-        return {entry.pulse for entry in self._entries.values()}
+    def keys(self, store: int) -> set[ItemKey]:
+        """Pulses in memory that a store needs no longer, or gets from here.
+
+        Others in memory may be for other stores alone, and must be read for this one, too.
+        For `PLAIN` it is all of them.
+        """
+        return {
+            entry.pulse
+            for entry in self._entries.values()
+            if store == PLAIN or store in entry.owed or store in entry.kept
+        }
 
     def room(self, store: int) -> int:
         """How many pulses from disk may be given for a store."""
@@ -270,6 +279,8 @@ class ReliableSender(Generic[T]):
             At most `CAPACITY` less what is here.
         more : bool
             Whether there are others on disk.
+
+        What came to the disk since `reading` is asked for again, whatever `more` is.
         """
         for key, item in items:
             if key not in self._entries:
@@ -279,10 +290,8 @@ class ReliableSender(Generic[T]):
             elif store in self._stores:
                 self._entries[key].owed.add(store)
                 self._wait_no_longer_as_probe(store)
-        if store == PLAIN:
-            self._plain_on_disk = more
-        elif store in self._stores:
-            self._stores[store].on_disk = more
+        if more:
+            self._ask_again(store)
         self._bound()
 
     def wanted(self) -> int | None:
@@ -293,6 +302,20 @@ class ReliableSender(Generic[T]):
             if store.on_disk and (store.acknowledges or not self._probes):
                 return number
         return PLAIN if self._plain_on_disk and not self._stores else None
+
+    def reading(self, store: int) -> None:
+        """The disk is read for a store from now on: `refill` follows."""
+        if store == PLAIN:
+            self._plain_on_disk = False
+        elif store in self._stores:
+            self._stores[store].on_disk = False
+
+    def _ask_again(self, store: int) -> None:
+        """There is more on disk for a store, or for those that do not acknowledge."""
+        if store == PLAIN:
+            self._plain_on_disk = True
+        elif store in self._stores:
+            self._stores[store].on_disk = True
 
     def disk_has_news(self) -> None:
         """Pulses may be on disk that are not here: a flight was opened or reopened."""
@@ -332,7 +355,7 @@ class ReliableSender(Generic[T]):
         if known is None:
             self._stores[store] = _Store(place, now_ns, since_ns=now_ns)
             for entry in self._entries.values():
-                if store not in entry.kept:
+                if store not in entry.kept and entry.inside is None:
                     entry.owed.add(store)
         else:
             known.place, known.heard_ns = place, now_ns
@@ -345,8 +368,10 @@ class ReliableSender(Generic[T]):
                 new += self._late_word(number, store)
                 continue
             entry = entry_or_none
-            entry.kept.add(store)
             self._trust(store)
+            if entry.inside is not None and store not in entry.owed:
+                continue  # overheard: it has not acknowledged the pulse
+            entry.kept.add(store)
             entry.owed.discard(store)
             if entry.inside is not None:
                 self._stores[store].reads_insides = True
@@ -374,8 +399,8 @@ class ReliableSender(Generic[T]):
         self._trust(store)
         if done.inside:
             self._stores[store].reads_insides = True
-        if done.has_inside:
-            self._stores[store].on_disk = True  # it comes again, and then its inside
+        if done.inside or done.has_inside:
+            self._stores[store].on_disk = True  # both come again, unless it has both
             return []
         return [done.pulse]
 

@@ -192,7 +192,7 @@ def test_a_burst_is_delivered_with_its_inside_and_not_before() -> None:
     second = sender.take(SECOND, 1200.0)
     assert second is not None
     assert (second.payload_type, second.place) == (BURST_TYPE, GROUND)
-    assert sender.keys() == {pulses[0].key}, "it is not fetched from the disk meanwhile"
+    assert sender.keys(77) == {pulses[0].key}, "it is not fetched from the disk meanwhile"
     station.take(second.payload_type, second.payload)
     number = payload_hash(second.payload)
     assert sender.receipt(77, [number], GROUND, 2 * SECOND) == [pulses[0].key]

@@ -121,6 +121,7 @@ def test_a_store_that_has_answered_nothing_is_tried_while_nothing_else_waits() -
     sender.add((2, 1), 1)
     assert taken(sender, SECOND) == [1]
     acknowledge(sender, 7, SECOND, 1)
+    sender.reading(7)
     sender.refill(7, [], more=False)
     sender.receipt(8, (), OTHER, SECOND)
     assert sender.wanted() == 8
@@ -159,6 +160,7 @@ def test_a_new_store_is_offered_what_is_on_disk() -> None:
     sender = make_sender()
     sender.receipt(7, (), GROUND, 0)
     assert sender.wanted() == 7
+    sender.reading(7)
     sender.refill(7, [((2, n), n) for n in (3, 2, 1)], more=False)
     assert sender.wanted() is None
     assert taken(sender, SECOND) == [1, 2, 3]
@@ -208,12 +210,13 @@ def test_whatever_is_lost_every_pulse_arrives_once_acknowledged(data: st.DataObj
 def test_memory_is_bounded_and_the_oldest_go_back_to_the_disk() -> None:
     sender = make_sender()
     acknowledge(sender, 7, 0)
+    sender.reading(7)
     sender.refill(7, (), more=False)
     for number in range(CAPACITY + 10):
         sender.add((2, number), number)
     assert len(sender) == CAPACITY
     assert sender.put_back == 10
-    assert min(sender.keys()) == (2, 10)
+    assert min(sender.keys(7)) == (2, 10)
     acknowledge(sender, 7, 1)
     assert sender.wanted() is None  # no room yet
 
@@ -222,6 +225,7 @@ def test_the_disk_is_asked_for_plain_ground_stations_too() -> None:
     sender = make_sender()
     sender.disk_has_news()
     assert sender.wanted() == PLAIN
+    sender.reading(PLAIN)
     sender.refill(PLAIN, [((2, 1), 1)], more=False)
     assert sender.wanted() is None
     assert taken(sender, 4 * SECOND) == [1]
