@@ -131,10 +131,11 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
     """What the slots of a train that was found say one by one."""
-    heard = HeardTrain.among(result.energies, result.pulses, result.places)
+    rates = len(result.tag.pulse_intervals_s)
+    heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
     gain = np.interp(result.pulses.time_s, places.time_s, places.gain[best_place(result)])
-    return slot_evidence(heard, gain, len(result.tag.pulse_intervals_s))
+    return slot_evidence(heard, gain)
 
 
 def _heard_live(

@@ -196,12 +196,15 @@ class _View:
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
         """Its own train where it was found alone, else that of all flights."""
         one, train = self.judged, joint.trains[number]
+        rates = len(one.tag.pulse_intervals_s)
         if one.found:
-            return HeardTrain.among(one.energies, one.pulses, self.places)
+            return HeardTrain.among(one.energies, one.pulses, self.places, rates=rates)
         gain = self.gain[self.chosen[train.place]]
         pulses = train_pulses(one.energies, train, gain, self.places.time_s)
         trains = joint.log_trains[number]
-        return HeardTrain.among(one.energies, pulses, self.places, trains)
+        return HeardTrain.among(
+            one.energies, pulses, self.places, rates=rates, log_trains=trains
+        )
 
     def told(
         self,

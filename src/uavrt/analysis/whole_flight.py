@@ -260,8 +260,8 @@ def judged_tag(
     found = train.false_alarm_probability <= false_alarm_probability
     place = None
     if found:
-        place = place_belief([HeardTrain.among(energies, pulses, places)])
-        limitations += rates_in_words(tag)
+        rates = len(tag.pulse_intervals_s)
+        place = place_belief([HeardTrain.among(energies, pulses, places, rates=rates)])
     return IntegratedTag(
         tag=tag,
         found=found,
@@ -277,16 +277,6 @@ def judged_tag(
         ),
         limitations=limitations,
         searched=searched,
-    )
-
-
-def rates_in_words(tag: Tag) -> tuple[str, ...]:
-    """Say what the place of a tag with several rates takes for granted; nothing of others."""
-    if len(tag.pulse_intervals_s) < 2:
-        return ()
-    return (
-        "the tag is placed as if it had kept to this rate: if it changed, silence at the rate "
-        "counts against where it is, and the place may be far off; see its bearings",
     )
 
 

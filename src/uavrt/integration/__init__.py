@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         distinct,
         places_around,
     )
-    from uavrt.integration.rates import SlotEvidence, slot_evidence
+    from uavrt.integration.single_slots import SlotEvidence, slot_evidence
     from uavrt.integration.together import JointTrain, Listened, search_together
     from uavrt.integration.train_place import (
         HeardTrain,
@@ -102,7 +102,7 @@ __getattr__ = lazily(
         "PlaceBelief": "train_place",
         "Places": "places",
         "SlotEnergies": "energy_grid",
-        "SlotEvidence": "rates",
+        "SlotEvidence": "single_slots",
         "TrainPulses": "train_place",
         "Weights": "whole_flight",
         "base_periods": "folding",
@@ -124,7 +124,7 @@ __getattr__ = lazily(
         "search_flight": "whole_flight",
         "search_together": "together",
         "slot_energies": "energy_grid",
-        "slot_evidence": "rates",
+        "slot_evidence": "single_slots",
         "told_energies": "train_place",
         "told_share": "train_place",
         "train_pulses": "train_place",

@@ -1,69 +1,80 @@
-"""In which slots of a train its tag was at that rate, and in which a pulse stands out.
+"""A tag of several rates uses each for a part of a flight: when it was at one of them. Pure.
 
-A tag of several rates uses each for a part of a flight. The train of one has slots in all of
-it; where the tag was at another rate, these hold noise. A path of two states tells them apart:
-at the rate a slot counts the logarithm of its likelihood ratio, else nothing, and each change
-of state costs as much as `_CHANGE` (Viterbi 1967, IEEE Trans. Inf. Theory 13, 260).
+The train of a rate has slots in all of a flight; where the tag was at another rate, these hold
+noise, and at times a pulse of that other rate. A chain of two states tells them apart (a hidden
+Markov model: Rabiner 1989, Proc. IEEE 77, 257): its likelihood over all paths is what a place
+says of the flight, and its likeliest path which slots were at the rate.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.integration.train_place import HeardTrain, noise_reaches, slot_logs
-
-_CHANGE = 7.0
-"""Once in a thousand slots."""
-_MOST = 5.0
-"""That one slot counts: a pulse of another rate may lie in it by chance, however strong."""
-_LEVELS_DB = np.arange(0.0, 50.0, 1.0)
-"""Of the strongest pulse; the one that explains most is taken."""
-_IN_NOISE = 0.05
-"""Share of the slots of noise whose energy passes for a pulse's."""
+_Floats = NDArray[np.float64]
+_CHANGE = 1e-3
+"""Probability of a change of state from one slot to the next."""
+_STRAY = 1e-2
+"""Share of the slots in which a pulse of another rate lies by chance: two slots in an interval
+are so much of it."""
+_LOGS_EACH = 8
+"""Slots whose product is a number: none is likelier in noise than by a factor of e^30."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SlotEvidence:
-    """What the slots of a train say one by one."""
-
-    at_rate: NDArray[np.bool_]
-    """(n,) whether the tag was at the train's rate; all of a tag with one rate."""
-    supported: NDArray[np.bool_]
-    """(n,) whether it was, and the slot has an energy that 95 % of slots of noise do not."""
-
-
-def slot_evidence(one: HeardTrain, gain: NDArray[np.float64], rates: int) -> SlotEvidence:
-    """Judge the slots of a train one by one.
+def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
+    """By how much slots are likelier if a tag may have been at another rate in some of them.
 
     Parameters
     ----------
-    one : HeardTrain
-        Of a tag that was found.
-    gain : ndarray of float64, shape (slots,)
-        Energy of a pulse from the likeliest place in each slot, relative to the strongest.
-    rates : int
-        That the tag has.
+    inverses : iterable of ndarray of float64
+        One over the likelihood ratio of a pulse in each slot, one array of hypotheses after the
+        other.
+    shape : tuple of int
+        Of these arrays.
+
+    Returns
+    -------
+    ndarray of float64
+        Logarithm, in that shape, over all paths (the forward algorithm): to be added to the
+        logarithms of the slots' likelihood ratios.
     """
-    at_rate = np.ones(len(one.pulses.energy), bool)
-    if rates > 1:
-        at_rate = _stretches(np.minimum(slot_logs(one, gain, _LEVELS_DB), _MOST))
-    above = one.pulses.energy > noise_reaches(one, _IN_NOISE)
-    return SlotEvidence(at_rate=at_rate, supported=at_rate & above)
+    total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
+    for slot, inverse in enumerate(inverses):
+        on *= 1.0 - 2.0 * _CHANGE
+        on += _CHANGE
+        # A slot's likelihood at the rate is 1, and so much at another one:
+        both = _STRAY + (1.0 - _STRAY) * inverse
+        both *= 1.0 - on
+        both += on
+        on /= both
+        product *= both
+        if slot % _LOGS_EACH == _LOGS_EACH - 1:
+            total += np.log(product)
+            product.fill(1.0)
+    return total + np.log(product)
 
 
-def _stretches(logs: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Where the likeliest path of the best level is at the rate; logs (levels, slots)."""
+def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
+    """In which slots a tag was at a rate: the likeliest path of the best level (Viterbi 1967).
+
+    Parameters
+    ----------
+    logs : ndarray of float64, shape (levels, slots)
+        Logarithm of the likelihood ratio of a pulse in each slot.
+    """
     levels, slots = logs.shape
+    at_other = np.log1p(_STRAY * np.expm1(logs))
+    change, stay = np.log(_CHANGE), np.log1p(-_CHANGE)
     on, off = np.zeros(levels), np.zeros(levels)
     came_on, came_off = np.ones((slots, levels), bool), np.zeros((slots, levels), bool)
     for slot in range(slots):
         if slot:
-            came_on[slot] = on >= off - _CHANGE
-            came_off[slot] = on - _CHANGE > off
+            came_on[slot] = on + stay >= off + change
+            came_off[slot] = on + change > off + stay
         before_on, before_off = on, off
-        on = np.where(came_on[slot], before_on, before_off - _CHANGE) + logs[:, slot]
-        off = np.where(came_off[slot], before_on - _CHANGE, before_off)
+        on = np.where(came_on[slot], before_on + stay, before_off + change) + logs[:, slot]
+        off = np.where(came_off[slot], before_on + change, before_off + stay)
+        off = off + at_other[:, slot]
     best = int(np.argmax(np.maximum(on, off)))
     state, path = bool(on[best] >= off[best]), np.zeros(slots, bool)
     for slot in range(slots - 1, -1, -1):

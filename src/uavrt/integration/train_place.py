@@ -25,6 +25,7 @@ from uavrt.integration.places import (
     common_gains,
     east_north,
 )
+from uavrt.integration.rates import other_rate_logs
 from uavrt.integration.whole_flight import FoldedTrain
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
@@ -52,6 +53,8 @@ _LIKELY = 100
 _KEPT = 0.998
 _BLOCK = 20_000
 """Places times pulses looked up at once."""
+_BLOCK_OF_RATES = 300
+"""Places whose slots are gone through at once."""
 _BETWEEN_DB = 3.0
 """Of a tag's level from one flight to another: posture, receiver, ground."""
 _EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
@@ -360,6 +363,8 @@ class HeardTrain:
     log_trains: float | None = None
     """Logarithm of how many trains it is the likeliest of; None takes it as the tag's. Where it
     is weak the tag's may be another, and this flight then tells nothing."""
+    rates: int = 1
+    """That the tag has: with several, it may have been at another one in some slots."""
 
     @classmethod
     def among(
@@ -367,6 +372,8 @@ class HeardTrain:
         energies: SlotEnergies,
         pulses: TrainPulses,
         places: Places,
+        *,
+        rates: int,
         log_trains: float | None = None,
     ) -> "HeardTrain":
         """A train in the noise at its frequency."""
@@ -380,6 +387,7 @@ class HeardTrain:
             mean_noise_energy=float(mean),
             places=places,
             log_trains=log_trains,
+            rates=rates,
         )
 
 
@@ -429,7 +437,7 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     held = place.probability[likely]
     table = _table(one)
     levels_db = place.level_db + _BETWEEN_DB * np.linspace(-2.0, 2.0, 13)
-    logs = _logs(one.pulses, _gain_db(one, gain[likely]), table, levels_db)
+    logs = _logs(one, _gain_db(one, gain[likely]), table, levels_db)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
     own = special.logsumexp(logs, axis=1, b=weight / weight.sum())
     return float(held @ special.expit(own - one.log_trains) / held.sum())
@@ -486,7 +494,7 @@ def _joint_logs(
     """Log likelihood ratio of each place and level, over all flights."""
     logs = np.zeros((len(gains_db[0]), len(levels_db)))
     for one, gain_db, table in zip(heard, gains_db, tables, strict=True):
-        own = _logs(one.pulses, gain_db, table, levels_db)
+        own = _logs(one, gain_db, table, levels_db)
         if one.log_trains is not None:
             own = np.logaddexp(0.0, own - one.log_trains)
         if len(heard) > 1:
@@ -510,9 +518,13 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
     return one.places.track.away_db(east_m, north_m, part)
 
 
-def _logs(pulses: TrainPulses, gain_db: _Floats, table: _Floats, levels_db: _Floats) -> _Floats:
-    """Log likelihood ratio of each place and level, levels a whole number of steps apart."""
-    amplitude = np.sqrt(np.maximum(pulses.energy, 0.0))
+def _logs(one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats) -> _Floats:
+    """Log likelihood ratio of each place and level, levels a whole number of steps apart.
+
+    Of a tag with several rates the pulses' are not just added up: it may have been at another
+    one, and what is silent then says nothing of where it is.
+    """
+    amplitude = np.sqrt(np.maximum(one.pulses.energy, 0.0))
     column = np.minimum(np.rint(amplitude / _AMPLITUDES[1]), len(_AMPLITUDES) - 1)
     chosen = table[:, column.astype(np.intp)].T.astype(np.float32)
     step_db = _STRENGTHS_DB[1] - _STRENGTHS_DB[0]
@@ -527,13 +539,19 @@ def _logs(pulses: TrainPulses, gain_db: _Floats, table: _Floats, levels_db: _Flo
     levels = np.lib.stride_tricks.sliding_window_view(thinned, len(levels_db), axis=2)
     at = np.arange(len(column))
     logs = np.empty((len(gain_db), len(levels_db)))
+    if one.rates > 1:
+        inverses = np.exp(-thinned.astype(np.float64))
+        inverses = np.lib.stride_tricks.sliding_window_view(inverses, len(levels_db), axis=2)
     # Few places at a time: what is looked up stays in the processor's cache.
-    block = max(1, _BLOCK // max(len(at), 1))
+    block = max(1, _BLOCK // max(len(at), 1)) if one.rates == 1 else _BLOCK_OF_RATES
     for low in range(0, len(gain_db), block):
         some = slice(low, low + block)
         first = np.rint((gain_db[some] + levels_db[0] - _STRENGTHS_DB[0]) / step_db)
         first = np.clip(first, -beyond, len(_STRENGTHS_DB) - 1).astype(np.intp) + beyond
         logs[some] = levels[first % apart, at, first // apart].sum(axis=1)
+        if one.rates > 1:
+            each = (inverses[row % apart, n, row // apart] for n, row in enumerate(first.T))
+            logs[some] += other_rate_logs(each, logs[some].shape)
     return logs
 
 

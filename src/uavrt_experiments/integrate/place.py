@@ -53,10 +53,26 @@ class Placed:
 
 
 def placed(
-    rng: np.random.Generator, course: Course, enr_db: float, pattern_db: float
+    rng: np.random.Generator,
+    course: Course,
+    enr_db: float,
+    pattern_db: float,
+    second_s: float | None = None,
 ) -> Placed | None:
-    """Fly, search and place; None when it was not found."""
-    world = narrow_world(course)
+    """Fly, search and place; None when it was not found.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    course : Course
+    enr_db : float
+        Of the strongest pulse.
+    pattern_db : float
+        By which the true pattern differs from the table.
+    second_s : float, optional
+        Interval at which the tag is in the second half of the flight.
+    """
+    world = replace(narrow_world(course), second_s=second_s)
     pattern = PATTERNS[course.antenna]
     if pattern_db:
         pattern = disturbed(rng, pattern, pattern_db)
@@ -69,7 +85,8 @@ def placed(
         return None
     places, chosen = looked_at(course)
     pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
-    heard = HeardTrain.among(energies, pulses, places)
+    rates = len(world.tag.pulse_intervals_s)
+    heard = HeardTrain.among(energies, pulses, places, rates=rates)
     belief = place_belief([heard])
     bearing = math.degrees(math.atan2(truth.east_m, truth.north_m))
     off = abs(float(wrap_degrees_180(belief.bearing_deg - bearing)))

@@ -155,7 +155,7 @@ def fly_past(rng: np.random.Generator, each: tuple[World, ...], enr_db: float) -
             energies, joint.trains, joint.log_trains, places, gains, strict=True
         ):
             pulses = train_pulses(energy, train, gain[chosen[train.place]], place.time_s)
-            heard.append(HeardTrain.among(energy, pulses, place, trains))
+            heard.append(HeardTrain.among(energy, pulses, place, rates=1, log_trains=trains))
         belief = place_belief(heard)
         held = belief.cells.holds(truth.east_m, truth.north_m, 0.9)
         east_m, north_m = PLANE.to_local(belief.latitude_deg, belief.longitude_deg)

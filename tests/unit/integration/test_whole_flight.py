@@ -162,7 +162,7 @@ def test_after_a_straight_pass_both_places_are_named() -> None:
     train = world.judge(energies, 0.01).train
     places, chosen = looked_at(world.course)
     pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
-    place = place_belief([HeardTrain.among(energies, pulses, places)])
+    place = place_belief([HeardTrain.among(energies, pulses, places, rates=1)])
     told = where(place)
     assert "one of 2 places" in told[0]
     first, second = place.cells.parts()[:2]
