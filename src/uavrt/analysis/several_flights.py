@@ -29,6 +29,7 @@ from uavrt.integration import (
     pulse_weights,
     search_together,
     told_share,
+    train_evidence,
     train_pulses,
 )
 from uavrt.localization import AntennaPattern
@@ -217,7 +218,7 @@ class _View:
         """What the flight says of a tag that was found: its pulses, where they are its own."""
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
-            odds = place.log_evidence - (heard.log_trains or 0.0)
+            odds = train_evidence(heard) - (heard.log_trains or 0.0)
             sure = heard.log_trains is None or odds >= math.log(_TOLD / (1.0 - _TOLD))
         else:
             place, sure = common, told_share(heard, self.gain, common) >= _TOLD

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         place_belief,
         told_energies,
         told_share,
+        train_evidence,
         train_pulses,
     )
     from uavrt.integration.whole_flight import (
@@ -84,6 +85,7 @@ __all__ = [
     "slot_evidence",
     "told_energies",
     "told_share",
+    "train_evidence",
     "train_pulses",
 ]
 __getattr__ = lazily(
@@ -127,6 +129,7 @@ __getattr__ = lazily(
         "slot_evidence": "single_slots",
         "told_energies": "train_place",
         "told_share": "train_place",
+        "train_evidence": "train_place",
         "train_pulses": "train_place",
     },
 )

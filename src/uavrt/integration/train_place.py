@@ -7,11 +7,11 @@ level is a nuisance with a flat prior in decibels, the place has one flat over t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, special, stats
+from scipy import interpolate, ndimage, special, stats
 from scipy.sparse import csgraph
 
 from uavrt.integration.bursts import exponentials, log_ratio_parts
@@ -34,14 +34,28 @@ _Floats = NDArray[np.float64]
 _AMPLITUDES = np.arange(0.0, 80.0, 0.1)
 """Of pulses in noise: up to 38 dB."""
 _STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
+_STEP_DB = 0.1
+"""Between two strengths that are looked up: at half a decibel the pulses of a lane are rounded
+alike, and places 20 m apart differ for that alone."""
 _LEVELS_DB = (-14.0, 9.0)
 """Levels looked at, from the strongest energies."""
+_LEVEL_PARTS = 8
+"""Of a step between them."""
 _FADING_DB = 1.0
 """Of single pulses, by what pattern, poses and ground do beyond the model."""
 _LEAST_LOG = -30.0
 _FINE = 3
 """Parts of a likely cell in bearing and distance."""
 _MOST_FINED = 300
+_ALWAYS_FINED = 60
+"""The likeliest cells, however little they hold: between the middles of cells that are wide for
+a loud tag, the likelihood varies by more than from one to the next."""
+_EVEN = 2.0
+"""Where log likelihoods differ by more among the parts of a cell, these are looked at in parts
+again …"""
+_FINEST_M = 3.0
+"""… if they are larger than this: positions of the drone are not better."""
+_MOST_ROUNDS = 4
 _SHARPER = 8
 """Power of the belief whose mean is the likeliest place: of a normal one the same."""
 _ALONE = 0.9
@@ -69,6 +83,11 @@ _SAME_RANGE_DB = 0.3
 _COUNTED = 0.8
 """Of the pulses' evidence: what pattern, poses and ground do beyond the model is the same for
 neighbouring pulses. With all of it regions of 90 % held .85 (I4)."""
+_LASTING_DB2 = 8.0
+"""Variance of that, times the pulses for which it lasts: where noise and fading of single
+pulses are less, it limits what they say."""
+_NOISY_DB2 = 10.0
+"""Variance of a level in noise up to which `_COUNTED` holds."""
 _LOUD_AS = 6.0
 """A loud pulse of energy E counts as this times ln E: 18 at the limit, 41 at 30 dB."""
 _WINDOWS = (0.8, 0.6)
@@ -98,8 +117,6 @@ class PlaceBelief:
     arc95_deg: float
     level_db: float
     """Energy over noise of the strongest pulse."""
-    log_evidence: float
-    """Logarithm of how much likelier the pulses are with a tag, anywhere, than without one."""
     probability: _Floats
     """(places,)."""
     cells: "Cells"
@@ -399,25 +416,43 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     heard : sequence of HeardTrain
         Of one flight, or of several of a tag that rested, around one plane's middle.
     """
-    top_db = 10.0 * np.log10(
-        max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
-    )
-    levels_db = top_db + np.arange(_LEVELS_DB[0], _LEVELS_DB[1] + 0.5)
+    levels_db = _levels_db(heard)
     tables = [_table(one) for one in heard]
     gains = common_gains([one.places for one in heard])
     here = heard[0].places
     from_here = (here.east_m, here.north_m)
     falls = _tells_falls(heard, from_here)
     logs = _all_logs(heard, gains, from_here, tables, levels_db, falls=falls)
-    area = heard[0].places.area[:, np.newaxis]
-    joint = np.exp(logs - logs.max()) * area
-    total = float(joint.sum())
-    evidence = float(logs.max() + np.log(total / (area.sum() * len(levels_db))))
-    joint /= total
-    by_fall = joint.sum(axis=2)
-    cells = _fined(heard, by_fall, tables, levels_db)
-    level_db = float(joint.sum(axis=(0, 1)) @ levels_db)
-    return _summary(by_fall.sum(axis=0), level_db, evidence, cells)
+    cells, level_db, probability = _fined(heard, logs, tables, levels_db)
+    return _summary(probability, level_db, cells)
+
+
+def train_evidence(one: HeardTrain) -> float:
+    """Logarithm of how much likelier a train is with a tag, anywhere, than without one."""
+    levels_db = _levels_db([one])
+    places = one.places
+    falls = _tells_falls([one], (places.east_m, places.north_m))
+    gains = common_gains([places])
+    logs = _all_logs(
+        [replace(one, log_trains=None)],
+        gains,
+        (places.east_m, places.north_m),
+        [_table(one)],
+        levels_db,
+        falls=falls,
+        tempered=False,
+    )
+    held, _ = _over_levels(logs, levels_db)
+    share = np.log(places.area / places.area.sum())
+    return float(special.logsumexp(held + share))
+
+
+def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
+    """Levels of the strongest pulse that are looked at."""
+    top_db = 10.0 * np.log10(
+        max(1.0, *(float(np.quantile(one.pulses.energy, 0.98)) for one in heard))
+    )
+    return np.asarray(top_db + np.arange(_LEVELS_DB[0], _LEVELS_DB[1] + 0.5))
 
 
 def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
@@ -437,7 +472,7 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     held = place.probability[likely]
     table = _table(one)
     levels_db = place.level_db + _BETWEEN_DB * np.linspace(-2.0, 2.0, 13)
-    logs = _logs(one, _gain_db(one, gain[likely]), table, levels_db)
+    logs = _logs(one, _gain_db(one, gain[likely]), table, levels_db, tempered=False)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
     own = special.logsumexp(logs, axis=1, b=weight / weight.sum())
     return float(held @ special.expit(own - one.log_trains) / held.sum())
@@ -458,14 +493,16 @@ def _all_logs(
     levels_db: _Floats,
     *,
     falls: bool,
+    tempered: bool = True,
 ) -> _Floats:
     """Log likelihood ratio and belief of each fall, place and level, over all flights.
 
-    Without `falls` there is one, as none can be told from another.
+    Without `falls` there is one, as none can be told from another. Tempered it allows for what
+    pulses have in common beyond the model, as places are told apart by it.
     """
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
     if not falls:
-        return _COUNTED * _joint_logs(heard, gains_db, tables, levels_db)[np.newaxis]
+        return _joint_logs(heard, gains_db, tables, levels_db, tempered)[np.newaxis]
     away_db = [_away_db(one, *east_north_m) for one in heard]
     top_db = _strongest(gains_db)
     logs = []
@@ -476,8 +513,28 @@ def _all_logs(
         ]
         shift_db = top_db - _strongest(turned_db)  # levels are of the strongest pulse
         turned_db = [one + shift_db for one in turned_db]
-        logs.append(_COUNTED * _joint_logs(heard, turned_db, tables, levels_db))
+        logs.append(_joint_logs(heard, turned_db, tables, levels_db, tempered))
     return np.asarray(np.stack(logs) + np.log(_EXPONENT_SHARES)[:, np.newaxis, np.newaxis])
+
+
+def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
+    """Logarithm of the mean of likelihoods over levels, and the mean level of each [dB].
+
+    That of a loud tag is told to a fraction of the step between levels: between them the
+    logarithm follows a spline, for it is smooth.
+
+    Parameters
+    ----------
+    logs : ndarray of float64, shape (falls, places, levels)
+    levels_db : ndarray of float64, shape (levels,)
+    """
+    fine = np.linspace(levels_db[0], levels_db[-1], _LEVEL_PARTS * (len(levels_db) - 1) + 1)
+    between = interpolate.CubicSpline(levels_db, logs, axis=2)(fine)
+    top = between.max(axis=2)
+    between -= top[..., np.newaxis]
+    likelihood = np.exp(between, out=between)
+    total = likelihood.sum(axis=2)
+    return top + np.log(total / len(fine)), likelihood @ fine / total
 
 
 def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
@@ -490,13 +547,16 @@ def _joint_logs(
     gains_db: Sequence[_Floats],
     tables: Sequence[_Floats],
     levels_db: _Floats,
+    tempered: bool,
 ) -> _Floats:
     """Log likelihood ratio of each place and level, over all flights."""
     logs = np.zeros((len(gains_db[0]), len(levels_db)))
     for one, gain_db, table in zip(heard, gains_db, tables, strict=True):
-        own = _logs(one, gain_db, table, levels_db)
+        chance = one.log_trains is not None
+        own = _logs(one, gain_db, table, levels_db, tempered=tempered and not chance)
         if one.log_trains is not None:
-            own = np.logaddexp(0.0, own - one.log_trains)
+            # Whether it is the tag's train all of its evidence tells; where it is, less.
+            own = _COUNTED * np.logaddexp(0.0, own - one.log_trains)
         if len(heard) > 1:
             top = own.max(axis=1, keepdims=True)
             blurred = ndimage.gaussian_filter1d(np.exp(own - top), _BETWEEN_DB, mode="nearest")
@@ -518,7 +578,9 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
     return one.places.track.away_db(east_m, north_m, part)
 
 
-def _logs(one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats) -> _Floats:
+def _logs(
+    one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, *, tempered: bool
+) -> _Floats:
     """Log likelihood ratio of each place and level, levels a whole number of steps apart.
 
     Of a tag with several rates the pulses' are not just added up: it may have been at another
@@ -527,10 +589,11 @@ def _logs(one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats)
     amplitude = np.sqrt(np.maximum(one.pulses.energy, 0.0))
     column = np.minimum(np.rint(amplitude / _AMPLITUDES[1]), len(_AMPLITUDES) - 1)
     chosen = table[:, column.astype(np.intp)].T.astype(np.float32)
-    step_db = _STRENGTHS_DB[1] - _STRENGTHS_DB[0]
+    if tempered:
+        chosen *= _counted(one.pulses)[:, np.newaxis]
     # Levels lie so many of the table's steps apart: those of a place and pulse follow each
     # other among every so many of its rows.
-    apart = round((levels_db[1] - levels_db[0]) / step_db)
+    apart = round((levels_db[1] - levels_db[0]) / _STEP_DB)
     beyond = apart * len(levels_db)
     padded = np.pad(chosen, ((0, 0), (beyond, beyond + apart)), mode="edge")
     width = padded.shape[1] // apart
@@ -546,8 +609,8 @@ def _logs(one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats)
     block = max(1, _BLOCK // max(len(at), 1)) if one.rates == 1 else _BLOCK_OF_RATES
     for low in range(0, len(gain_db), block):
         some = slice(low, low + block)
-        first = np.rint((gain_db[some] + levels_db[0] - _STRENGTHS_DB[0]) / step_db)
-        first = np.clip(first, -beyond, len(_STRENGTHS_DB) - 1).astype(np.intp) + beyond
+        first = np.rint((gain_db[some] + levels_db[0] - _STRENGTHS_DB[0]) / _STEP_DB)
+        first = np.clip(first, -beyond, chosen.shape[1] - 1).astype(np.intp) + beyond
         logs[some] = levels[first % apart, at, first // apart].sum(axis=1)
         if one.rates > 1:
             each = (inverses[row % apart, n, row // apart] for n, row in enumerate(first.T))
@@ -555,30 +618,45 @@ def _logs(one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats)
     return logs
 
 
+def _counted(pulses: TrainPulses) -> NDArray[np.float32]:
+    """Share of each slot's evidence that counts, (n,): less of a loud pulse's.
+
+    A level of energy E over noise has a variance of 37.7/E dB² by noise (of noncentral
+    chi-square), and that of single pulses' fading.
+    """
+    variance_db2 = 37.7 / np.maximum(pulses.energy, 1.0) + _FADING_DB**2
+    beyond = np.maximum(1.0 / variance_db2 - 1.0 / _NOISY_DB2, 0.0)
+    return (1.0 / (1.0 / _COUNTED + _LASTING_DB2 * beyond)).astype(np.float32)
+
+
 def _fined(
-    heard: Sequence[HeardTrain],
-    by_fall: _Floats,
-    tables: Sequence[_Floats],
-    levels_db: _Floats,
-) -> Cells:
-    """The cells in which the tag is likely, in parts; the others hold the rest."""
+    heard: Sequence[HeardTrain], logs: _Floats, tables: Sequence[_Floats], levels_db: _Floats
+) -> tuple[Cells, float, _Floats]:
+    """Cells, the likely ones in parts; the mean level [dB]; how likely each place is."""
     places = heard[0].places
     count = len(places.east_m)
+    held, level_db = _over_levels(logs, levels_db)
+    each = (np.exp(held - held.max()) * places.area).sum(axis=0)
     ground = _Ground(
         bearing_deg=places.bearing_deg,
         range_m=np.hypot(places.east_m, places.north_m),
         width_deg=np.full(count, BEARING_STEP_DEG),
         ratio=np.full(count, RANGE_STEP),
-        by_fall=by_fall,
+        uneven=np.full(count, np.inf),
+        logs=held,
+        level_db=level_db,
     )
-    likely = ground.likely()
-    parts = ground.parts(likely)
-    logs = _logs_anywhere(heard, parts, tables, levels_db, falls=len(by_fall) > 1)
-    ground = ground.with_parts(likely, parts, np.exp(logs - logs.max()).sum(axis=2))
-    held = ground.by_fall
-    share = held.sum(axis=1, keepdims=True)
-    told = held[share[:, 0] >= _LEAST_FALL]
-    return Cells(
+    for _ in range(_MOST_ROUNDS):
+        which = ground.to_part()
+        if not len(which):
+            break
+        parts = ground.parts(which)
+        found = _logs_anywhere(heard, parts, tables, levels_db, falls=len(logs) > 1)
+        held, level_db = _over_levels(found, levels_db)
+        ground = ground.with_parts(which, replace(parts, logs=held, level_db=level_db))
+    held = ground.held
+    told = held[held.sum(axis=1) >= _LEAST_FALL]
+    cells = Cells(
         plane=places.plane,
         bearing_deg=ground.bearing_deg,
         range_m=ground.range_m,
@@ -587,31 +665,53 @@ def _fined(
         probability=held.sum(axis=0),
         by_fall=told / told.sum(axis=1, keepdims=True),
     )
+    return cells, float((held * ground.level_db).sum()), each / each.sum()
 
 
 def _area(range_m: _Floats, width_deg: _Floats, ratio: _Floats) -> _Floats:
     """Ground of cells, relative: their depth is by a ratio of distances."""
-    return np.asarray(range_m**2 * width_deg * np.log(ratio))
+    return np.asarray(range_m**2 * width_deg * np.sinh(np.log(ratio)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Ground:
-    """Cells whose probabilities sum up to 1 over falls and cells."""
+    """Cells of the ground, and the likelihoods at their middles."""
 
     bearing_deg: _Floats
     """(cells,) as of `Cells`."""
     range_m: _Floats
     width_deg: _Floats
     ratio: _Floats
-    by_fall: _Floats
-    """(falls, cells)."""
+    uneven: _Floats
+    """By how much log likelihoods differ among the parts of which a cell is one."""
+    logs: _Floats
+    """(falls, cells) over all levels."""
+    level_db: _Floats
+    """(falls, cells) mean level."""
 
-    def likely(self) -> NDArray[np.intp]:
-        """Which cells hold nearly all."""
-        probability = self.by_fall.sum(axis=0)
+    @property
+    def area(self) -> _Floats:
+        """(cells,) ground, relative."""
+        return _area(self.range_m, self.width_deg, self.ratio)
+
+    @property
+    def held(self) -> _Floats:
+        """Probabilities, in that shape."""
+        held = np.exp(self.logs - self.logs.max()) * self.area
+        return np.asarray(held / held.sum())
+
+    def to_part(self) -> NDArray[np.intp]:
+        """Which cells are looked at in parts: those that hold nearly all, and the likeliest.
+
+        Of these the ones in which the likelihood varies, and that are wide enough.
+        """
+        probability = self.held.sum(axis=0)
         order = np.argsort(-probability, kind="stable")
         count = int(np.searchsorted(np.cumsum(probability[order]), _KEPT)) + 1
-        return np.sort(order[: min(count, _MOST_FINED)])
+        likeliest = np.argsort(-self.logs.max(axis=0), kind="stable")[:_ALWAYS_FINED]
+        which = np.union1d(order[: min(count, _MOST_FINED)], likeliest)
+        size_m = self.range_m * np.maximum(np.radians(self.width_deg), np.log(self.ratio))
+        return np.asarray(which[(size_m[which] > _FINEST_M) & (self.uneven[which] > _EVEN)])
 
     def parts(self, which: NDArray[np.intp]) -> "_Ground":
         """Some cells in parts, which hold nothing yet."""
@@ -625,22 +725,24 @@ class _Ground:
             range_m=distance.ravel(),
             width_deg=np.repeat(width / _FINE, len(around)),
             ratio=np.repeat(ratio ** (1.0 / _FINE), len(around)),
-            by_fall=np.zeros((len(self.by_fall), distance.size)),
+            uneven=np.zeros(distance.size),
+            logs=np.zeros((len(self.logs), distance.size)),
+            level_db=np.zeros((len(self.logs), distance.size)),
         )
 
-    def with_parts(
-        self, which: NDArray[np.intp], parts: "_Ground", likelihood: _Floats
-    ) -> "_Ground":
-        """Parts in place of their cells, with what these held, by likelihood and ground."""
-        held = likelihood * _area(parts.range_m, parts.width_deg, parts.ratio)
-        held *= self.by_fall[:, which].sum() / held.sum()
+    def with_parts(self, which: NDArray[np.intp], parts: "_Ground") -> "_Ground":
+        """Parts in place of their cells."""
         rest = np.setdiff1d(np.arange(len(self.range_m)), which)
+        best = parts.logs.max(axis=0).reshape(len(which), _FINE * _FINE)
+        uneven = np.repeat(np.ptp(best, axis=1), _FINE * _FINE)
         return _Ground(
             bearing_deg=np.concatenate((parts.bearing_deg, self.bearing_deg[rest])),
             range_m=np.concatenate((parts.range_m, self.range_m[rest])),
             width_deg=np.concatenate((parts.width_deg, self.width_deg[rest])),
             ratio=np.concatenate((parts.ratio, self.ratio[rest])),
-            by_fall=np.concatenate((held, self.by_fall[:, rest]), axis=1),
+            uneven=np.concatenate((uneven, self.uneven[rest])),
+            logs=np.concatenate((parts.logs, self.logs[:, rest]), axis=1),
+            level_db=np.concatenate((parts.level_db, self.level_db[:, rest]), axis=1),
         )
 
 
@@ -663,9 +765,7 @@ def _logs_anywhere(
     return _all_logs(heard, gains, from_here, tables, levels_db, falls=falls)
 
 
-def _summary(
-    probability: _Floats, level_db: float, log_evidence: float, cells: Cells
-) -> PlaceBelief:
+def _summary(probability: _Floats, level_db: float, cells: Cells) -> PlaceBelief:
     held = cells.probability
     east, north = cells.middle_m()
     radius50, radius95 = cells.radii_m(east, north, (0.5, 0.95))
@@ -681,7 +781,6 @@ def _summary(
         arc50_deg=cells.arc_deg(mean, 0.5),
         arc95_deg=cells.arc_deg(mean, 0.95),
         level_db=level_db,
-        log_evidence=log_evidence,
         probability=probability,
         cells=cells,
     )
@@ -702,8 +801,8 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
     amplitude = np.sqrt(np.maximum(one.pulses.energy, 0.0)) / _AMPLITUDES[1]
     column = np.minimum(np.rint(amplitude), len(_AMPLITUDES) - 1).astype(np.intp)
     gain_db = 10.0 * np.log10(gain + 1e-9)
-    strength = np.rint((gain_db + levels_db[:, np.newaxis] - _STRENGTHS_DB[0]) / 0.5)
-    strength = np.clip(strength, 0, len(_STRENGTHS_DB) - 1).astype(np.intp)
+    strength = np.rint((gain_db + levels_db[:, np.newaxis] - _STRENGTHS_DB[0]) / _STEP_DB)
+    strength = np.clip(strength, 0, len(table) - 1).astype(np.intp)
     return np.asarray(table[strength, column])
 
 
@@ -715,11 +814,14 @@ def noise_reaches(one: HeardTrain, share: float) -> float:
 
 
 def _table(one: HeardTrain) -> _Floats:
-    """Log likelihood ratios of the energies of a train's pulses, or bursts."""
+    """Log likelihood ratios of the energies of a train's pulses, or bursts.
+
+    Shape (strengths `_STEP_DB` apart, amplitudes).
+    """
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
-    if pulses == 1:
-        return _log_ratios(_exponentials(mean))
-    return _log_ratios(exponentials(mean, pulses), pulses)
+    many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
+    finer = np.arange(_STRENGTHS_DB[0], _STRENGTHS_DB[-1] + 0.5 * _STEP_DB, _STEP_DB)
+    return np.asarray(interpolate.CubicSpline(_STRENGTHS_DB, _log_ratios(many, pulses))(finer))
 
 
 def _exponentials(mean: float) -> float:

@@ -16,11 +16,13 @@ from uavrt_experiments.detection import Case, Experiment
 from uavrt_experiments.figures import measured, median, share
 from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import (
+    INTERVAL_S,
     PLANE,
     Course,
     Truth,
     World,
     add_pulses,
+    lawnmower,
     looked_at,
     passing,
     silence,
@@ -33,6 +35,7 @@ from uavrt_experiments.result import Row
 
 _Floats = NDArray[np.float64]
 _MEDIAN_OF_NORMAL = 0.6745
+_SECOND_S = 1.1 * INTERVAL_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,17 +91,24 @@ def placed(
     rates = len(world.tag.pulse_intervals_s)
     heard = HeardTrain.among(energies, pulses, places, rates=rates)
     belief = place_belief([heard])
-    bearing = math.degrees(math.atan2(truth.east_m, truth.north_m))
+    east_m, north_m = from_middle(belief, truth.east_m, truth.north_m)
+    bearing = math.degrees(math.atan2(east_m, north_m))
     off = abs(float(wrap_degrees_180(belief.bearing_deg - bearing)))
     return Placed(
-        held=belief.cells.holds(truth.east_m, truth.north_m, 0.9),
+        held=belief.cells.holds(east_m, north_m, 0.9),
         arc_held=off <= 0.5 * belief.arc_deg(0.9),
         off_deg=off,
         bound_deg=bearing_bound_deg(world, truth, enr_db, heard.mean_noise_energy),
-        mirror=belief.cells.holds(-truth.east_m, truth.north_m, 0.95),
+        mirror=belief.cells.holds(*from_middle(belief, -truth.east_m, truth.north_m), 0.95),
         off_m=_nearest_m(belief, truth),
         bound_m=position_bound_m(world, truth, enr_db, heard.mean_noise_energy),
     )
+
+
+def from_middle(belief: PlaceBelief, east_m: float, north_m: float) -> tuple[float, float]:
+    """A place of `PLANE` from the middle of a flight, which is not the course's."""
+    east, north = belief.cells.plane.to_local(*PLANE.to_geodetic(east_m, north_m))
+    return float(east), float(north)
 
 
 def _nearest_m(belief: PlaceBelief, truth: Truth) -> float:
@@ -195,14 +205,22 @@ def _density(energy: _Floats, strength: float, many: float) -> _Floats:
     return np.asarray(found)
 
 
-def _case(course: Course, enr_db: float, *, pattern_db: float = 0.0, kind: str) -> Case:
+def _case(
+    course: Course,
+    enr_db: float,
+    *,
+    pattern_db: float = 0.0,
+    second_s: float | None = None,
+    kind: str,
+) -> Case:
     wrong = f", pattern {pattern_db:g} dB wrong" if pattern_db else ""
-    name = f"{course.name}, {enr_db:g} dB{wrong}"
+    switched = "" if second_s is None else ", another rate in the second half"
+    name = f"{course.name}, {enr_db:g} dB{wrong}{switched}"
     return Case(
         name=name,
         trials=600,
         seconds=1.0,
-        trial=lambda rng, _: placed(rng, course, enr_db, pattern_db),
+        trial=lambda rng, _: placed(rng, course, enr_db, pattern_db, second_s),
         rows=_rows(name, kind, barred=not pattern_db),
         least=4,
     )
@@ -213,11 +231,17 @@ def _rows(
 ) -> Callable[[Sequence[Placed | None]], list[Row]]:
     def make(outcomes: Sequence[Placed | None]) -> list[Row]:
         found = [one for one in outcomes if one is not None]
-        bar = {"least": 0.86, "most": 0.94}
+        # What is loud may be told too carefully: the model's errors limit it, not noise.
+        bar = {"least": 0.86} if kind == "loud" else {"least": 0.86, "most": 0.94}
         held = [float(one.arc_held if kind == "bearing" else one.held) for one in found]
         what = "90 % arc holds" if kind == "bearing" else "90 % region holds"
         rows = [measured("I4", name, what, held, share, **bar)]
-        if kind == "mirror":
+        if kind == "loud":
+            bound = float(np.median([one.bound_m for one in found] or [math.nan]))
+            off = [one.off_m for one in found]
+            what = "median error of the nearest place, m"
+            rows.append(measured("I4", name, what, off, median, bound=bound))
+        elif kind == "mirror":
             both = [float(one.mirror) for one in found]
             rows.append(
                 measured("I4", name, "95 % region holds the mirror", both, share, least=0.9)
@@ -258,5 +282,9 @@ I4 = Experiment(
         _case(stops(), 6.0, kind="region"),
         _case(stops(), 6.0, pattern_db=1.5, kind="region"),
         _case(passing(), 5.0, kind="mirror"),
+        _case(lawnmower(tag="inside"), 12.0, kind="loud"),
+        _case(lawnmower(tag="inside"), 25.0, kind="loud"),
+        _case(stops(), 16.0, second_s=_SECOND_S, kind="loud"),
+        _case(stops(), 20.0, pattern_db=1.5, kind="loud"),
     ),
 )

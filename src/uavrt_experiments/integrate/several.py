@@ -35,6 +35,7 @@ from uavrt_experiments.integrate.flights import (
     silence,
     turning,
 )
+from uavrt_experiments.integrate.place import from_middle
 from uavrt_experiments.integrate.sensitivity import level_row
 from uavrt_experiments.result import Row
 
@@ -157,7 +158,7 @@ def fly_past(rng: np.random.Generator, each: tuple[World, ...], enr_db: float) -
             pulses = train_pulses(energy, train, gain[chosen[train.place]], place.time_s)
             heard.append(HeardTrain.among(energy, pulses, place, rates=1, log_trains=trains))
         belief = place_belief(heard)
-        held = belief.cells.holds(truth.east_m, truth.north_m, 0.9)
+        held = belief.cells.holds(*from_middle(belief, truth.east_m, truth.north_m), 0.9)
         east_m, north_m = PLANE.to_local(belief.latitude_deg, belief.longitude_deg)
         off_m = math.hypot(float(east_m) - truth.east_m, float(north_m) - truth.north_m)
     return Flown(

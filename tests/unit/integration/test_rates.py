@@ -1,6 +1,6 @@
 """A tag that is at another rate for a part of a flight."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_all_paths_of_the_rate_are_added_up() -> None:
     total = np.zeros(2)
     for path in product((True, False), repeat=len(short)):
         likely = np.full(2, 0.5)
-        for before, at_rate in zip(path, path[1:], strict=False):
+        for before, at_rate in pairwise(path):
             likely *= 1.0 - _CHANGE if before == at_rate else _CHANGE
         for at_rate, ratio in zip(path, np.exp(short), strict=True):
             likely *= ratio if at_rate else 1.0 - _STRAY + _STRAY * ratio
@@ -49,8 +49,8 @@ def test_the_place_of_a_tag_that_changes_its_rate_is_as_sure_as_it_says() -> Non
     course = stops()
     flown = [
         placed(np.random.default_rng((7, seed)), course, 16.0, 0.0, 1.1 * INTERVAL_S)
-        for seed in range(6)
+        for seed in range(4)
     ]
     found = [one for one in flown if one is not None]
-    assert len(found) == 6
-    assert sum(one.held and one.arc_held for one in found) >= 5
+    assert len(found) == 4
+    assert sum(one.held and one.arc_held for one in found) >= 3

@@ -7,7 +7,8 @@ import pytest
 
 from uavrt.integration.train_place import _EXPONENT_SHARES, _EXPONENTS, Cells, _Ground
 from uavrt.localization import Propagation
-from uavrt_experiments.integrate.flights import PLANE
+from uavrt_experiments.integrate.flights import PLANE, lawnmower
+from uavrt_experiments.integrate.place import placed
 from uavrt_experiments.integrate.several import fly_past, worlds
 
 
@@ -63,24 +64,41 @@ def test_the_falls_with_distance_are_believed_in_as_by_bearings_and_levels() -> 
     assert mean == pytest.approx(belief.exponent, abs=0.1)
 
 
-def test_cells_in_parts_hold_what_they_held_and_cover_the_same_ground() -> None:
+def test_cells_in_parts_cover_the_same_ground_and_are_parted_where_they_differ() -> None:
     ground = _Ground(
         bearing_deg=np.array([0.0, 5.0, 357.0]),
-        range_m=np.array([500.0, 500.0, 725.0]),
+        range_m=np.array([500.0, 500.0, 2.0]),
         width_deg=np.full(3, 5.0),
         ratio=np.full(3, 1.45),
-        by_fall=np.array([[0.1, 0.3, 0.0], [0.2, 0.3999, 0.0001]]),
+        uneven=np.full(3, np.inf),
+        logs=np.array([[0.0, 1.0, 2.0], [0.5, 0.0, 0.0]]),
+        level_db=np.zeros((2, 3)),
     )
-    likely = ground.likely()
-    assert likely.tolist() == [0, 1]
-    parts = ground.parts(likely)
-    finer = ground.with_parts(likely, parts, np.ones((2, 18)))
+    assert ground.held.sum() == pytest.approx(1.0)
+    which = ground.to_part()
+    assert which.tolist() == [0, 1], "the third is small enough"
+    parts = ground.parts(which)
+    likelihood = np.zeros((2, 18))
+    likelihood[0, 4] = 5.0
+    finer = ground.with_parts(which, replace(parts, logs=likelihood))
     assert len(finer.range_m) == 19
-    assert finer.by_fall.sum() == pytest.approx(1.0)
-    assert finer.by_fall[:, -1].tolist() == [0.0, 0.0001]
+    assert finer.logs[:, -1].tolist() == [2.0, 0.0]
+    assert finer.to_part().tolist() == list(range(9)), "the others are alike"
+    assert finer.area.sum() == pytest.approx(ground.area.sum(), rel=1e-3)
     assert parts.width_deg * 3.0 == pytest.approx(np.full(18, 5.0))
     assert parts.ratio**3 == pytest.approx(np.full(18, 1.45))
     assert set(parts.bearing_deg[:9].round(2)) == {0.0, 1.67, 358.33}
+
+
+@pytest.mark.parametrize("enr_db", [12.0, 30.0])
+def test_a_tag_between_lanes_is_where_it_is_said_to_be(enr_db: float) -> None:
+    """Regions of 90 % once held two of five at 25 dB, of places 25 m off."""
+    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
+    flown = [placed(np.random.default_rng((9, seed)), course, enr_db, 0.0) for seed in range(3)]
+    found = [one for one in flown if one is not None]
+    assert len(found) == 3
+    assert sum(one.held for one in found) >= 2
+    assert max(one.off_m for one in found) < (60.0 if enr_db < 20.0 else 25.0)
 
 
 def test_a_strong_tag_as_far_from_both_flights_is_placed() -> None:
