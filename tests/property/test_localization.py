@@ -1,7 +1,7 @@
 """Bearings and positions: what holds whatever the numbers."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from uavrt.localization import (
@@ -37,6 +37,7 @@ def test_a_level_antenna_has_its_table_in_the_plane_of_its_elements(
 
 @settings(deadline=None, max_examples=10)
 @given(angles, angles, st.integers(10, 24), st.floats(15.0, 60.0))
+@example(0.0, 0.0, 18, 52.0)
 def test_turning_the_world_turns_the_bearing(
     bearing: float, turn: float, pulses: int, snr_db: float
 ) -> None:
