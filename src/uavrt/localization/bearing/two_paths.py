@@ -19,7 +19,7 @@ _WEAKER_DB = (-6.0, -3.0, -1.0, 0.0)
 _COSINES = (-0.95, -0.6, 0.0, 0.6, 0.95)
 """Of the phase between the paths."""
 _ROUNDING = 1e-9
-"""Of the levels' sum of squares: a fit that leaves less is exact, and none is better than it."""
+"""Of the sum of squares of the levels: a fit that leaves less is exact, and none is better."""
 LEAST_PULSES = 12
 LEAST_GAIN = 8.0
 """Least rise of the log-likelihood that counts. Three more parameters and some hundred shapes
