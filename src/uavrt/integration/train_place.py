@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, ndimage, special, stats
+from scipy import interpolate, ndimage, sparse, special, stats
 from scipy.sparse import csgraph
 
 from uavrt.integration.bursts import exponentials, log_ratio_parts
@@ -69,6 +69,8 @@ _BLOCK = 20_000
 """Places times pulses looked up at once."""
 _BLOCK_OF_RATES = 300
 """Places whose slots are gone through at once."""
+_ROWS = 200
+"""Cells that are compared with all others at once."""
 _BETWEEN_DB = 3.0
 """Of a tag's level from one flight to another: posture, receiver, ground."""
 _EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
@@ -208,10 +210,17 @@ class Cells:
         """Some cells by parts that hang together."""
         bearing, half = self.bearing_deg[inside], 0.5 * self.width_deg[inside]
         away, deep = np.log(self.range_m[inside]), 0.5 * np.log(self.ratio[inside])
-        beside = np.abs(wrap_degrees_180(bearing[:, np.newaxis] - bearing))
-        touching = beside <= 1.01 * (half[:, np.newaxis] + half)
-        touching &= np.abs(away[:, np.newaxis] - away) <= 1.01 * (deep[:, np.newaxis] + deep)
-        count, which = csgraph.connected_components(touching, directed=False)
+        pairs = []
+        for low in range(0, len(inside), _ROWS):  # all pairs at once would fill the memory
+            some = np.s_[low : low + _ROWS, np.newaxis]
+            beside = np.abs(wrap_degrees_180(bearing[some] - bearing))
+            touching = beside <= 1.01 * (half[some] + half)
+            touching &= np.abs(away[some] - away) <= 1.01 * (deep[some] + deep)
+            row, column = np.nonzero(touching)
+            pairs.append((row + low, column))
+        row, column = (np.concatenate(one) for one in zip(*pairs, strict=True))
+        graph = sparse.coo_array((np.ones(len(row), bool), (row, column)), (len(inside),) * 2)
+        count, which = csgraph.connected_components(graph, directed=False)
         return [inside[which == number] for number in range(count)]
 
     def _part(self, cells: NDArray[np.intp]) -> "Part":
