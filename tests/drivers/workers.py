@@ -87,8 +87,31 @@ class ByNeed(LoadFileScheduling):  # type: ignore[misc]  # it has no types
         scope: str = super()._split_scope(nodeid)
         return BROWSERS if scope.startswith(BROWSERS) else scope
 
+    def remove_node(self, node: WorkerController) -> str | None:
+        """Hand on what a worker leaves that died, but for the test that it died of.
+
+        The original hands on that test, too, which ends one worker after the other, and tests
+        that are done: whoever gets these waits forever for their results.
+        """
+        left = self.assigned_work.pop(node)
+        open_tests = [
+            (scope, test) for scope, tests in left.items() for test in tests if not tests[test]
+        ]
+        if not open_tests:
+            return None
+        scope, died_of = open_tests[0]
+        left[scope][died_of] = True
+        self.workqueue.update(
+            {scope: tests for scope, tests in left.items() if not all(tests.values())}
+        )
+        for other in self.assigned_work:
+            self._reschedule(other)
+        return str(died_of)
+
     def _assign_work_unit(self, node: WorkerController) -> None:
-        number = self.nodes.index(node)
+        # What is left must find someone who takes it: only workers that go on are counted.
+        at_work = [one for one in self.nodes if one is node or not one.shutting_down]
+        number = at_work.index(node)
         kinds = {scope: kind_of(self.config.rootpath / scope) for scope in self.workqueue}
         for wanted in ORDERS[min(number, len(ORDERS) - 1)]:
             scope = next((one for one, kind in kinds.items() if kind is wanted), None)
