@@ -2,8 +2,8 @@
 
 `energy_grid` turns a channel's samples into energies, `folding` adds them up for every
 interval and phase, `whole_flight` weighs the sums by place and says how likely chance is;
-`together` adds up several flights; `places` holds where a tag might be, `train_place` where
-it is.
+`together` adds up several flights; `places` holds where a tag might be, `heard_train` what the
+slots of its pulses say, `train_place` where it is, `cells` how surely.
 """
 
 from typing import TYPE_CHECKING
@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from uavrt.integration.energy_grid import SlotEnergies, gather, slot_energies
     from uavrt.integration.folding import base_periods, fold, fold_rows, interval_slots
     from uavrt.integration.growing import BLOCK_S, GrowingEnergies
+    from uavrt.integration.heard_train import (
+        HeardTrain,
+        TrainPulses,
+        told_energies,
+        train_pulses,
+    )
     from uavrt.integration.judging import Judgement, OtherTrain, judge
     from uavrt.integration.places import (
         ALIKE,
@@ -26,14 +32,10 @@ if TYPE_CHECKING:
     from uavrt.integration.single_slots import SlotEvidence, slot_evidence
     from uavrt.integration.together import JointTrain, Listened, search_together
     from uavrt.integration.train_place import (
-        HeardTrain,
         PlaceBelief,
-        TrainPulses,
         place_belief,
-        told_energies,
         told_share,
         train_evidence,
-        train_pulses,
     )
     from uavrt.integration.whole_flight import (
         KEPT_VARIANCE,
@@ -96,7 +98,7 @@ __getattr__ = lazily(
         "GrowingEnergies": "growing",
         "BLOCK_S": "growing",
         "FoldedTrain": "whole_flight",
-        "HeardTrain": "train_place",
+        "HeardTrain": "heard_train",
         "JointTrain": "together",
         "Judgement": "judging",
         "Listened": "together",
@@ -105,7 +107,7 @@ __getattr__ = lazily(
         "Places": "places",
         "SlotEnergies": "energy_grid",
         "SlotEvidence": "single_slots",
-        "TrainPulses": "train_place",
+        "TrainPulses": "heard_train",
         "Weights": "whole_flight",
         "base_periods": "folding",
         "chance": "whole_flight",
@@ -127,9 +129,9 @@ __getattr__ = lazily(
         "search_together": "together",
         "slot_energies": "energy_grid",
         "slot_evidence": "single_slots",
-        "told_energies": "train_place",
+        "told_energies": "heard_train",
         "told_share": "train_place",
         "train_evidence": "train_place",
-        "train_pulses": "train_place",
+        "train_pulses": "heard_train",
     },
 )

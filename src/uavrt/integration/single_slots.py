@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.integration.heard_train import HeardTrain, noise_reaches, slot_logs
 from uavrt.integration.rates import likeliest_states
-from uavrt.integration.train_place import HeardTrain, noise_reaches, slot_logs
 
 _LEVELS_DB = np.arange(0.0, 50.0, 1.0)
 """Of the strongest pulse; the one that explains most is taken."""

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.integration.train_place import _EXPONENT_SHARES, _EXPONENTS, Cells, _Ground
+from uavrt.integration.cells import Cells, LikelyGround
+from uavrt.integration.train_place import _EXPONENT_SHARES, _EXPONENTS
 from uavrt.localization import Propagation
 from uavrt_experiments.integrate.flights import PLANE, lawnmower
 from uavrt_experiments.integrate.place import placed
@@ -66,7 +67,7 @@ def test_the_falls_with_distance_are_believed_in_as_by_bearings_and_levels() -> 
 
 
 def test_cells_in_parts_cover_the_same_ground_and_are_parted_where_they_differ() -> None:
-    ground = _Ground(
+    ground = LikelyGround(
         bearing_deg=np.array([0.0, 5.0, 357.0]),
         range_m=np.array([500.0, 500.0, 2.0]),
         width_deg=np.full(3, 5.0),

@@ -21,7 +21,7 @@ from uavrt.integration import (
     search_flight,
     train_pulses,
 )
-from uavrt.integration.train_place import Cells
+from uavrt.integration.cells import Cells
 from uavrt.integration.whole_flight import FEW_PATTERNS
 from uavrt.localization import PATTERNS, difference_deg
 from uavrt.messages import Poses

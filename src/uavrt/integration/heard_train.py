@@ -1,0 +1,239 @@
+"""The slots of a folded train's pulses, and how much likelier a pulse makes their energies.
+
+A slot's energy in noise is the largest of m unit exponentials (m from their mean, as jitter and
+slot make it); with a pulse of energy S two of them, the windows that hold most of it, are
+noncentral chi-squares of 2 degrees of freedom (a constant amplitude of unknown phase).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, ndimage, special, stats
+
+from uavrt.integration.bursts import exponentials, log_ratio_parts
+from uavrt.integration.drifting import train_times_s
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.places import Places
+from uavrt.integration.whole_flight import FoldedTrain
+
+_Floats = NDArray[np.float64]
+AMPLITUDES = np.arange(0.0, 80.0, 0.1)
+"""Of pulses in noise: up to 38 dB."""
+STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
+STEP_DB = 0.1
+"""Between two strengths that are looked up: at half a decibel the pulses of a lane are rounded
+alike, and places 20 m apart differ for that alone."""
+FADING_DB = 1.0
+"""Of single pulses, by what pattern, poses and ground do beyond the model."""
+_LEAST_LOG = -30.0
+_LOUD_AS = 6.0
+"""A loud pulse of energy E counts as this times ln E: 18 at the limit, 41 at 30 dB."""
+_WINDOWS = (0.8, 0.6)
+"""Parts of a pulse's energy in the windows that it lies in most: its start and frequency are
+between those looked at. With all of it in one window pulses near the noise came out too strong,
+so that a tag that was passed seemed farther away than it was."""
+_LEAST_QUIET = 200
+"""Slots without pulses from which the noise is taken."""
+_OUTLIER = 0.02
+"""Share of the pulses that tell nothing: blocked, covered, a moved head."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrainPulses:
+    """The slots in which a train's pulses lie."""
+
+    time_s: _Floats
+    """(n,) from the first slot's beginning."""
+    energy: _Floats
+    """(n,) in units of the noise."""
+    interval_s: float
+    offset_hz: float
+    pulses: int = 1
+    """In a burst, of which each energy is the mean."""
+
+
+def train_pulses(
+    energies: SlotEnergies, train: FoldedTrain, gain: _Floats, gain_time_s: _Floats
+) -> TrainPulses:
+    """Refine a train between the cells of the search, and take its slots' energies.
+
+    Parameters
+    ----------
+    energies : SlotEnergies
+    train : FoldedTrain
+    gain : ndarray of float64, shape (times,)
+        Of its place.
+    gain_time_s : ndarray of float64, shape (times,)
+    """
+    slot_s, slots = energies.slot_s, energies.energy.shape[1]
+    span_s = slots * slot_s
+    count = int((span_s - train.phase_s) / train.interval_s) + 1
+    weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
+    step_s = slot_s / max(count - 1, 1)
+    row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
+    rows = range(max(0, row - 1), min(len(energies.energy), row + 2))
+    told = {near: told_energies(energies, near) for near in rows}
+    best, kept = -np.inf, (row, train.phase_s, train.interval_s)
+    for interval_s in train.interval_s + step_s * np.linspace(-1.5, 1.5, 13):
+        for phase_s in train.phase_s + slot_s * np.linspace(-1.5, 1.5, 13):
+            time_s = train_times_s(phase_s, interval_s, train.drift, span_s)
+            at = np.floor(time_s / slot_s).astype(np.intp)
+            at = at[(at >= 0) & (at < slots)]
+            for near in rows:
+                score = float(weight[at] @ told[near][at])
+                if score > best:
+                    best, kept = score, (near, float(phase_s), float(interval_s))
+    row, phase_s, interval_s = kept
+    time_s = train_times_s(phase_s, interval_s, train.drift, span_s)
+    at = np.floor(time_s / slot_s).astype(np.intp)
+    good = (at >= 0) & (at < slots)
+    good[good] = (energies.heard | energies.loud[row])[at[good]]
+    return TrainPulses(
+        time_s=time_s[good],
+        energy=energies.level[row, at[good]].astype(np.float64),
+        interval_s=interval_s,
+        offset_hz=float(energies.offsets_hz[row]),
+        pulses=energies.pulses,
+    )
+
+
+def told_energies(energies: SlotEnergies, row: int) -> NDArray[np.float32]:
+    """Energies of a frequency, with loud pulses as what is just not loud."""
+    energy = energies.energy[row].copy()
+    loud = energies.loud[row] & ~energies.heard
+    energy[loud] = (np.log(energies.level[row, loud]) * _LOUD_AS - energies.mean[row]) / (
+        energies.sigma[row]
+    )
+    return np.asarray(energy)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeardTrain:
+    """A train in one flight, and the places that this flight looked at."""
+
+    pulses: TrainPulses
+    mean_noise_energy: float
+    """Mean energy of a slot in noise, from which the number of exponentials follows."""
+    places: Places
+    log_trains: float | None = None
+    """Logarithm of how many trains it is the likeliest of; None takes it as the tag's. Where it
+    is weak the tag's may be another, and this flight then tells nothing."""
+    rates: int = 1
+    """That the tag has: with several, it may have been at another one in some slots."""
+
+    @classmethod
+    def among(
+        cls,
+        energies: SlotEnergies,
+        pulses: TrainPulses,
+        places: Places,
+        *,
+        rates: int,
+        log_trains: float | None = None,
+    ) -> "HeardTrain":
+        """A train in the noise at its frequency."""
+        row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
+        quiet = energies.away_from(pulses.time_s)
+        mean = energies.mean[row]
+        if pulses.pulses == 1 and np.count_nonzero(quiet) >= _LEAST_QUIET:
+            mean = energies.level[row, quiet].mean()
+        return cls(
+            pulses=pulses,
+            mean_noise_energy=float(mean),
+            places=places,
+            log_trains=log_trains,
+            rates=rates,
+        )
+
+
+def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
+    """Log likelihood ratio of a pulse in each slot, shape (levels, slots).
+
+    Parameters
+    ----------
+    one : HeardTrain
+    gain : ndarray of float64, shape (slots,)
+        Energy of a pulse relative to the strongest.
+    levels_db : ndarray of float64, shape (levels,)
+        Energy over noise of the strongest.
+    """
+    table = likelihood_table(one)
+    amplitude = np.sqrt(np.maximum(one.pulses.energy, 0.0)) / AMPLITUDES[1]
+    column = np.minimum(np.rint(amplitude), len(AMPLITUDES) - 1).astype(np.intp)
+    gain_db = 10.0 * np.log10(gain + 1e-9)
+    strength = np.rint((gain_db + levels_db[:, np.newaxis] - STRENGTHS_DB[0]) / STEP_DB)
+    strength = np.clip(strength, 0, len(table) - 1).astype(np.intp)
+    return np.asarray(table[strength, column])
+
+
+def noise_reaches(one: HeardTrain, share: float) -> float:
+    """Energy of a slot that noise alone exceeds in a share of the slots."""
+    pulses, mean = one.pulses.pulses, one.mean_noise_energy
+    many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
+    return float(special.gammaincinv(pulses, (1.0 - share) ** (1.0 / many)) / pulses)
+
+
+def likelihood_table(one: HeardTrain) -> _Floats:
+    """Log likelihood ratios of the energies of a train's pulses, or bursts.
+
+    Shape (strengths `STEP_DB` apart, amplitudes).
+    """
+    pulses, mean = one.pulses.pulses, one.mean_noise_energy
+    many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
+    finer = np.arange(STRENGTHS_DB[0], STRENGTHS_DB[-1] + 0.5 * STEP_DB, STEP_DB)
+    return np.asarray(interpolate.CubicSpline(STRENGTHS_DB, _log_ratios(many, pulses))(finer))
+
+
+def _exponentials(mean: float) -> float:
+    """How many unit exponentials have a largest of such a mean: H(m) = mean."""
+    many = np.linspace(1.0, 12.0, 1101)
+    means = special.digamma(many + 1.0) + np.euler_gamma
+    return float(many[int(np.argmin(np.abs(means - mean)))])
+
+
+def _log_ratios(many: float, pulses: int = 1) -> _Floats:
+    """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
+
+    Of bursts the mean of their pulses stands in place of E, and of the largest of m one may be
+    a burst's: f/(m e^-E) + (m-1)/m F/(1-e^-E) of one pulse. What fades or hides a burst does so
+    to all of its pulses.
+    """
+    energy = np.maximum(AMPLITUDES, 0.1) ** 2
+    if pulses == 1:
+        ratio = _pulse_ratio(energy, many)
+    else:
+        strength = 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
+        density, law = log_ratio_parts(energy, strength, pulses)
+        ratio = density / many + (many - 1.0) / many * law
+    step = STRENGTHS_DB[1] - STRENGTHS_DB[0]
+    ratio = ndimage.gaussian_filter1d(ratio, FADING_DB / step, axis=0, mode="nearest")
+    ratio = (1.0 - _OUTLIER) * ratio + _OUTLIER
+    return np.asarray(np.maximum(np.log(ratio), _LEAST_LOG))
+
+
+def _pulse_ratio(energy: _Floats, many: float) -> _Floats:
+    """Likelihood ratio of the largest of m exponentials, two of which may be a pulse's.
+
+    With f and F the densities, over that of noise, and laws of their energies, N = 1 - e^-E
+    and q = 1, it is (f1 F2^q + q f2 F1 F2^(q-1))/(m N^q) + (m-1-q)/m F1 F2^q/N^(1+q); q falls
+    to 0 with m to 1.
+    """
+    below = -np.expm1(-energy)
+    (first, first_law), (second, second_law) = (_pulse_law(energy, part) for part in _WINDOWS)
+    both = min(1.0, many - 1.0)
+    law = np.maximum(second_law, 1e-300) ** both
+    ratio = first * law + both * second * first_law * law / np.maximum(second_law, 1e-300)
+    ratio /= many * below**both
+    return np.asarray(
+        ratio + (many - 1.0 - both) / many * first_law * law / below ** (1.0 + both)
+    )
+
+
+def _pulse_law(energy: _Floats, part: float) -> tuple[_Floats, _Floats]:
+    """Density over that of noise, and law, of a window with a part of a pulse's energy."""
+    strength = part * 10.0 ** (STRENGTHS_DB / 10.0)[:, np.newaxis]
+    x = 2.0 * np.sqrt(energy * strength)
+    # Bounded: what is so far above noise is beyond doubt.
+    density = np.exp(np.minimum(x - strength + np.log(special.i0e(x)), 600.0))
+    return density, np.asarray(stats.ncx2.cdf(2.0 * energy, 2, 2.0 * strength))
