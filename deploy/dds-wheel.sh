@@ -27,6 +27,10 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 trap 'exit 130' INT TERM
 cd "$work"
+# The same wheel, whenever and wherever it is built.
+CFLAGS="-g0 -ffile-prefix-map=$work=."
+SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-1767225600} # 2026
+export CFLAGS SOURCE_DATE_EPOCH
 "$python" -m venv tools
 PATH=$work/tools/bin:$PATH
 pip() { python -m pip "$@" --quiet --disable-pip-version-check --require-hashes; }
