@@ -1,5 +1,6 @@
 #!/bin/sh
 # Run a command in the emulated root: enter.sh DIRECTORY COMMAND...
+# Does this kernel allow it at all? enter.sh --allowed, which ends with 3 and the reason if not
 #
 # In a user, mount and process namespace of its own: the emulator is registered in a binfmt_misc
 # of that namespace (Linux 6.7 or newer), and nothing of this machine is touched; everything ends
@@ -7,6 +8,12 @@
 # of it stays in the root.
 set -eu
 
+if [ "${1:-}" = --allowed ]; then
+    said=$(unshare --user --map-root-user --mount \
+        mount -t binfmt_misc binfmt_misc /proc/sys/fs/binfmt_misc 2>&1) && exit 0
+    echo "enter.sh: this kernel lets no user register an emulator (Linux 6.7 or newer does, with user namespaces): $said" >&2
+    exit 3
+fi
 if [ "${1:-}" != --inside ]; then
     work=$(cd "$1" && pwd)
     shift
