@@ -3,7 +3,7 @@
 #
 # For the gateway to ROS 2 where PyPI has no such wheel: 64-bit ARM under Linux. Builds release
 # 0.10.5 of Cyclone DDS (EPL 2.0 or BSD) from the source that Debian keeps, and the binding of that
-# release, for this machine's processor and PYTHON: minutes on a Raspberry Pi, and 45 MB to
+# release, for this machine's processor and PYTHON: a minute on a PC, and 45 MB to
 # download, all of it checked against hashes. Needs gcc, libc6-dev and python3-dev; installs
 # nothing. A wheel that is in DIRECTORY already stays. DDS_SOURCE names the source elsewhere.
 set -eu

@@ -119,12 +119,25 @@ if [ ! -L "$link" ]; then
     rm -f "$root$prefix/trial"
     ln -s versions/source "$link"
 fi
+# Who logs in calls `uavrt`: by way of the link that an update turns to another version.
+command=$root/usr/local/bin/uavrt leads=$(readlink "$root/usr/local/bin/uavrt" || true)
+case $leads in
+    "$link/bin/uavrt") ;;
+    */venv/bin/uavrt) ln -sf "$link/bin/uavrt" "$command" ;; # of another --prefix
+    *)
+        if [ -e "$command" ] || [ -n "$leads" ]; then
+            say "$command is not ours, and stays: call $link/bin/uavrt"
+        else
+            mkdir -p "$root/usr/local/bin"
+            ln -s "$link/bin/uavrt" "$command"
+        fi ;;
+esac
 [ -z "$update_key" ] || install -m 644 "$update_key" "$root$prefix/update-keys.pem"
 
 # The DDS binding has no wheel for 64-bit ARM: it is built once and kept, for `uavrt update`, too.
 # All else runs without it.
 if [ "$locks" != "${locks#*ros2}" ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
-    say "building the DDS binding for $(uname -m), which takes some minutes"
+    say "building the DDS binding for $(uname -m): a minute on a PC, longer on a small board"
     if wheel=$(PYTHON="$environment/bin/python" "$source/deploy/dds-wheel.sh" "$root$prefix/wheels"); then
         by_name "$(dirname "$wheel")" cyclonedds
     else

@@ -5,11 +5,10 @@ import os
 import py_compile
 import shutil
 import subprocess
-import sys
-import textwrap
 from pathlib import Path
 
 import pytest
+from toy_installer import ToyInstaller
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 SEARCHED = os.pathsep.join((os.environ["PATH"], "/usr/sbin", "/sbin"))
@@ -19,28 +18,6 @@ OWN, REMOVED, ADDED, FOREIGN = (
     f"-----BEGIN CERTIFICATE-----\n{whose}\n-----END CERTIFICATE-----\n"
     for whose in ("own", "removed", "added", "builder")
 )
-PROGRAM = {
-    "pyproject.toml": """
-        [build-system]
-        requires = ["hatchling"]
-        build-backend = "hatchling.build"
-        [project]
-        name = "uavrt"
-        version = "0.1.0"
-        [project.scripts]
-        uavrt = "uavrt:main"
-        [tool.hatch.build.targets.wheel]
-        packages = ["src/uavrt"]
-        """,
-    "hatch_build.py": "",
-    "src/uavrt/__init__.py": "def main():\n    pass\n",
-    "src/uavrt/config.py": """
-        from pathlib import Path
-
-        def write_default_settings(path):
-            Path(path).write_text("# settings")
-        """,
-}
 
 
 def contents(root: Path) -> dict[str, bytes]:
@@ -53,66 +30,22 @@ def contents(root: Path) -> dict[str, bytes]:
     }
 
 
-@pytest.fixture
-def source(tmp_path: Path) -> Path:
-    """A program as small as can be, with the installer of this one and empty locks."""
-    source = tmp_path / "source"
-    for name, text in PROGRAM.items():
-        (source / name).parent.mkdir(parents=True, exist_ok=True)
-        (source / name).write_text(textwrap.dedent(text))
-    shutil.copytree(DEPLOY, source / "deploy")
-    for lock in (source / "deploy/locks").glob("*.txt"):
-        lock.write_text("# nothing\n")
-    return source
-
-
-@pytest.fixture
-def python(tmp_path: Path) -> Path:
-    """A Python whose environments have the libraries of this one, and need no network."""
-    here = Path(next(path for path in sys.path if path.endswith("site-packages")))
-    libraries = tmp_path / "libraries"
-    libraries.mkdir()
-    for path in here.iterdir():
-        if "uavrt" not in path.name:
-            (libraries / path.name).symlink_to(path)
-    stand_in = tmp_path / "python"
-    stand_in.write_text(f"""#!/bin/sh
-[ "$1 $2" = "-m venv" ] || exec {sys.executable} "$@"
-{sys.executable} -m venv --without-pip "$3" &&
-    for place in "$3"/lib/python3*/site-packages; do echo {libraries} >"$place/more.pth"; done
-""")
-    stand_in.chmod(0o755)
-    return stand_in
-
-
-def install(source: Path, root: Path, python: Path, temporary: Path) -> dict[str, bytes]:
-    """Install below an empty root; all that is there then."""
-    shutil.rmtree(root, ignore_errors=True)
-    temporary.mkdir()
-    settings = {"PYTHON": str(python), "TMPDIR": str(temporary), "PIP_NO_COMPILE": "1"}
-    done = subprocess.run(
-        [str(source / "deploy/install.sh"), "--root", str(root), "--radio", "none"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"}
-        | settings,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return {name: what for name, what in contents(root).items() if "__pycache__" not in name}
-
-
-def test_a_program_that_was_installed_twice_is_the_same(
-    source: Path, python: Path, tmp_path: Path
-) -> None:
+def test_a_program_that_was_installed_twice_is_the_same(tmp_path: Path) -> None:
     """Each time it is built in another temporary directory, which nothing may name."""
-    one, two = (
-        install(source, tmp_path / "root", python, tmp_path / name) for name in ("a", "b")
-    )
-    assert any(name.endswith("uavrt/config.py") for name in one)
+    toy = ToyInstaller(tmp_path)
+    found = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        shutil.rmtree(toy.root, ignore_errors=True)
+        done = toy.install(temporary=tmp_path / name)
+        assert done.returncode == 0, done.stdout + done.stderr
+        whole = contents(toy.root)
+        found.append({path: whole[path] for path in whole if "__pycache__" not in path})
+    one, two = found
+    assert any(path.endswith("uavrt/config.py") for path in one)
     assert sorted(one) == sorted(two)
-    assert [name for name in one if one[name] != two[name]] == []
-    assert [name for name, what in one.items() if os.fsencode(tmp_path / "a") in what] == []
+    assert [path for path in one if one[path] != two[path]] == []
+    assert [path for path, what in one.items() if os.fsencode(tmp_path / "a") in what] == []
 
 
 def make_root(root: Path, builder: str) -> Path:
