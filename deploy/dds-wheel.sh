@@ -3,7 +3,7 @@
 #
 # For the gateway to ROS 2 where PyPI has no such wheel: 64-bit ARM under Linux. Builds release
 # 0.10.5 of Cyclone DDS (EPL 2.0 or BSD) from the source that Debian keeps, and the binding of that
-# release, for this machine's processor and PYTHON: minutes on a Raspberry Pi, and 45 MB to
+# release, for this machine's processor and PYTHON: a minute on a PC, and 45 MB to
 # download, all of it checked against hashes. Needs gcc, libc6-dev and python3-dev; installs
 # nothing. A wheel that is in DIRECTORY already stays. DDS_SOURCE names the source elsewhere.
 set -eu
@@ -27,6 +27,10 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 trap 'exit 130' INT TERM
 cd "$work"
+# The same wheel, whenever and wherever it is built.
+CFLAGS="-g0 -ffile-prefix-map=$work=."
+SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-1767225600} # 2026
+export CFLAGS SOURCE_DATE_EPOCH
 "$python" -m venv tools
 PATH=$work/tools/bin:$PATH
 pip() { python -m pip "$@" --quiet --disable-pip-version-check --require-hashes; }

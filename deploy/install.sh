@@ -81,6 +81,12 @@ if [ -d "$link" ] && [ ! -L "$link" ]; then
     rm -f "$environment/.uavrt-source"
 fi
 [ -x "$environment/bin/python" ] || "$python" -m venv "$environment"
+by_name() { # DIRECTORY WORDS...: install from the wheels there
+    place=$1
+    shift
+    env -u PIP_FIND_LINKS "$environment/bin/python" -m pip install --quiet --no-index --no-deps \
+        --find-links "$place" "$@"
+}
 stamp=$environment/.uavrt-source
 # What the source is: the sum over its files, so that an unchanged one is not built again.
 fingerprint() {
@@ -103,7 +109,8 @@ else
     for lock in $locks; do # they agree on the versions
         "$environment/bin/python" -m pip install --quiet --require-hashes -r "$source/deploy/locks/$lock"
     done
-    "$environment/bin/python" -m pip install --quiet --no-deps --force-reinstall "$work"/uavrt-*.whl
+    # By name: pip writes down where a file given by its path lay, another place each time.
+    by_name "$work" --force-reinstall uavrt
     # After the build, which writes the MAVLink dialect into the source.
     fingerprint >"$stamp"
     rm -f "$link"
@@ -112,14 +119,27 @@ if [ ! -L "$link" ]; then
     rm -f "$root$prefix/trial"
     ln -s versions/source "$link"
 fi
+# Who logs in calls `uavrt`: by way of the link that an update turns to another version.
+command=$root/usr/local/bin/uavrt leads=$(readlink "$root/usr/local/bin/uavrt" || true)
+case $leads in
+    "$link/bin/uavrt") ;;
+    */venv/bin/uavrt) ln -sf "$link/bin/uavrt" "$command" ;; # of another --prefix
+    *)
+        if [ -e "$command" ] || [ -n "$leads" ]; then
+            say "$command is not ours, and stays: call $link/bin/uavrt"
+        else
+            mkdir -p "$root/usr/local/bin"
+            ln -s "$link/bin/uavrt" "$command"
+        fi ;;
+esac
 [ -z "$update_key" ] || install -m 644 "$update_key" "$root$prefix/update-keys.pem"
 
 # The DDS binding has no wheel for 64-bit ARM: it is built once and kept, for `uavrt update`, too.
 # All else runs without it.
 if [ "$locks" != "${locks#*ros2}" ] && ! "$environment/bin/python" -c 'import cyclonedds.core' 2>/dev/null; then
-    say "building the DDS binding for $(uname -m), which takes some minutes"
+    say "building the DDS binding for $(uname -m): a minute on a PC, longer on a small board"
     if wheel=$(PYTHON="$environment/bin/python" "$source/deploy/dds-wheel.sh" "$root$prefix/wheels"); then
-        "$environment/bin/python" -m pip install --quiet --no-index --no-deps "$wheel"
+        by_name "$(dirname "$wheel")" cyclonedds
     else
         say "no DDS binding: the gateway to ROS 2 stays off (docs/how-to/ros2.md)"
     fi

@@ -22,12 +22,10 @@ else
 fi
 say() { printf '%s\n' "try-arm64: $*"; }
 
+said=$("$source/deploy/arm64/enter.sh" --allowed 2>&1) || { say "skipped: $said"; exit 77; }
 "$source/deploy/arm64/make-root.sh" "$work"
 said=$("$source/deploy/arm64/enter.sh" "$work" uname -m 2>&1) || true
-if [ "$said" != aarch64 ]; then
-    say "skipped: emulation is not possible here: $said"
-    exit 77
-fi
+[ "$said" = aarch64 ] || { say "the emulator does not run: $said" >&2; exit 1; }
 say "a root for $said, by $("$work/qemu-aarch64-static" --version | head -1)"
 say "installing as on a Raspberry Pi"
 "$source/deploy/arm64/install-uavrt.sh" "$work" --ros2

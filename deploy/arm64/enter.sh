@@ -1,11 +1,19 @@
 #!/bin/sh
 # Run a command in the emulated root: enter.sh DIRECTORY COMMAND...
+# Does this kernel allow it at all? enter.sh --allowed, which ends with 3 and the reason if not
 #
 # In a user, mount and process namespace of its own: the emulator is registered in a binfmt_misc
 # of that namespace (Linux 6.7 or newer), and nothing of this machine is touched; everything ends
-# with the command. The network is this machine's.
+# with the command. The network is this machine's, and whom it trusts, for that time alone: nothing
+# of it stays in the root.
 set -eu
 
+if [ "${1:-}" = --allowed ]; then
+    said=$(unshare --user --map-root-user --mount \
+        mount -t binfmt_misc binfmt_misc /proc/sys/fs/binfmt_misc 2>&1) && exit 0
+    echo "enter.sh: this kernel lets no user register an emulator (Linux 6.7 or newer does, with user namespaces): $said" >&2
+    exit 3
+fi
 if [ "${1:-}" != --inside ]; then
     work=$(cd "$1" && pwd)
     shift
@@ -34,10 +42,26 @@ for share in ${SHARE:-}; do # HOST:PLACE below the root
     mkdir -p "$root${share#*:}"
     mount --bind "${share%%:*}" "$root${share#*:}"
 done
-cp --remove-destination /etc/resolv.conf /etc/hosts "$root/etc/"
-[ ! -e /etc/ssl/certs/ca-certificates.crt ] || {
-    mkdir -p "$root/etc/ssl/certs"
-    cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/"
+lend() { # FILE: at its place in the root, or where a link there leads to below /run
+    [ -e "$1" ] || return 0
+    target=$(readlink "$root$1") || target=
+    target=${target#..}
+    case $target in
+        /run/*)
+            mkdir -p "$(dirname "$root$target")"
+            cp -L "$1" "$root$target" ;;
+        '')
+            cp -L "$1" "$root/run/lent/"
+            [ -e "$root$1" ] || : >"$root$1"
+            mount --bind "$root/run/lent/$(basename "$1")" "$root$1" ;;
+    esac
 }
-exec chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
-    PIP_CERT=/etc/ssl/certs/ca-certificates.crt "$@"
+mkdir -p "$root/run/lent"
+lend /etc/resolv.conf
+lend /etc/hosts
+trusted=/etc/ssl/certs/ca-certificates.crt
+[ ! -e $trusted ] || {
+    cp -L $trusted "$root/run/lent/trusted"
+    set -- PIP_CERT=/run/lent/trusted SSL_CERT_FILE=/run/lent/trusted "$@"
+}
+exec chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 "$@"

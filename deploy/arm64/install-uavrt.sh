@@ -10,29 +10,36 @@ python=${PYTHON:-$source/.venv/bin/python}
 work=$(cd "$1" && pwd)
 shift
 wheels=$work/wheels
-if [ ! -e "$wheels/.complete" ]; then
-    mkdir -p "$wheels"
-    fetch() {
-        "$python" -m pip download -qq --disable-pip-version-check --only-binary=:all: \
-            --dest "$wheels" --implementation cp --python-version 3.11 --abi cp311 --abi abi3 \
-            --abi none --platform manylinux_2_36_aarch64 --platform manylinux_2_34_aarch64 \
-            --platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 \
-            --platform manylinux2014_aarch64 --platform linux_aarch64 "$@"
-    }
+mkdir -p "$wheels"
+fetch() {
+    "$python" -m pip download -qq --disable-pip-version-check --only-binary=:all: \
+        --dest "$wheels" --implementation cp --python-version 3.11 --abi cp311 --abi abi3 \
+        --abi none --platform manylinux_2_36_aarch64 --platform manylinux_2_34_aarch64 \
+        --platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 \
+        --platform manylinux2014_aarch64 --platform linux_aarch64 "$@"
+}
+# What is there is fetched again when another lock wants others.
+changed() { # MARK LOCK...: also the sum to leave in MARK
+    mark=$wheels/$1
+    shift
+    sum=$(cd "$source/deploy/locks" && sha256sum "$@")
+    [ "$(cat "$mark" 2>/dev/null)" != "$sum" ]
+}
+if changed .complete drone-page.txt build.txt; then
     fetch --require-hashes -r "$source/deploy/locks/drone-page.txt"
     fetch --require-hashes -r "$source/deploy/locks/build.txt"
-    touch "$wheels/.complete"
+    echo "$sum" >"$mark"
 fi
 # What the DDS binding is built from; its source is asked for where the library is.
 case " $* " in
     *" --ros2 "*)
-        if [ ! -e "$wheels/.dds-complete" ]; then
+        if changed .dds-complete dds-build.txt dds.txt; then
             fetch --require-hashes -r "$source/deploy/locks/dds-build.txt"
             mkdir -p "$work/no-dds/bin" "$work/no-dds/include" "$work/no-dds/lib"
             touch "$work/no-dds/lib/libddsc.so"
             CYCLONEDDS_HOME=$work/no-dds "$python" -m pip download -qq --no-deps --dest "$wheels" \
                 --no-binary=:all: --require-hashes -r "$source/deploy/locks/dds.txt"
-            touch "$wheels/.dds-complete"
+            echo "$sum" >"$mark"
         fi ;;
 esac
 

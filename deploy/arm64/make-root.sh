@@ -4,17 +4,23 @@
 # The packages are fetched by this machine's apt into lists of their own, their signatures checked
 # with this machine's Debian keys, and unpacked. Their scripts are not run, which debootstrap's
 # second stage would do slowly in the emulator; what uavrt needs of them is done here. Needs no
-# root. What is there already stays. LIST names another list than packages.txt.
+# root. What is there already stays, unless other packages are wanted now. LIST names another list
+# than packages.txt, PACKAGES more of them, COMPONENTS where they are from (main).
 set -eu
 
 work=$1
-suite=${SUITE:-bookworm} mirror=${MIRROR:-http://deb.debian.org/debian}
+suite=${SUITE:-bookworm} components=${COMPONENTS:-main} mirror=${MIRROR:-http://deb.debian.org/debian}
 here=$(cd "$(dirname "$0")" && pwd)
 packages="$(sed 's/#.*//' "${LIST:-$here/packages.txt}" | tr '\n' ' ') ${PACKAGES:-}"
+fail() { printf '%s\n' "make-root.sh: $*" >&2; exit 1; }
+keys=/usr/share/keyrings/debian-archive-keyring.gpg
+[ -e $keys ] || fail "no $keys: sudo apt install debian-archive-keyring"
+wanted=$(printf '%s\n' "$suite" "$mirror" "$components" "$packages" | tr -s ' ' | sha256sum)
+is() { [ "$(cat "$1" 2>/dev/null)" = "$wanted" ]; }
+is "$work/apt/done" || rm -rf "$work/apt"
 mkdir -p "$work/apt/lists/partial" "$work/apt/cache/archives/partial" "$work/apt/empty"
 : >"$work/apt/status"
-keys=/usr/share/keyrings/debian-archive-keyring.gpg
-printf 'deb [arch=arm64 signed-by=%s] %s %s main\n' "$keys" "$mirror" "$suite" >"$work/apt/sources"
+printf 'deb [arch=arm64 signed-by=%s] %s %s %s\n' "$keys" "$mirror" "$suite" "$components" >"$work/apt/sources"
 cat >"$work/apt/apt.conf" <<APT
 APT::Architecture "arm64";
 APT::Architectures { "arm64"; };
@@ -30,11 +36,11 @@ Dir::Etc::preferencesparts "$work/apt/empty";
 Debug::NoLocking "true";
 APT
 export APT_CONFIG="$work/apt/apt.conf"
-if [ ! -e "$work/apt/done" ]; then
-    apt-get update -qq
+if ! is "$work/apt/done"; then
     # shellcheck disable=SC2086
-    apt-get install -y -qq --download-only $packages >/dev/null
-    touch "$work/apt/done"
+    { apt-get update -qq && apt-get install -y -qq --download-only $packages >/dev/null; } ||
+        fail "no packages from $mirror: is the network there, and MIRROR right?"
+    echo "$wanted" >"$work/apt/done"
 fi
 if [ ! -x "$work/qemu-aarch64-static" ]; then
     found=$(command -v qemu-aarch64-static || true)
@@ -44,10 +50,11 @@ if [ ! -x "$work/qemu-aarch64-static" ]; then
         # Of this machine's own architecture, unpacked, not installed.
         (cd "$work" && APT_CONFIG= apt-get download -qq qemu-user-static 2>/dev/null &&
             dpkg-deb --fsys-tarfile qemu-user-static_*.deb | tar -x ./usr/bin/qemu-aarch64-static &&
-            mv usr/bin/qemu-aarch64-static . && rm -rf usr qemu-user-static_*.deb)
+            mv usr/bin/qemu-aarch64-static . && rm -rf usr qemu-user-static_*.deb) ||
+            fail "no emulator: sudo apt install qemu-user-static"
     fi
 fi
-[ ! -e "$work/root/.complete" ] || exit 0
+! is "$work/root/.complete" || exit 0
 
 root=$work/root
 rm -rf "$root"
@@ -75,4 +82,4 @@ for alternative in gcc:cc; do
 done
 mkdir -p "$root/proc" "$root/dev" "$root/sys" "$root/run" "$root/tmp" "$root/etc"
 chmod 1777 "$root/tmp"
-touch "$root/.complete"
+echo "$wanted" >"$root/.complete"

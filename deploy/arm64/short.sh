@@ -4,8 +4,9 @@
 # The short form of try-arm64.sh, a minute of it, for every run of the tests: a root with nothing
 # but Python, libraries as wheels, a wheel of this source with kernels that a cross compiler makes
 # here (Debian's, unpacked below DIRECTORY, where the machine has none), and one recording, whose
-# pulses must be those of this machine. Ends with 77 where that cannot be tried. What is in
-# DIRECTORY is used again.
+# pulses must be those of this machine. Ends with 77 only where the kernel lets no user register an
+# emulator. What is in DIRECTORY is used again, so that the network is needed once, and when a lock
+# has changed.
 set -eu
 
 work=${1:?short.sh DIRECTORY}
@@ -14,14 +15,17 @@ work=$(cd "$work" && pwd)
 here=$(cd "$(dirname "$0")" && pwd)
 source=$(cd "$here/../.." && pwd)
 python=${PYTHON:-$source/.venv/bin/python}
-skip() { printf '%s\n' "short.sh: skipped: $*"; exit 77; }
+fail() { printf '%s\n' "short.sh: $*" >&2; exit 1; }
 
-command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || skip "no Debian packages here"
+said=$("$here/enter.sh" --allowed 2>&1) || { echo "short.sh: skipped: $said"; exit 77; }
+command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null ||
+    fail "no apt-get and dpkg-deb, which unpack Debian: install the packages apt and dpkg"
 LIST=$here/packages-short.txt "$here/make-root.sh" "$work" >"$work/root.log" 2>&1 ||
-    skip "no packages of Debian: $(tail -n 1 "$work/root.log")"
-[ -x "$work/qemu-aarch64-static" ] || skip "no emulator: apt install qemu-user-static"
+    fail "no packages of Debian: $(tail -n 3 "$work/root.log")"
+[ -x "$work/qemu-aarch64-static" ] || fail "no emulator: sudo apt install qemu-user-static"
 said=$("$here/enter.sh" "$work" uname -m 2>&1) || true
-[ "$said" = aarch64 ] || skip "emulation is not possible here: $said"
+[ "$said" = aarch64 ] ||
+    fail "the emulator does not run, remove $work to unpack it again: $said"
 
 # The compiler, as if it were installed.
 cc=aarch64-linux-gnu-gcc
@@ -31,7 +35,8 @@ if ! command -v $cc >/dev/null; then
         mkdir -p "$cross/archives/partial"
         apt-get install -y -qq --download-only --no-install-recommends -o Debug::NoLocking=true \
             -o Dir::Cache::archives="$cross/archives" gcc-aarch64-linux-gnu libc6-dev-arm64-cross \
-            >"$work/cross.log" 2>&1 || skip "no compiler for it: $(tail -n 1 "$work/cross.log")"
+            >"$work/cross.log" 2>&1 ||
+            fail "no compiler, sudo apt install gcc-aarch64-linux-gnu: $(tail -n 3 "$work/cross.log")"
         rm -f "$cross"/archives/lib*san*.deb # sanitizers, half of it all
         for deb in "$cross"/archives/*.deb; do dpkg-deb -x "$deb" "$cross"; done
         sed -i 's|/usr/aarch64-linux-gnu/lib/||g' "$cross"/usr/aarch64-linux-gnu/lib/lib[cm].so
@@ -61,14 +66,17 @@ fetch() {
         --platform manylinux_2_28_aarch64 --platform manylinux_2_17_aarch64 \
         --platform manylinux2014_aarch64 --platform linux_aarch64 "$@"
 }
-if [ ! -e "$environment/.complete" ]; then
-    fetch --require-hashes -r "$source/deploy/locks/drone.txt" >"$work/pip.log" 2>&1 ||
-        skip "no wheels for it: $(tail -n 1 "$work/pip.log")"
+lock=$source/deploy/locks/drone.txt
+sum=$(sha256sum <"$lock")
+if [ "$(cat "$environment/.complete" 2>/dev/null)" != "$sum" ]; then
+    rm -rf "$environment"
+    fetch --require-hashes -r "$lock" >"$work/pip.log" 2>&1 ||
+        fail "no wheels for 64-bit ARM as $lock has them: is the network there? Pin others with \`make locks\`: $(tail -n 3 "$work/pip.log")"
     mkdir -p "$environment/bin"
     printf '#!/bin/sh\nPYTHONPATH=/opt/uavrt/venv/lib exec python3 "$@"\n' >"$environment/bin/python"
     printf '#!/bin/sh\nexec /opt/uavrt/venv/bin/python -m uavrt.cli "$@"\n' >"$environment/bin/uavrt"
     chmod +x "$environment"/bin/*
-    touch "$environment/.complete"
+    echo "$sum" >"$environment/.complete"
 fi
 rm -rf "$environment"/lib/uavrt "$environment"/lib/uavrt-*.dist-info
 fetch "$work"/wheel/*.whl

@@ -15,8 +15,9 @@ case $name in
     *[!a-z0-9-]* | -* | *- | '') echo "configure-root.sh: $name is no hostname: a-z, 0-9 and -" >&2; exit 1 ;;
 esac
 [ -d "$root/etc" ] || { echo "configure-root.sh: $root is no root: it has no /etc" >&2; exit 1; }
-write() { # FILE [MODE]: what is on stdin
+write() { # FILE [MODE]: what is on stdin, in place of a file that may be read-only, or a link
     mkdir -p "$(dirname "$root$1")"
+    rm -f "$root$1"
     cat >"$root$1"
     chmod "${2:-644}" "$root$1"
 }

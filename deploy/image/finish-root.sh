@@ -61,6 +61,7 @@ pam password password "success=1 default=ignore"
 pam session session "" "required pam_unix.so" "optional pam_systemd.so"
 pam session-noninteractive session "" "required pam_unix.so"
 ldconfig
+rm -rf /var/cache/ldconfig # of inodes and times
 chmod u=rwx,g=,o= /root
 rm -rf /var/run /var/lock && ln -s /run /var/run
 ln -s /run/lock /var/lock

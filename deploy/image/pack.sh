@@ -3,14 +3,15 @@
 #
 # GPT with an EFI partition (systemd-boot, kernel, initrd), a read-only root, and a data partition
 # that grows at the first boot. Needs no root rights: mkfs.ext4 -d, mtools. The same root gives the
-# same bytes: identifiers come from the root's own digest, times from SOURCE_DATE_EPOCH.
+# same bytes: identifiers come from the root's own digest, times from SOURCE_DATE_EPOCH. Nor does it
+# tell of the computer that built it (clean-root.sh).
 set -eu
 
 root=${1:?pack.sh ROOT IMAGE} image=${2:?pack.sh ROOT IMAGE}
 root=$(cd "$root" && pwd)
-for tool in sfdisk mkfs.ext4 debugfs mkfs.vfat mcopy; do
+for tool in sfdisk mkfs.ext4 debugfs mkfs.vfat mcopy python3; do
     PATH=$PATH:/usr/sbin:/sbin command -v $tool >/dev/null ||
-        { echo "pack.sh: no $tool: sudo apt install fdisk e2fsprogs dosfstools mtools" >&2; exit 1; }
+        { echo "pack.sh: no $tool: sudo apt install fdisk e2fsprogs dosfstools mtools python3" >&2; exit 1; }
 done
 PATH=$PATH:/usr/sbin:/sbin
 export SOURCE_DATE_EPOCH="${SOURCE_DATE_EPOCH:-1767225600}" # 2026
@@ -29,10 +30,7 @@ for pair in var/lib/uavrt:uavrt opt/uavrt:opt; do
     mkdir -p "$work/root/${pair%%:*}" "$work/data/${pair#*:}"
 done
 mkdir -p "$work/data/network" "$work/data/ssh" "$work/data/timesync"
-# Nothing of the machine that built it.
-rm -rf "$work/root/src" "$work/root/wheels" "$work/root/shared" "$work/root/.complete"
-rm -f "$work/root/etc/ssh/ssh_host_"*_key* "$work"/root/var/lib/dbus/machine-id
-rm -rf "$work/root/tmp" "$work/root/run" "$work/root/var/log" && mkdir -p "$work/root/tmp" "$work/root/run" "$work/root/var/log"
+"$(dirname "$0")/clean-root.sh" "$work/root" "$work/data"
 find "$work/root" "$work/data" -exec touch -hd "@$SOURCE_DATE_EPOCH" {} +
 
 digest=$(cd "$work" && find root data -type f -exec sha256sum {} + | sort -k2 | sha256sum | cut -c-32)

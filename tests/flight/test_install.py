@@ -61,7 +61,8 @@ def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
     assert (root / "var/lib/uavrt/uavrt.toml").exists()
     program = root / "opt/uavrt/venv/bin/uavrt"
     assert str(program) in unit
-    version = subprocess.run([program, "--version"], capture_output=True, text=True, check=True)
+    command = root / "usr/local/bin/uavrt"
+    version = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
     assert version.stdout.strip()
     before = files_below(root)
     second = run()

@@ -88,6 +88,16 @@ def test_every_command_and_option_in_the_documents_exists(document: Path) -> Non
         assert set(options) <= known | {"--help"}, command
 
 
+def test_what_is_filled_in_for_a_board_needs_nothing_but_an_installed_drone() -> None:
+    """No development environment, nor a path of this repository, is there."""
+    page = (ROOT / "docs/how-to/try-on-64-bit-arm.md").read_text()
+    table = page.split("## What only a real board shows")[1]
+    commands = [code for line in table.splitlines() for code in CODE_SPAN.findall(line)]
+    assert sum(code.startswith("uavrt ") for code in commands) >= 5
+    elsewhere = ("python", "benchmarks", "deploy/", "venv", "make ")
+    assert [code for code in commands if any(word in code for word in elsewhere)] == []
+
+
 def test_the_readme_shows_the_commands_of_a_flight() -> None:
     shown = {command for command, _ in command_lines(ROOT / "README.md")}
     assert {"demo", "detect", "run", "ground"} <= shown

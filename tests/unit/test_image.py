@@ -7,6 +7,8 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,7 @@ from uavrt.config import RADIOS, load_settings, write_default_settings
 
 IMAGE = Path(__file__).parents[2] / "deploy/image"
 TOOLS = ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs")
+NOBODY = 65534
 SEARCHED = os.pathsep.join((os.environ["PATH"], "/usr/sbin", "/sbin"))
 
 
@@ -79,6 +82,57 @@ def test_the_root_is_read_only_and_what_changes_lies_on_the_data_partition(root:
     again = contents(root)
     assert configure(root, "lynx-1").returncode == 0
     assert contents(root) == again
+
+
+@pytest.fixture
+def open_place() -> Iterator[Path]:
+    """A directory that another user may reach, too."""
+    with tempfile.TemporaryDirectory() as name:
+        Path(name).chmod(0o755)
+        yield Path(name)
+
+
+@pytest.mark.parametrize("builder", ["who runs the tests", "nobody"])
+def test_a_root_is_configured_again_without_root_rights(
+    root: Path, open_place: Path, builder: str
+) -> None:
+    """A builder who is not root cannot write again to a file that is read-only by then."""
+    there, script = open_place / "root", open_place / "configure-root.sh"
+    shutil.copytree(root, there, symlinks=True)
+    shutil.copy(IMAGE / "configure-root.sh", script)
+    script.chmod(0o755)
+    other: dict[str, int] = {}
+    if builder == "nobody":
+        if os.geteuid():
+            pytest.skip("who runs the tests has no root rights")
+        other = {"user": NOBODY, "group": NOBODY}
+        for path in (there, *there.rglob("*")):
+            os.chown(path, NOBODY, NOBODY, follow_symlinks=False)
+    found = []
+    for name in ("lynx-1", "lynx-1", "lynx-2"):
+        done = subprocess.run(
+            [str(script), str(there), name],
+            capture_output=True,
+            text=True,
+            check=False,
+            **other,  # type: ignore[call-overload]
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        found.append(contents(there))
+    assert found[0] == found[1]
+    assert found[2]["etc/hostname"] == b"lynx-2\n"
+    assert (there / "etc/sudoers.d/uavrt").stat().st_mode & 0o777 == 0o440
+
+
+def test_nothing_is_written_where_a_link_leads_out_of_the_root(
+    root: Path, tmp_path: Path
+) -> None:
+    outside = tmp_path / "outside"
+    outside.write_text("of this computer")
+    (root / "etc/hostname").symlink_to(outside)
+    assert configure(root, "lynx-1").returncode == 0
+    assert outside.read_text() == "of this computer"
+    assert (root / "etc/hostname").read_text() == "lynx-1\n"
 
 
 @pytest.mark.parametrize("name", ["Lynx", "a b", "-x", "x;reboot", "lynx_1"])
