@@ -12,7 +12,7 @@ from uavrt.analysis.measure import TagSource
 from uavrt.batch.cell_work import CellResult, CellTask, Chunk, read_chunks
 from uavrt.batch.cells import cells_of
 from uavrt.batch.ledger import Ledger
-from uavrt.batch.recordings import Recording
+from uavrt.batch.recordings import Recording, out_of_reach
 from uavrt.batch.settings import BatchSettings
 from uavrt.batch.tables import PULSES, RecordingRow, folder_of, write_pulses
 from uavrt.clock import Clock
@@ -72,6 +72,8 @@ class Detecting:
         """Of each task."""
         self.keys: dict[Path, str] = {}
         """Of recordings that can be opened, by path."""
+        self.kept: dict[str, str] = {}
+        """Recordings that cannot be reached now, and why: what was done of them stays."""
         self.done_before = 0
         self.tasks: list[CellTask] = []
         self.dated_by_file: dict[str, str] = {}
@@ -86,10 +88,11 @@ class Detecting:
                 self.done_before += 1
                 return None
             if "detect" not in self._settings.steps:
+                self._take_known(recording)
                 return None
             job = self._planned(recording, key)
         except (UavrtError, OSError) as error:
-            return self._failed(recording, str(error))
+            return self._failed(recording, str(error), gone=out_of_reach(error))
         except Exception as error:  # no file ends the run of an archive
             log.exception("a recording cannot be read", recording=recording.name)
             return self._failed(recording, f"{type(error).__name__}: {error}")
@@ -97,19 +100,34 @@ class Detecting:
         self._jobs += [job] * len(job.tasks)
         return None
 
-    def _failed(self, recording: Recording, fault: str) -> RecordingRow:
+    def _failed(
+        self, recording: Recording, fault: str, *, gone: bool = False
+    ) -> RecordingRow | None:
+        if gone and self._take_known(recording):
+            self.kept[recording.name] = fault
+            return None
         key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
         row = _row(_Job(recording, key, [], [], _Facts()), "failed", [fault])
         self._ledger.settle(row)
         return row
 
+    def _take_known(self, recording: Recording) -> bool:
+        """Go by what was done of a recording before, under whatever settings, if anything."""
+        known = self._ledger.of(recording.name)
+        if known is not None:
+            self.keys[recording.path] = known.fingerprint
+        return known is not None
+
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Take a task's result; a row when it was a recording's last."""
+        """Take a task's result; a row when it was a recording's last, and it has one of it."""
         job = self._jobs[number]
         job.results.append(result)
         if len(job.results) < len(job.tasks):
             return None
         if gone := [one.fault or "" for one in job.results if one.unfinished]:
+            if self._take_known(job.recording):
+                self.kept[job.recording.name] = gone[0]
+                return None
             row = _row(job, "failed", gone)
             self._ledger.settle(row)
             return row

@@ -26,7 +26,7 @@ from uavrt.errors import UavrtError
 from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, PositionMethod, pattern_named
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.recording import Flight, IntegratedVerdict, read_flight
+from uavrt.recording import Flight, FlightLayout, IntegratedVerdict, read_flight
 from uavrt.terrain import Elevation, open_elevation
 
 
@@ -67,6 +67,8 @@ class FlightResult:
     fault: str | None = None
     """Why nothing, or why some tags have no position."""
     failed: bool = False
+    gone: bool = False
+    """It failed because it cannot be reached now."""
     recorded: tuple[Pulse, ...] | None = None
     """The pulses of the flight itself, when no recording of it was searched."""
     start_time_ns: int | None = None
@@ -128,10 +130,24 @@ class FlightTask:
         began_s = time.process_time()
         try:
             result = _place(self)
-        except UavrtError as error:
-            result = self.failed(str(error))
+        except (UavrtError, OSError) as error:
+            result = replace(self.failed(str(error)), gone=_gone(self, error))
         on_done(1)
         return replace(result, cpu_s=time.process_time() - began_s)
+
+
+def _gone(task: FlightTask, error: Exception) -> bool:
+    """Whether the flight cannot be reached, which the fault does not always tell."""
+    if isinstance(error, OSError):
+        return True
+    read = FlightLayout(Path(task.path)).database if task.is_flight else task.track
+    try:
+        if read is not None:
+            with read.open("rb") as file:
+                file.read(1)
+    except OSError:
+        return True
+    return False
 
 
 def _place(task: FlightTask) -> FlightResult:

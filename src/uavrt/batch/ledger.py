@@ -59,6 +59,11 @@ class Ledger(Generic[R]):
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
+    def of(self, path: str) -> R | None:
+        """Get the row of what is done of a path, under whatever key."""
+        done = filter(None, map(self.done, self._keys.get(path, ())))
+        return max(done, key=lambda row: row.finished_time_ns, default=None)
+
     def settle(self, row: R) -> None:
         """Put a row down, and take away what it replaces.
 

@@ -1,8 +1,9 @@
 """The second half of a batch: poses, bearings and positions of each flight."""
 
 import hashlib
+import os
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -13,6 +14,7 @@ from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, Recording
 from uavrt.batch.settings import BatchSettings
+from uavrt.batch.stores import is_url
 from uavrt.batch.tables import (
     BEARINGS,
     INTEGRATED,
@@ -60,6 +62,8 @@ class Placing:
         self._sought, self._output, self._settings = sought, output, settings
         self._recordings, self._flights = recordings, flights
         self.tasks: list[FlightTask] = []
+        self.kept: dict[str, str] = {}
+        """Flights that cannot be reached now, with the reason: what was done of them stays."""
         self.done_before = 0
 
     def plan(self, found: Found, keys: Mapping[Path, str]) -> None:
@@ -79,14 +83,30 @@ class Placing:
             row = self._recordings.done(keys.get(recording.path, ""))
             if row is None:
                 continue
-            file = self._output / PULSES / folder_of(row.flight) / f"{row.fingerprint}.parquet"
-            searched = Searched(recording=row.path, file=file)
+            searched = self._searched(row)
             if recording.flight_directory is not None:
                 of_flight[recording.flight_directory].append(searched)
             elif recording.track is not None:
                 self._add(recording.name, row.flight, [searched], recording)
+        for directory, row in self._taken_away(found):
+            of_flight[directory].append(self._searched(row))
         for directory in found.flights:
             self._add(str(directory), directory.name, of_flight[directory], None)
+
+    def _searched(self, row: RecordingRow) -> Searched:
+        file = self._output / PULSES / folder_of(row.flight) / f"{row.fingerprint}.parquet"
+        return Searched(recording=row.path, file=file)
+
+    def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
+        """Recordings of flights that were searched and are there no more: their pulses are."""
+        flights, there = set(found.flights), {one.name for one in found.recordings}
+        for row in self._recordings.rows:
+            if row.state not in ("done", "truncated") or row.path in there or is_url(row.path):
+                continue
+            for parent in Path(os.path.realpath(row.path)).parents:
+                if parent in flights:
+                    yield parent, row
+                    break
 
     def _add(
         self, path: str, flight: str, searched: list[Searched], recording: Recording | None
@@ -104,40 +124,37 @@ class Placing:
             steps=tuple(step for step in settings.steps if step != "detect"),
             settings=settings.placing,
         )
-        task = replace(task, key=_key(task))
+        try:
+            task = replace(task, key=_key(task))
+        except OSError as error:
+            self._kept_or_failed(task, FlightResult(fault=str(error), failed=True, gone=True))
+            return
         if self._flights.done(task.key) is None:
             self.tasks.append(task)
         else:
             self.done_before += 1
 
-    def finish(self, number: int, result: FlightResult) -> FlightRow:
-        """Write what a flight gave, and what was done with it."""
+    def finish(self, number: int, result: FlightResult) -> FlightRow | None:
+        """Write what a flight gave, and what was done with it; None: what was before stays."""
         task = self.tasks[number]
-        if task.is_flight and not result.failed:
+        return self._kept_or_failed(task, result) if result.failed else self._done(task, result)
+
+    def _kept_or_failed(self, task: FlightTask, result: FlightResult) -> FlightRow | None:
+        if result.gone and self._flights.of(task.path) is not None:
+            self.kept[task.path] = result.fault or ""
+            return None
+        row = _row(task, result)
+        self._flights.settle(row)
+        return row
+
+    def _done(self, task: FlightTask, result: FlightResult) -> FlightRow:
+        if task.is_flight:
             self._settle_recorded(task, result)
         self._write(task, POSES, PoseRow, result.poses)
         self._write(task, BEARINGS, BearingOfTag, result.bearings)
         self._write(task, POSITIONS, PositionOfTag, result.positions)
         self._write(task, INTEGRATED, IntegratedVerdict, result.integrated)
-        row = FlightRow(
-            path=task.path,
-            flight=task.flight,
-            fingerprint=task.key,
-            state="failed" if result.failed else "done",
-            fault=result.fault,
-            start_time_ns=result.start_time_ns,
-            steps=",".join(task.steps),
-            antenna=result.antenna,
-            dem=task.settings.dem,
-            pulses=result.pulses,
-            pulses_with_pose=len(result.poses),
-            clock_offset_s=result.clock_offset_s,
-            bearings=len(result.bearings),
-            positions=len(result.positions),
-            cpu_s=result.cpu_s,
-            finished_time_ns=Clock.start().now_ns(),
-            uavrt_version=uavrt.__version__,
-        )
+        row = _row(task, result)
         self._flights.settle(row)
         return row
 
@@ -181,6 +198,28 @@ class Placing:
         )
 
 
+def _row(task: FlightTask, result: FlightResult) -> FlightRow:
+    return FlightRow(
+        path=task.path,
+        flight=task.flight,
+        fingerprint=task.key,
+        state="failed" if result.failed else "done",
+        fault=result.fault,
+        start_time_ns=result.start_time_ns,
+        steps=",".join(task.steps),
+        antenna=result.antenna,
+        dem=task.settings.dem,
+        pulses=result.pulses,
+        pulses_with_pose=len(result.poses),
+        clock_offset_s=result.clock_offset_s,
+        bearings=len(result.bearings),
+        positions=len(result.positions),
+        cpu_s=result.cpu_s,
+        finished_time_ns=Clock.start().now_ns(),
+        uavrt_version=uavrt.__version__,
+    )
+
+
 def _key(task: FlightTask) -> str:
     """Name a flight as it is, with its pulses, under these settings."""
     facts: list[object] = [
@@ -212,7 +251,7 @@ def _files(task: FlightTask) -> list[Path]:
 
 def _hashed(facts: list[object], files: list[Path]) -> str:
     for path in files:
-        if path.is_file():
-            about = path.stat()
+        # To read a database leaves an empty write-ahead log beside it.
+        if path.is_file() and (about := path.stat()).st_size:
             facts += [str(path), about.st_size, about.st_mtime_ns]
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]

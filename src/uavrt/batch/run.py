@@ -14,7 +14,7 @@ KEY stands for the recording or flight as it is, the tags and the settings that 
 was changed is done anew, and its old rows go when the new ones are there.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -116,14 +116,17 @@ def _run(
         if (finished := detecting.finish(number, result)) is not None:
             watch.on_row(finished)
             done_now += 1
+    _tell_kept(detecting.kept, watch)
     placing = Placing(sought, output, settings, recordings, flights)
     placed_now = 0
     if not watch.should_stop():
         placing.plan(found, detecting.keys)
         watch.on_stage("placing", len(placing.tasks))
         for number, placed in _worked(placing.tasks, output, settings, watch):
-            watch.on_row(placing.finish(number, placed))
-            placed_now += 1
+            if (row_of_flight := placing.finish(number, placed)) is not None:
+                watch.on_row(row_of_flight)
+                placed_now += 1
+        _tell_kept(placing.kept, watch)
     write_rows(output / RECORDINGS, RecordingRow, recordings.rows)
     write_rows(output / FLIGHTS, FlightRow, flights.rows)
     gather_months(output, recordings.rows, flights.rows)
@@ -135,8 +138,14 @@ def _run(
         done_before=detecting.done_before,
         placed_now=placed_now,
         placed_before=placing.done_before,
+        kept=len(detecting.kept) + len(placing.kept),
         stopped=watch.should_stop(),
     )
+
+
+def _tell_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
+    for name, fault in kept.items():
+        watch.on_kept(name, fault)
 
 
 def _worked(
