@@ -1,7 +1,6 @@
 """The second half of a batch: poses, bearings and positions of each flight."""
 
 import hashlib
-import os
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -12,9 +11,8 @@ import uavrt
 from uavrt.analysis.measure import TagSource
 from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
 from uavrt.batch.ledger import Ledger
-from uavrt.batch.recordings import Found, Recording
+from uavrt.batch.recordings import Found, Recording, flight_of
 from uavrt.batch.settings import BatchSettings
-from uavrt.batch.stores import is_url
 from uavrt.batch.tables import (
     BEARINGS,
     INTEGRATED,
@@ -62,11 +60,18 @@ class Placing:
         self._sought, self._output, self._settings = sought, output, settings
         self._recordings, self._flights = recordings, flights
         self.tasks: list[FlightTask] = []
+        self._copies: dict[str, set[str]] = {}
         self.kept: dict[str, str] = {}
         """Flights that cannot be reached now, with the reason: what was done of them stays."""
         self.done_before = 0
 
-    def plan(self, found: Found, keys: Mapping[Path, str]) -> None:
+    def plan(
+        self,
+        found: Found,
+        keys: Mapping[Path, str],
+        names: Mapping[Path, str],
+        copies: Mapping[Path, Path],
+    ) -> None:
         """Add all flights, and recordings with a track, that are not done yet.
 
         Parameters
@@ -75,9 +80,15 @@ class Placing:
             What there is.
         keys : mapping of Path to str
             Of the recordings, as the ledger knows them.
+        names : mapping of Path to str
+            Of the flights, by directory.
+        copies : mapping of Path to Path
+            The flight that counts, by directory of each copy.
         """
         if "attach" not in self._settings.steps:
             return
+        for copy, directory in copies.items():
+            self._note_copy(str(copy), str(directory))
         of_flight: dict[Path, list[Searched]] = defaultdict(list)
         for recording in found.recordings:
             row = self._recordings.done(keys.get(recording.path, ""))
@@ -91,7 +102,15 @@ class Placing:
         for directory, row in self._taken_away(found):
             of_flight[directory].append(self._searched(row))
         for directory in found.flights:
-            self._add(str(directory), directory.name, of_flight[directory], None)
+            self._add(str(directory), names[directory], of_flight[directory], None)
+
+    def _note_copy(self, copy: str, path: str) -> None:
+        row = self._flights.of(path)
+        known = () if row is None else row.copies.splitlines()
+        noted = self._copies.setdefault(path, {*known})
+        noted.add(copy)
+        if row is not None and noted != {*known}:
+            self._flights.settle(replace(row, copies="\n".join(sorted(noted))))
 
     def _searched(self, row: RecordingRow) -> Searched:
         file = self._output / PULSES / folder_of(row.flight) / f"{row.fingerprint}.parquet"
@@ -101,12 +120,10 @@ class Placing:
         """Recordings of flights that were searched and are there no more: their pulses are."""
         flights, there = set(found.flights), {one.name for one in found.recordings}
         for row in self._recordings.rows:
-            if row.state not in ("done", "truncated") or row.path in there or is_url(row.path):
-                continue
-            for parent in Path(os.path.realpath(row.path)).parents:
-                if parent in flights:
-                    yield parent, row
-                    break
+            if row.state in ("done", "truncated") and row.path not in there:
+                flight = flight_of(row.path, flights)
+                if flight is not None:
+                    yield flight, row
 
     def _add(
         self, path: str, flight: str, searched: list[Searched], recording: Recording | None
@@ -143,7 +160,11 @@ class Placing:
         if result.gone and self._flights.of(task.path) is not None:
             self.kept[task.path] = result.fault or ""
             return None
-        row = _row(task, result)
+        return self._settled(_row(task, result))
+
+    def _settled(self, row: FlightRow) -> FlightRow:
+        copies = self._copies.get(row.path, ())
+        row = replace(row, copies="\n".join(sorted(copies)))
         self._flights.settle(row)
         return row
 
@@ -154,9 +175,7 @@ class Placing:
         self._write(task, BEARINGS, BearingOfTag, result.bearings)
         self._write(task, POSITIONS, PositionOfTag, result.positions)
         self._write(task, INTEGRATED, IntegratedVerdict, result.integrated)
-        row = _row(task, result)
-        self._flights.settle(row)
-        return row
+        return self._settled(_row(task, result))
 
     def _write(
         self, task: FlightTask, table: str, record: type[R], rows: tuple[R, ...]

@@ -3,7 +3,7 @@
 import csv
 import hashlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
@@ -92,6 +92,14 @@ class Recording:
                 about = path.stat()
                 facts += [str(path.resolve()), about.st_size, about.st_mtime_ns]
         return _hashed(facts)
+
+
+def flight_of(path: str, flights: Collection[Path]) -> Path | None:
+    """Find the flight that a path is of or lies in, whether it is there or not."""
+    if not flights or is_url(path):
+        return None
+    whole = Path(os.path.realpath(path))
+    return next((one for one in (whole, *whole.parents) if one in flights), None)
 
 
 def out_of_reach(error: BaseException) -> bool:

@@ -19,9 +19,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from uavrt.analysis.measure import TagSource
+from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
 from uavrt.batch.ledger import DONE, PLACED, Ledger
 from uavrt.batch.months import gather_months
+from uavrt.batch.names import name_flights
 from uavrt.batch.placing import Placing
 from uavrt.batch.questions import keep_answers
 from uavrt.batch.recordings import Found
@@ -103,6 +105,9 @@ def _run(
     (output / UNFINISHED).mkdir(parents=True, exist_ok=True)
     recordings = Ledger(output, DONE, RecordingRow, [PULSES])
     flights = Ledger(output, PLACED, FlightRow, [POSES, BEARINGS, POSITIONS, INTEGRATED])
+    copies = copies_of(found, recordings, flights)
+    found, passed_over = without(found, copies)
+    found, names = name_flights(found, recordings, flights, copies)
     detecting = Detecting(sought, output, settings, recordings)
     rows = [row for one in found.recordings if (row := detecting.plan(one)) is not None]
     for name, origin in detecting.dated_by_file.items():
@@ -120,13 +125,14 @@ def _run(
     placing = Placing(sought, output, settings, recordings, flights)
     placed_now = 0
     if not watch.should_stop():
-        placing.plan(found, detecting.keys)
+        placing.plan(found, detecting.keys, names, copies)
         watch.on_stage("placing", len(placing.tasks))
         for number, placed in _worked(placing.tasks, output, settings, watch):
             if (row_of_flight := placing.finish(number, placed)) is not None:
                 watch.on_row(row_of_flight)
                 placed_now += 1
         _tell_kept(placing.kept, watch)
+        drop_copies(copies, recordings, flights)
     write_rows(output / RECORDINGS, RecordingRow, recordings.rows)
     write_rows(output / FLIGHTS, FlightRow, flights.rows)
     gather_months(output, recordings.rows, flights.rows)
@@ -138,6 +144,7 @@ def _run(
         done_before=detecting.done_before,
         placed_now=placed_now,
         placed_before=placing.done_before,
+        copies=passed_over,
         kept=len(detecting.kept) + len(placing.kept),
         stopped=watch.should_stop(),
     )

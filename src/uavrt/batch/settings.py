@@ -84,6 +84,8 @@ class BatchSummary:
     placed_now: int
     """Flights."""
     placed_before: int
+    copies: int
+    """Directories that were passed over: each holds a flight that another holds, too."""
     kept: int
     """Recordings and flights that cannot be reached now; what was done of them stays."""
     stopped: bool

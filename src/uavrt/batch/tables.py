@@ -77,6 +77,8 @@ class FlightRow:
     uavrt_version: str
     dem: str | None = None
     """Elevation files of the ground; without any it was taken as level."""
+    copies: str = ""
+    """Directories that hold the same flight, a line each; nothing of them is in the tables."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -235,6 +235,9 @@ def _report(summary: "BatchSummary", output: Path) -> None:
         f"{sum(row.state == 'failed' for row in flights)} failed: {output}",
         file=sys.stderr,
     )
+    if summary.copies:
+        directories = counted(summary.copies, "flight")
+        print(f"{directories} passed over: copies of flights that are there", file=sys.stderr)
     if summary.kept:
         print(f"{summary.kept} kept from before: not reachable now", file=sys.stderr)
     if summary.stopped:

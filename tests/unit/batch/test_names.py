@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
@@ -17,7 +18,15 @@ from uavrt.batch import (
     read_manifest,
     run_batch,
 )
-from uavrt.batch.tables import folder_of, old_folder_of
+from uavrt.batch.ledger import DONE, PLACED, Ledger
+from uavrt.batch.tables import (
+    POSES,
+    PULSES,
+    FlightRow,
+    RecordingRow,
+    folder_of,
+    old_folder_of,
+)
 
 SPECIAL = ("my walk", "50 % of it's +1 & ö", "a=b;c?")
 TRACK = "time_ns,latitude_deg,longitude_deg,altitude_amsl_m,altitude_relative_m,qw,qx,qy,qz\n"
@@ -95,3 +104,65 @@ def test_tables_of_an_older_version_get_the_names_when_the_batch_goes_on(
     assert names_in(output, "pulses") == ["my_walk"]
     assert search(folder, output).done_before == 1
     assert names_in(output, "pulses") == names_in(output, "poses") == ["my walk"]
+
+
+def test_recordings_of_the_same_name_are_flights_of_their_own(tmp_path: Path) -> None:
+    folder, output = tmp_path / "archive", tmp_path / "searched"
+    archive_of(folder, "2023/walk", "2024/walk", "2024/other")
+    search(folder, output)
+    names = ["2023/walk", "2024/walk", "other"]
+    for table in ("recordings", "flights", "pulses", "poses"):
+        assert names_in(output, table) == names, table
+    (heard,) = ask(output, "select count(distinct flight) as n from pulses")["n"].to_pylist()
+    assert heard == 3
+    command = ("archive", "export", str(output), "--format", "csv", "-o", str(tmp_path / "of"))
+    assert uavrt(*command) == 0
+    for name in names:
+        rows = (tmp_path / "of" / name / "pulses.csv").read_text().splitlines()
+        (pulses,) = ask(output, f"select count(*) as n from pulses where flight = '{name}'")[
+            "n"
+        ].to_pylist()
+        assert len(rows) == 1 + pulses
+    assert search(folder, output).done_before == 3
+    assert names_in(output, "recordings") == names
+
+
+def test_a_name_stays_when_another_of_the_same_comes_later(tmp_path: Path) -> None:
+    output = tmp_path / "searched"
+    for number, name in enumerate(("2023", "2024")):
+        archive_of(tmp_path / name, "walk", length_s=16.0 + number)
+        search(tmp_path / name, output, tmp_path / name)
+    assert names_in(output, "pulses") == ["2024/walk", "walk"]
+    again = search(tmp_path / "2023", output, tmp_path / "2023")
+    assert (again.done_before, again.placed_before) == (1, 1)
+    assert names_in(output, "flights") == ["2024/walk", "walk"]
+
+
+def test_two_forms_of_a_recording_are_told_by_their_endings(tmp_path: Path) -> None:
+    folder, output = tmp_path / "archive", tmp_path / "searched"
+    archive_of(folder, "walk")
+    samples = np.fromfile(folder / "walk.cf32", np.float32)
+    (1e6 * samples).astype("<i2").tofile(folder / "walk.cs16")
+    with (folder / "manifest.csv").open("a") as file:
+        file.write(f"walk.cs16,,{RATE_HZ},{CENTER_HZ},{START},track.csv,0\n")
+    search(folder, output)
+    assert names_in(output, "pulses") == ["walk.cf32", "walk.cs16"]
+
+
+def test_flights_that_an_older_archive_calls_the_same_get_names_of_their_own(
+    tmp_path: Path,
+) -> None:
+    folder, output = tmp_path / "archive", tmp_path / "searched"
+    archive_of(folder, "a/walk", "b/walk")
+    search(folder, output)
+    for ledger in (
+        Ledger(output, DONE, RecordingRow, [PULSES]),
+        Ledger(output, PLACED, FlightRow, [POSES]),
+    ):
+        for row in ledger.rows:
+            ledger.rename(row, "walk")  # type: ignore[arg-type]
+    assert names_in(output, "pulses") == ["walk"]
+    summary = search(folder, output)
+    assert (summary.done_before, summary.placed_before) == (2, 2)
+    for table in ("recordings", "flights", "pulses", "poses"):
+        assert names_in(output, table) == ["a/walk", "b/walk"], table
