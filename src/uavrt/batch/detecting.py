@@ -14,6 +14,7 @@ from uavrt.batch.cells import cells_of
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Recording, out_of_reach
 from uavrt.batch.settings import BatchSettings
+from uavrt.batch.step_keys import tags_as_read
 from uavrt.batch.tables import PULSES, RecordingRow, folder_of, write_pulses
 from uavrt.clock import Clock
 from uavrt.errors import FormatError, UavrtError
@@ -82,7 +83,7 @@ class Detecting:
     def plan(self, recording: Recording) -> RecordingRow | None:
         """Add what is to be done with a recording; a row when nothing can be."""
         try:
-            key = _key(recording, self._sought, self._settings)
+            key = self._key(recording)
             self.keys[recording.path] = key
             if self._ledger.done(key) is not None:
                 self.done_before += 1
@@ -99,6 +100,16 @@ class Detecting:
         self.tasks += job.tasks
         self._jobs += [job] * len(job.tasks)
         return None
+
+    def _key(self, recording: Recording) -> str:
+        key = _key(recording, tags_as_read(self._sought.tags), self._sought, self._settings)
+        if self._ledger.done(key) is None:
+            # Keys once held the names of tags, too.
+            named = sorted(map(repr, self._sought.tags))
+            before = _key(recording, named, self._sought, self._settings)
+            if (row := self._ledger.done(before)) is not None:
+                self._ledger.rekey(row, key)
+        return key
 
     def _failed(
         self, recording: Recording, fault: str, *, gone: bool = False
@@ -172,11 +183,13 @@ class Detecting:
         return _Job(recording, key, tasks, [], facts)
 
 
-def _key(recording: Recording, sought: TagSource, settings: BatchSettings) -> str:
+def _key(
+    recording: Recording, tags: list[str], sought: TagSource, settings: BatchSettings
+) -> str:
     """Name a recording as it is under these tags and settings."""
     facts = (
         recording.fingerprint(),
-        sorted(map(repr, sought.tags)),
+        tags,
         sorted((number, mode.value) for number, mode in sought.operating_modes.items()),
         sought.excluded_hz,
         settings.frequency_window_hz,

@@ -66,6 +66,7 @@ class FlightResult:
 
     fault: str | None = None
     """Why nothing, or why some tags have no position."""
+    integrate_fault: str | None = None
     failed: bool = False
     gone: bool = False
     """It failed because it cannot be reached now."""
@@ -167,27 +168,22 @@ def _place(task: FlightTask) -> FlightResult:
     )
     if "integrate" in task.steps and flight is not None:
         verdicts, fault = _integrated(task, flight, antenna)
-        found = replace(found, integrated=verdicts, fault=fault)
+        found = replace(found, integrated=verdicts, integrate_fault=fault)
     if "bearing" not in task.steps:
         return found
     try:
         bearings, positions = _located(task, flight, posed, antenna)
     except UavrtError as error:  # no pulse has a pose: the pulses count all the same
-        return replace(found, fault=_both(found.fault, str(error)))
+        return replace(found, fault=str(error))
     without = [f"tag {one.tag_id}: {one.reason}" for one in positions if not one.position]
     return replace(
         found,
-        fault=_both(found.fault, "; ".join(without)),
+        fault="; ".join(without) or None,
         bearings=tuple(map(_bearing_row, bearings)),
         positions=tuple(
             row for one in positions if (row := _position_row(one, bearings, posed)) is not None
         ),
     )
-
-
-def _both(first: str | None, then: str) -> str | None:
-    """Two faults in words; None where there is none."""
-    return "; ".join(filter(None, (first, then))) or None
 
 
 def _integrated(

@@ -98,6 +98,30 @@ class Ledger(Generic[R]):
         self._move(row.fingerprint, folder_of(row.flight), folder_of(flight))
         self.settle(replace(row, flight=flight))
 
+    def hand_on(self, row: R, table: str, key: str) -> None:
+        """Have another row keep what one has in a table.
+
+        Raises
+        ------
+        OSError
+            The directory cannot be written.
+        """
+        file = self._output / table / folder_of(row.flight) / f"{row.fingerprint}.parquet"
+        if file.is_file():
+            file.replace(file.with_name(f"{key}.parquet"))
+
+    def rekey(self, row: R, key: str) -> None:
+        """Keep all that a row has under another key.
+
+        Raises
+        ------
+        OSError
+            The directory cannot be written.
+        """
+        for table in self._tables:
+            self.hand_on(row, table, key)
+        self.settle(replace(row, fingerprint=key))
+
     def _move(self, key: str, old: str, new: str) -> None:
         """Move a row's tables from a folder to another."""
         if old == new:

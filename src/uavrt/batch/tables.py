@@ -58,7 +58,7 @@ class FlightRow:
     """The flight's directory; without one, the recording."""
     flight: str
     fingerprint: str
-    """Of its pulses, its poses and the settings."""
+    """Of all that its steps read."""
     state: str
     """done, or failed."""
     fault: str | None
@@ -77,6 +77,10 @@ class FlightRow:
     uavrt_version: str
     dem: str | None = None
     """Elevation files of the ground; without any it was taken as level."""
+    integrate_fault: str | None = None
+    """Why some tags were not judged by the whole flight."""
+    fingerprints: str = ""
+    """Of what each of its steps read, as STEP=FINGERPRINT with commas between."""
     copies: str = ""
     """Directories that hold the same flight, a line each; nothing of them is in the tables."""
 
