@@ -13,6 +13,7 @@ from uavrt.batch.cell_work import CellResult, CellTask, Chunk, read_chunks
 from uavrt.batch.cells import cells_of
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Recording, out_of_reach
+from uavrt.batch.remedies import by_manifest
 from uavrt.batch.settings import BatchSettings
 from uavrt.batch.step_keys import tags_as_read
 from uavrt.batch.tables import PULSES, RecordingRow, folder_of, write_pulses
@@ -115,7 +116,7 @@ class Detecting:
         self, recording: Recording, fault: str, *, gone: bool = False
     ) -> RecordingRow | None:
         if gone and self._take_known(recording):
-            self.kept[recording.name] = fault
+            self.kept[recording.name] = by_manifest(fault)
             return None
         key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
         row = _row(_Job(recording, key, [], [], _Facts()), "failed", [fault])
@@ -137,7 +138,7 @@ class Detecting:
             return None
         if gone := [one.fault or "" for one in job.results if one.unfinished]:
             if self._take_known(job.recording):
-                self.kept[job.recording.name] = gone[0]
+                self.kept[job.recording.name] = by_manifest(gone[0])
                 return None
             row = _row(job, "failed", gone)
             self._ledger.settle(row)
@@ -159,7 +160,7 @@ class Detecting:
         with closing(recording.open()) as source:
             rate_hz = source.sample_rate_hz
             if source.dated_by_file:
-                self.dated_by_file[recording.name] = source.origin
+                self.dated_by_file[recording.name] = by_manifest(source.origin)
             cells = cells_of(
                 source.segments, rate_hz, cell_s=settings.cell_s, lead_in_s=settings.lead_in_s
             )
@@ -227,7 +228,7 @@ def _row(
         flight=job.recording.flight,
         fingerprint=job.key,
         state=state,
-        fault="; ".join(dict.fromkeys(faults)) or None,
+        fault=by_manifest("; ".join(dict.fromkeys(faults))) or None,
         start_time_ns=job.facts.start_time_ns,
         length_s=job.facts.length_s,
         sample_rate_hz=job.facts.sample_rate_hz,

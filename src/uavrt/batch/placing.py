@@ -12,6 +12,7 @@ from uavrt.analysis.measure import TagSource
 from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, Recording, flight_of
+from uavrt.batch.remedies import by_manifest
 from uavrt.batch.settings import STEPS, BatchSettings
 from uavrt.batch.step_keys import (
     PLACING_STEPS,
@@ -299,7 +300,7 @@ def _row(task: FlightTask, result: FlightResult) -> FlightRow:
         flight=task.flight,
         fingerprint=task.key,
         state="failed" if result.failed else "done",
-        fault=result.fault,
+        fault=None if result.fault is None else by_manifest(result.fault),
         integrate_fault=result.integrate_fault,
         start_time_ns=result.start_time_ns,
         steps=",".join(task.steps),

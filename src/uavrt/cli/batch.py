@@ -214,9 +214,7 @@ def _tell_kept(name: str, fault: str) -> None:
 
 
 def _tell_origin(name: str, origin: str) -> None:
-    print(
-        f"{name}: {origin.replace('--start-time', 'start_time in --manifest')}", file=sys.stderr
-    )
+    print(f"{name}: {origin}", file=sys.stderr)
 
 
 def _report(summary: "BatchSummary", output: Path) -> None:
