@@ -1,5 +1,6 @@
 """Detect in one cell: chunk by chunk, each with its pulses and the state after it on disk."""
 
+import errno
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -12,8 +13,8 @@ import numpy as np
 from uavrt.analysis.measure import DetectionChain, TagSource
 from uavrt.batch.cells import Cell
 from uavrt.batch.chain_state import read_state, write_state
-from uavrt.batch.recordings import Recording
-from uavrt.errors import FormatError, StoreError, UavrtError
+from uavrt.batch.recordings import Recording, out_of_reach
+from uavrt.errors import FormatError, UavrtError
 from uavrt.messages import Pulse
 from uavrt.radio import RecordingSource
 
@@ -69,7 +70,7 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
     fault: str | None = None
     """Why it ends early, or gave nothing."""
     unfinished: bool = False
-    """What it has stays, and the next run goes on: its store did not answer."""
+    """What it has stays, and the next run goes on: the samples could not be reached."""
 
 
 @dataclass(slots=True)
@@ -122,10 +123,10 @@ def work_on(
                     break
             if fault is None and place < task.cell.end:
                 return None
-    except StoreError as error:
-        return CellResult(number=task.cell.number, fault=str(error), unfinished=True)
     except UavrtError as error:
         fault = str(error)
+        if _gone(task, error):
+            return CellResult(number=task.cell.number, fault=fault, unfinished=True)
     result = CellResult(
         number=task.cell.number,
         chunks=sorted(int(path.stem) for path in task.directory.glob("[0-9]*.chunk")),
@@ -193,7 +194,7 @@ def _chunk(
 ) -> tuple[int, str | None]:
     """Detect in one chunk and put it on the disk; where it ends, and what went wrong."""
     began_s, gathered, place, fault = time.process_time(), _Gathered(), first, None
-    gone: StoreError | None = None
+    gone: UavrtError | None = None
     until = min(task.cell.end, first + round(task.chunk_s * source.sample_rate_hz))
     invalid = source.invalid_values
     while place < until and not should_stop():
@@ -202,11 +203,11 @@ def _chunk(
         except EOFError:
             fault = "it ended early: it was changed meanwhile"
             break
-        except StoreError as error:
-            gone = error
-            break
         except UavrtError as error:
-            fault = str(error)
+            if _gone(task, error):
+                gone = error
+            else:
+                fault = str(error)
             break
         assert block is not None  # a file never makes one wait
         # The blocks are the same whoever computes; the last one is cut at the cell's end.
@@ -236,6 +237,20 @@ def _chunk(
     if gone is not None:
         raise gone
     return place, fault
+
+
+def _gone(task: CellTask, error: UavrtError) -> bool:
+    """Whether the samples cannot be reached now; a bad place on a disk stays as it is."""
+    if not out_of_reach(error):
+        return False
+    cause = error.__cause__
+    if not isinstance(cause, OSError) or cause.errno != errno.EIO or task.recording.url:
+        return True
+    try:
+        task.recording.path.stat()
+    except OSError:
+        return True
+    return False
 
 
 def _fault_at_end(source: RecordingSource) -> str | None:

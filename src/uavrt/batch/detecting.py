@@ -12,8 +12,10 @@ from uavrt.analysis.measure import TagSource
 from uavrt.batch.cell_work import CellResult, CellTask, Chunk, read_chunks
 from uavrt.batch.cells import cells_of
 from uavrt.batch.ledger import Ledger
-from uavrt.batch.recordings import Recording
+from uavrt.batch.recordings import Recording, out_of_reach
+from uavrt.batch.remedies import by_manifest
 from uavrt.batch.settings import BatchSettings
+from uavrt.batch.step_keys import tags_as_read
 from uavrt.batch.tables import PULSES, RecordingRow, folder_of, write_pulses
 from uavrt.clock import Clock
 from uavrt.errors import FormatError, UavrtError
@@ -72,6 +74,8 @@ class Detecting:
         """Of each task."""
         self.keys: dict[Path, str] = {}
         """Of recordings that can be opened, by path."""
+        self.kept: dict[str, str] = {}
+        """Recordings that cannot be reached now, and why: what was done of them stays."""
         self.done_before = 0
         self.tasks: list[CellTask] = []
         self.dated_by_file: dict[str, str] = {}
@@ -80,16 +84,17 @@ class Detecting:
     def plan(self, recording: Recording) -> RecordingRow | None:
         """Add what is to be done with a recording; a row when nothing can be."""
         try:
-            key = _key(recording, self._sought, self._settings)
+            key = self._key(recording)
             self.keys[recording.path] = key
             if self._ledger.done(key) is not None:
                 self.done_before += 1
                 return None
             if "detect" not in self._settings.steps:
+                self._take_known(recording)
                 return None
             job = self._planned(recording, key)
         except (UavrtError, OSError) as error:
-            return self._failed(recording, str(error))
+            return self._failed(recording, str(error), gone=out_of_reach(error))
         except Exception as error:  # no file ends the run of an archive
             log.exception("a recording cannot be read", recording=recording.name)
             return self._failed(recording, f"{type(error).__name__}: {error}")
@@ -97,19 +102,44 @@ class Detecting:
         self._jobs += [job] * len(job.tasks)
         return None
 
-    def _failed(self, recording: Recording, fault: str) -> RecordingRow:
+    def _key(self, recording: Recording) -> str:
+        key = _key(recording, tags_as_read(self._sought.tags), self._sought, self._settings)
+        if self._ledger.done(key) is None:
+            # Keys once held the names of tags, too.
+            named = sorted(map(repr, self._sought.tags))
+            before = _key(recording, named, self._sought, self._settings)
+            if (row := self._ledger.done(before)) is not None:
+                self._ledger.rekey(row, key)
+        return key
+
+    def _failed(
+        self, recording: Recording, fault: str, *, gone: bool = False
+    ) -> RecordingRow | None:
+        if gone and self._take_known(recording):
+            self.kept[recording.name] = by_manifest(fault)
+            return None
         key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
         row = _row(_Job(recording, key, [], [], _Facts()), "failed", [fault])
         self._ledger.settle(row)
         return row
 
+    def _take_known(self, recording: Recording) -> bool:
+        """Go by what was done of a recording before, under whatever settings, if anything."""
+        known = self._ledger.of(recording.name)
+        if known is not None:
+            self.keys[recording.path] = known.fingerprint
+        return known is not None
+
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Take a task's result; a row when it was a recording's last."""
+        """Take a task's result; a row when it was a recording's last, and it has one of it."""
         job = self._jobs[number]
         job.results.append(result)
         if len(job.results) < len(job.tasks):
             return None
         if gone := [one.fault or "" for one in job.results if one.unfinished]:
+            if self._take_known(job.recording):
+                self.kept[job.recording.name] = by_manifest(gone[0])
+                return None
             row = _row(job, "failed", gone)
             self._ledger.settle(row)
             return row
@@ -130,7 +160,7 @@ class Detecting:
         with closing(recording.open()) as source:
             rate_hz = source.sample_rate_hz
             if source.dated_by_file:
-                self.dated_by_file[recording.name] = source.origin
+                self.dated_by_file[recording.name] = by_manifest(source.origin)
             cells = cells_of(
                 source.segments, rate_hz, cell_s=settings.cell_s, lead_in_s=settings.lead_in_s
             )
@@ -154,11 +184,13 @@ class Detecting:
         return _Job(recording, key, tasks, [], facts)
 
 
-def _key(recording: Recording, sought: TagSource, settings: BatchSettings) -> str:
+def _key(
+    recording: Recording, tags: list[str], sought: TagSource, settings: BatchSettings
+) -> str:
     """Name a recording as it is under these tags and settings."""
     facts = (
         recording.fingerprint(),
-        sorted(map(repr, sought.tags)),
+        tags,
         sorted((number, mode.value) for number, mode in sought.operating_modes.items()),
         sought.excluded_hz,
         settings.frequency_window_hz,
@@ -196,7 +228,7 @@ def _row(
         flight=job.recording.flight,
         fingerprint=job.key,
         state=state,
-        fault="; ".join(dict.fromkeys(faults)) or None,
+        fault=by_manifest("; ".join(dict.fromkeys(faults))) or None,
         start_time_ns=job.facts.start_time_ns,
         length_s=job.facts.length_s,
         sample_rate_hz=job.facts.sample_rate_hz,

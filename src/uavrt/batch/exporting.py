@@ -11,7 +11,7 @@ from uavrt.analysis import Survey, TagBearing, TagPosition
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
-from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, pulse_of
+from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.localization import Bearing, Caution, Ellipse, Position, TrackPoint
 from uavrt.messages import FlightInfo, Pose, PulsePose
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
 """Heat maps, and outlines of them, are not in the tables: `uavrt export` makes them."""
+_IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 
 
@@ -76,13 +77,21 @@ def export_archive(
         for name in names:
             survey = survey_of(archive, name)
             if survey.pulse_poses:
-                written += export_survey(survey, directory / name, each)
+                written += export_survey(survey, folder_for(directory, name), each)
     if GEOPARQUET in chosen:
         written += [
             _geoparquet(archive, table, names if flights else None, directory)
             for table in (BEARINGS, POSITIONS)
         ]
     return written
+
+
+def folder_for(directory: Path, flight: str) -> Path:
+    """Name the folder of a flight's files: its name, as far as every system takes it."""
+    parts = (encoded(one, _IN_NAMES) for one in flight.split("/"))
+    return directory.joinpath(
+        *(one if one.strip(".") else one.replace(".", "%2E") for one in parts)
+    )
 
 
 def flights_in(archive: Path) -> list[str]:

@@ -26,7 +26,7 @@ from uavrt.errors import UavrtError
 from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, PositionMethod, pattern_named
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.recording import Flight, IntegratedVerdict, read_flight
+from uavrt.recording import Flight, FlightLayout, IntegratedVerdict, read_flight
 from uavrt.terrain import Elevation, open_elevation
 
 
@@ -66,7 +66,10 @@ class FlightResult:
 
     fault: str | None = None
     """Why nothing, or why some tags have no position."""
+    integrate_fault: str | None = None
     failed: bool = False
+    gone: bool = False
+    """It failed because it cannot be reached now."""
     recorded: tuple[Pulse, ...] | None = None
     """The pulses of the flight itself, when no recording of it was searched."""
     start_time_ns: int | None = None
@@ -128,10 +131,24 @@ class FlightTask:
         began_s = time.process_time()
         try:
             result = _place(self)
-        except UavrtError as error:
-            result = self.failed(str(error))
+        except (UavrtError, OSError) as error:
+            result = replace(self.failed(str(error)), gone=_gone(self, error))
         on_done(1)
         return replace(result, cpu_s=time.process_time() - began_s)
+
+
+def _gone(task: FlightTask, error: Exception) -> bool:
+    """Whether the flight cannot be reached, which the fault does not always tell."""
+    if isinstance(error, OSError):
+        return True
+    read = FlightLayout(Path(task.path)).database if task.is_flight else task.track
+    try:
+        if read is not None:
+            with read.open("rb") as file:
+                file.read(1)
+    except OSError:
+        return True
+    return False
 
 
 def _place(task: FlightTask) -> FlightResult:
@@ -151,27 +168,22 @@ def _place(task: FlightTask) -> FlightResult:
     )
     if "integrate" in task.steps and flight is not None:
         verdicts, fault = _integrated(task, flight, antenna)
-        found = replace(found, integrated=verdicts, fault=fault)
+        found = replace(found, integrated=verdicts, integrate_fault=fault)
     if "bearing" not in task.steps:
         return found
     try:
         bearings, positions = _located(task, flight, posed, antenna)
     except UavrtError as error:  # no pulse has a pose: the pulses count all the same
-        return replace(found, fault=_both(found.fault, str(error)))
+        return replace(found, fault=str(error))
     without = [f"tag {one.tag_id}: {one.reason}" for one in positions if not one.position]
     return replace(
         found,
-        fault=_both(found.fault, "; ".join(without)),
+        fault="; ".join(without) or None,
         bearings=tuple(map(_bearing_row, bearings)),
         positions=tuple(
             row for one in positions if (row := _position_row(one, bearings, posed)) is not None
         ),
     )
-
-
-def _both(first: str | None, then: str) -> str | None:
-    """Two faults in words; None where there is none."""
-    return "; ".join(filter(None, (first, then))) or None
 
 
 def _integrated(

@@ -1,14 +1,16 @@
 """What is done: a file for each recording or flight, so that a killed run keeps them all."""
 
+import shutil
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import asdict
+from contextlib import suppress
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
 import msgspec
 
-from uavrt.batch.tables import FlightRow, RecordingRow
+from uavrt.batch.tables import MONTHS, FlightRow, RecordingRow, folder_of, old_folder_of
 from uavrt.errors import RecordingError
 
 DONE, PLACED = "done", "placed"
@@ -34,6 +36,8 @@ class Ledger(Generic[R]):
     ------
     RecordingError
         A row is damaged.
+    OSError
+        The directory cannot be written.
     """
 
     def __init__(self, output: Path, name: str, record: type[R], tables: Sequence[str]) -> None:
@@ -48,6 +52,8 @@ class Ledger(Generic[R]):
                 raise RecordingError(
                     f"{path} is damaged: {error}", remedy="Delete it: it is done anew"
                 ) from error
+        for row in self._rows.values():
+            self._move(row.fingerprint, old_folder_of(row.flight), folder_of(row.flight))
 
     @property
     def rows(self) -> list[R]:
@@ -58,6 +64,11 @@ class Ledger(Generic[R]):
         """Get the row of what is done under a key; what failed is not."""
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
+
+    def of(self, path: str) -> R | None:
+        """Get the row of what is done of a path, under whatever key."""
+        done = filter(None, map(self.done, self._keys.get(path, ())))
+        return max(done, key=lambda row: row.finished_time_ns, default=None)
 
     def settle(self, row: R) -> None:
         """Put a row down, and take away what it replaces.
@@ -75,6 +86,57 @@ class Ledger(Generic[R]):
         for old in self._keys[row.path] - {row.fingerprint}:
             self._remove(old)
         self._keys[row.path] = {row.fingerprint}
+
+    def rename(self, row: R, flight: str) -> None:
+        """Give a row's flight another name, in its tables, too.
+
+        Raises
+        ------
+        OSError
+            The directory cannot be written.
+        """
+        self._move(row.fingerprint, folder_of(row.flight), folder_of(flight))
+        self.settle(replace(row, flight=flight))
+
+    def hand_on(self, row: R, table: str, key: str) -> None:
+        """Have another row keep what one has in a table.
+
+        Raises
+        ------
+        OSError
+            The directory cannot be written.
+        """
+        file = self._output / table / folder_of(row.flight) / f"{row.fingerprint}.parquet"
+        if file.is_file():
+            file.replace(file.with_name(f"{key}.parquet"))
+
+    def rekey(self, row: R, key: str) -> None:
+        """Keep all that a row has under another key.
+
+        Raises
+        ------
+        OSError
+            The directory cannot be written.
+        """
+        for table in self._tables:
+            self.hand_on(row, table, key)
+        self.settle(replace(row, fingerprint=key))
+
+    def _move(self, key: str, old: str, new: str) -> None:
+        """Move a row's tables from a folder to another."""
+        if old == new:
+            return
+        for table in self._tables:
+            before = self._output / table / old / f"{key}.parquet"
+            if not before.is_file():
+                continue
+            # The copies by month hold the old name; they are made again.
+            shutil.rmtree(self._output / MONTHS, ignore_errors=True)
+            after = self._output / table / new / before.name
+            after.parent.mkdir(parents=True, exist_ok=True)
+            before.replace(after)
+            with suppress(OSError):  # others are still in it
+                before.parent.rmdir()
 
     def drop(self, path: str) -> None:
         """Take away what is known of a path."""

@@ -20,6 +20,7 @@ import msgspec
 
 from uavrt.batch.ledger import DONE, PLACED
 from uavrt.batch.tables import (
+    MONTHS,
     PULSES,
     SCHEMA_VERSION,
     TABLES,
@@ -30,7 +31,6 @@ from uavrt.batch.tables import (
 from uavrt.errors import needs_extra
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-MONTHS = "months"
 LEAST_FILES = 100
 """Fewer files than this are opened one by one."""
 _GROUP_ROWS = 50_000

@@ -1,18 +1,27 @@
 """The second half of a batch: poses, bearings and positions of each flight."""
 
-import hashlib
 from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
 import uavrt
+from uavrt.analysis import USUAL_ANTENNA
 from uavrt.analysis.measure import TagSource
 from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
 from uavrt.batch.ledger import Ledger
-from uavrt.batch.recordings import Found, Recording
-from uavrt.batch.settings import BatchSettings
+from uavrt.batch.recordings import Found, Recording, flight_of
+from uavrt.batch.remedies import by_manifest
+from uavrt.batch.settings import STEPS, BatchSettings
+from uavrt.batch.step_keys import (
+    PLACING_STEPS,
+    key_of,
+    read_keys,
+    recorded_key,
+    step_keys,
+    written,
+)
 from uavrt.batch.tables import (
     BEARINGS,
     INTEGRATED,
@@ -29,9 +38,12 @@ from uavrt.batch.tables import (
     write_rows,
 )
 from uavrt.clock import Clock
-from uavrt.recording import FlightLayout, IntegratedVerdict
+from uavrt.localization import MONOPOLE
+from uavrt.recording import IntegratedVerdict
 
 R = TypeVar("R")
+TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
+"""Of each step that may be kept when others are done again."""
 
 
 class Placing:
@@ -60,9 +72,20 @@ class Placing:
         self._sought, self._output, self._settings = sought, output, settings
         self._recordings, self._flights = recordings, flights
         self.tasks: list[FlightTask] = []
+        self._plans: list[_Plan] = []
+        """Of each task."""
+        self._copies: dict[str, set[str]] = {}
+        self.kept: dict[str, str] = {}
+        """Flights that cannot be reached now, with the reason: what was done of them stays."""
         self.done_before = 0
 
-    def plan(self, found: Found, keys: Mapping[Path, str]) -> None:
+    def plan(
+        self,
+        found: Found,
+        keys: Mapping[Path, str],
+        names: Mapping[Path, str],
+        copies: Mapping[Path, Path],
+    ) -> None:
         """Add all flights, and recordings with a track, that are not done yet.
 
         Parameters
@@ -71,22 +94,50 @@ class Placing:
             What there is.
         keys : mapping of Path to str
             Of the recordings, as the ledger knows them.
+        names : mapping of Path to str
+            Of the flights, by directory.
+        copies : mapping of Path to Path
+            The flight that counts, by directory of each copy.
         """
         if "attach" not in self._settings.steps:
             return
+        for copy, directory in copies.items():
+            self._note_copy(str(copy), str(directory))
         of_flight: dict[Path, list[Searched]] = defaultdict(list)
         for recording in found.recordings:
             row = self._recordings.done(keys.get(recording.path, ""))
             if row is None:
                 continue
-            file = self._output / PULSES / folder_of(row.flight) / f"{row.fingerprint}.parquet"
-            searched = Searched(recording=row.path, file=file)
+            searched = self._searched(row)
             if recording.flight_directory is not None:
                 of_flight[recording.flight_directory].append(searched)
             elif recording.track is not None:
                 self._add(recording.name, row.flight, [searched], recording)
+        for directory, row in self._taken_away(found):
+            of_flight[directory].append(self._searched(row))
         for directory in found.flights:
-            self._add(str(directory), directory.name, of_flight[directory], None)
+            self._add(str(directory), names[directory], of_flight[directory], None)
+
+    def _note_copy(self, copy: str, path: str) -> None:
+        row = self._flights.of(path)
+        known = () if row is None else row.copies.splitlines()
+        noted = self._copies.setdefault(path, {*known})
+        noted.add(copy)
+        if row is not None and noted != {*known}:
+            self._flights.settle(replace(row, copies="\n".join(sorted(noted))))
+
+    def _searched(self, row: RecordingRow) -> Searched:
+        file = self._output / PULSES / folder_of(row.flight) / f"{row.fingerprint}.parquet"
+        return Searched(recording=row.path, file=file)
+
+    def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
+        """Recordings of flights that were searched and are there no more: their pulses are."""
+        flights, there = set(found.flights), {one.name for one in found.recordings}
+        for row in self._recordings.rows:
+            if row.state in ("done", "truncated") and row.path not in there:
+                flight = flight_of(row.path, flights)
+                if flight is not None:
+                    yield flight, row
 
     def _add(
         self, path: str, flight: str, searched: list[Searched], recording: Recording | None
@@ -97,49 +148,60 @@ class Placing:
             flight=flight,
             key="",
             is_flight=recording is None,
-            searched=tuple(searched),
+            searched=tuple(sorted(searched, key=lambda one: one.recording)),
             tags=self._sought.tags,
             track=None if recording is None else recording.track,
             clock_offset_s=None if recording is None else recording.clock_offset_s,
-            steps=tuple(step for step in settings.steps if step != "detect"),
+            steps=tuple(step for step in STEPS if step in settings.steps and step != "detect"),
             settings=settings.placing,
         )
-        task = replace(task, key=_key(task))
-        if self._flights.done(task.key) is None:
-            self.tasks.append(task)
-        else:
+        try:
+            planned = _planned(task, self._flights.of(path))
+        except OSError as error:
+            self._kept_or_failed(task, FlightResult(fault=str(error), failed=True, gone=True))
+            return
+        if planned is None:
             self.done_before += 1
+        else:
+            self.tasks.append(planned.task)
+            self._plans.append(planned)
 
-    def finish(self, number: int, result: FlightResult) -> FlightRow:
-        """Write what a flight gave, and what was done with it."""
-        task = self.tasks[number]
-        if task.is_flight and not result.failed:
+    def finish(self, number: int, result: FlightResult) -> FlightRow | None:
+        """Write what a flight gave, and what was done with it; None: what was before stays."""
+        plan = self._plans[number]
+        if result.failed:
+            return self._kept_or_failed(plan.task, result)
+        return self._done(plan, result)
+
+    def _kept_or_failed(self, task: FlightTask, result: FlightResult) -> FlightRow | None:
+        if result.gone and self._flights.of(task.path) is not None:
+            self.kept[task.path] = result.fault or ""
+            return None
+        failed = replace(task, key=key_of(task.path, {}))
+        return self._settled(_row(failed, result))
+
+    def _settled(self, row: FlightRow) -> FlightRow:
+        copies = self._copies.get(row.path, ())
+        row = replace(row, copies="\n".join(sorted(copies)))
+        self._flights.settle(row)
+        return row
+
+    def _done(self, plan: "_Plan", result: FlightResult) -> FlightRow:
+        keys = plan.keys_with(result.antenna)
+        task = replace(plan.task, key=key_of(plan.task.path, keys))
+        if task.is_flight:
             self._settle_recorded(task, result)
         self._write(task, POSES, PoseRow, result.poses)
         self._write(task, BEARINGS, BearingOfTag, result.bearings)
         self._write(task, POSITIONS, PositionOfTag, result.positions)
         self._write(task, INTEGRATED, IntegratedVerdict, result.integrated)
-        row = FlightRow(
-            path=task.path,
-            flight=task.flight,
-            fingerprint=task.key,
-            state="failed" if result.failed else "done",
-            fault=result.fault,
-            start_time_ns=result.start_time_ns,
-            steps=",".join(task.steps),
-            antenna=result.antenna,
-            dem=task.settings.dem,
-            pulses=result.pulses,
-            pulses_with_pose=len(result.poses),
-            clock_offset_s=result.clock_offset_s,
-            bearings=len(result.bearings),
-            positions=len(result.positions),
-            cpu_s=result.cpu_s,
-            finished_time_ns=Clock.start().now_ns(),
-            uavrt_version=uavrt.__version__,
-        )
-        self._flights.settle(row)
-        return row
+        row = _row(task, result)
+        if (before := plan.before) is not None:
+            for step in plan.kept:
+                self._flights.hand_on(before, TABLE_OF[step], task.key)
+            row = _with_kept(row, before, plan.kept)
+        steps = ",".join(step for step in STEPS if step in keys)
+        return self._settled(replace(row, steps=steps, fingerprints=written(keys)))
 
     def _write(
         self, task: FlightTask, table: str, record: type[R], rows: tuple[R, ...]
@@ -153,7 +215,7 @@ class Placing:
         if result.recorded is None:
             self._recordings.drop(task.path)
             return
-        key = _recorded_key(task)
+        key = recorded_key(task)
         if self._recordings.done(key) is not None:
             return
         file = self._output / PULSES / folder_of(task.flight) / f"{key}.parquet"
@@ -181,38 +243,75 @@ class Placing:
         )
 
 
-def _key(task: FlightTask) -> str:
-    """Name a flight as it is, with its pulses, under these settings."""
-    facts: list[object] = [
-        *(task.path, [one.file.stem for one in task.searched], sorted(map(repr, task.tags))),
-        *(task.steps, task.clock_offset_s, repr(task.settings), uavrt.__version__),
-    ]
-    kept: list[Path] = []
-    if "integrate" in task.steps and task.is_flight:
-        kept = sorted(FlightLayout(Path(task.path)).channels_directory.glob("*.sigmf-*"))
-    ground: list[Path] = []
-    if task.settings.dem is not None:
-        dem = Path(task.settings.dem)
-        ground = sorted(dem.iterdir()) if dem.is_dir() else [dem]
-    asked = task.settings.antenna
-    antenna = [] if asked is None else [Path(asked)]
-    return _hashed(facts, [*_files(task), *antenna, *ground, *kept])
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Plan:
+    """What is done of a flight now, and what is kept of what was done before."""
+
+    task: FlightTask
+    keys: Mapping[str, str]
+    """Of all steps, reckoned with an antenna that has a pattern."""
+    whip_keys: Mapping[str, str]
+    before: FlightRow | None
+    kept: tuple[str, ...]
+    """Steps."""
+
+    def keys_with(self, antenna: str) -> dict[str, str]:
+        """Name what the steps have read that the flight now has."""
+        keys = self.whip_keys if antenna == MONOPOLE else self.keys
+        return {step: keys[step] for step in (*self.task.steps, *self.kept)}
 
 
-def _recorded_key(task: FlightTask) -> str:
-    """Name the pulses of a flight as it is."""
-    return _hashed([task.path], _files(task))
+def _planned(task: FlightTask, before: FlightRow | None) -> _Plan | None:
+    """Leave out what was done and would be the same; None: all of it."""
+    keys, whip_keys = (step_keys(task, name) for name in (USUAL_ANTENNA, MONOPOLE))
+    done = {} if before is None else read_keys(before.fingerprints)
+    antenna = task.settings.antenna or (before.antenna if before is not None else "")
+    now = whip_keys if antenna == MONOPOLE else keys
+    stale = {step for step in task.steps if done.get(step) != now[step]}
+    if not stale:
+        return None
+    asked = set(task.steps)
+    doing = {"attach"} | (stale & {"integrate"})
+    if stale & set(PLACING_STEPS):
+        doing |= asked & set(PLACING_STEPS)
+    return _Plan(
+        task=replace(task, steps=tuple(step for step in task.steps if step in doing)),
+        keys=keys,
+        whip_keys=whip_keys,
+        before=before,
+        kept=tuple(step for step in done if step not in doing and done[step] == now[step]),
+    )
 
 
-def _files(task: FlightTask) -> list[Path]:
-    layout = FlightLayout(Path(task.path))
-    track = [] if task.track is None else [task.track]
-    return [layout.database, layout.write_ahead_log, *track]
+def _with_kept(row: FlightRow, before: FlightRow, kept: Collection[str]) -> FlightRow:
+    """Add to a row what it keeps of the one before."""
+    if "bearing" in kept:
+        row = replace(row, fault=before.fault, bearings=before.bearings)
+    if "localize" in kept:
+        row = replace(row, positions=before.positions)
+    if "integrate" in kept:
+        row = replace(row, integrate_fault=before.integrate_fault)
+    return row
 
 
-def _hashed(facts: list[object], files: list[Path]) -> str:
-    for path in files:
-        if path.is_file():
-            about = path.stat()
-            facts += [str(path), about.st_size, about.st_mtime_ns]
-    return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
+def _row(task: FlightTask, result: FlightResult) -> FlightRow:
+    return FlightRow(
+        path=task.path,
+        flight=task.flight,
+        fingerprint=task.key,
+        state="failed" if result.failed else "done",
+        fault=None if result.fault is None else by_manifest(result.fault),
+        integrate_fault=result.integrate_fault,
+        start_time_ns=result.start_time_ns,
+        steps=",".join(task.steps),
+        antenna=result.antenna,
+        dem=task.settings.dem,
+        pulses=result.pulses,
+        pulses_with_pose=len(result.poses),
+        clock_offset_s=result.clock_offset_s,
+        bearings=len(result.bearings),
+        positions=len(result.positions),
+        cpu_s=result.cpu_s,
+        finished_time_ns=Clock.start().now_ns(),
+        uavrt_version=uavrt.__version__,
+    )

@@ -6,9 +6,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from uavrt.batch.months import MONTHS, quoted, source_of
+from uavrt.batch.months import quoted, source_of
 from uavrt.batch.tables import (
     FLIGHTS,
+    MONTHS,
     PULSES,
     RECORDINGS,
     SCHEMA_VERSION,

@@ -3,13 +3,13 @@
 import csv
 import hashlib
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from uavrt.batch.stores import is_url, list_store, marks_of, open_stored
 from uavrt.clock import parse_iso_utc
-from uavrt.errors import FormatError
+from uavrt.errors import FormatError, StoreError
 from uavrt.radio import RecordingSource, open_recording
 from uavrt.recording import FlightLayout
 
@@ -92,6 +92,24 @@ class Recording:
                 about = path.stat()
                 facts += [str(path.resolve()), about.st_size, about.st_mtime_ns]
         return _hashed(facts)
+
+
+def flight_of(path: str, flights: Collection[Path]) -> Path | None:
+    """Find the flight that a path is of or lies in, whether it is there or not."""
+    if not flights or is_url(path):
+        return None
+    whole = Path(os.path.realpath(path))
+    return next((one for one in (whole, *whole.parents) if one in flights), None)
+
+
+def out_of_reach(error: BaseException) -> bool:
+    """Whether what was asked for could not be reached: it may be as it was before."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, StoreError | OSError):
+            return True
+        cause = cause.__cause__
+    return False
 
 
 def _hashed(facts: list[object]) -> str:

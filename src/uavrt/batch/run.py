@@ -14,14 +14,16 @@ KEY stands for the recording or flight as it is, the tags and the settings that 
 was changed is done anew, and its old rows go when the new ones are there.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 from uavrt.analysis.measure import TagSource
+from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
 from uavrt.batch.ledger import DONE, PLACED, Ledger
 from uavrt.batch.months import gather_months
+from uavrt.batch.names import name_flights
 from uavrt.batch.placing import Placing
 from uavrt.batch.questions import keep_answers
 from uavrt.batch.recordings import Found
@@ -103,6 +105,9 @@ def _run(
     (output / UNFINISHED).mkdir(parents=True, exist_ok=True)
     recordings = Ledger(output, DONE, RecordingRow, [PULSES])
     flights = Ledger(output, PLACED, FlightRow, [POSES, BEARINGS, POSITIONS, INTEGRATED])
+    copies = copies_of(found, recordings, flights)
+    found, passed_over = without(found, copies)
+    found, names = name_flights(found, recordings, flights, copies)
     detecting = Detecting(sought, output, settings, recordings)
     rows = [row for one in found.recordings if (row := detecting.plan(one)) is not None]
     for name, origin in detecting.dated_by_file.items():
@@ -116,14 +121,18 @@ def _run(
         if (finished := detecting.finish(number, result)) is not None:
             watch.on_row(finished)
             done_now += 1
+    _tell_kept(detecting.kept, watch)
     placing = Placing(sought, output, settings, recordings, flights)
     placed_now = 0
     if not watch.should_stop():
-        placing.plan(found, detecting.keys)
+        placing.plan(found, detecting.keys, names, copies)
         watch.on_stage("placing", len(placing.tasks))
         for number, placed in _worked(placing.tasks, output, settings, watch):
-            watch.on_row(placing.finish(number, placed))
-            placed_now += 1
+            if (row_of_flight := placing.finish(number, placed)) is not None:
+                watch.on_row(row_of_flight)
+                placed_now += 1
+        _tell_kept(placing.kept, watch)
+        drop_copies(copies, recordings, flights)
     write_rows(output / RECORDINGS, RecordingRow, recordings.rows)
     write_rows(output / FLIGHTS, FlightRow, flights.rows)
     gather_months(output, recordings.rows, flights.rows)
@@ -135,8 +144,15 @@ def _run(
         done_before=detecting.done_before,
         placed_now=placed_now,
         placed_before=placing.done_before,
+        copies=passed_over,
+        kept=len(detecting.kept) + len(placing.kept),
         stopped=watch.should_stop(),
     )
+
+
+def _tell_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
+    for name, fault in kept.items():
+        watch.on_kept(name, fault)
 
 
 def _worked(

@@ -62,6 +62,9 @@ class BatchWatch:
     """Takes how much was done since the last call."""
     on_row: Callable[[RecordingRow | FlightRow], None] = lambda _row: None
     """Takes each recording and each flight that is finished."""
+    on_kept: Callable[[str, str], None] = lambda _name, _fault: None
+    """Takes each recording and flight that cannot be reached now, and why; what was done of it
+    stays."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
     """Takes each recording to be searched whose start is not known from itself, and what it was
     taken from."""
@@ -81,4 +84,8 @@ class BatchSummary:
     placed_now: int
     """Flights."""
     placed_before: int
+    copies: int
+    """Directories that were passed over: each holds a flight that another holds, too."""
+    kept: int
+    """Recordings and flights that cannot be reached now; what was done of them stays."""
     stopped: bool

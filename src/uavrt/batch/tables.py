@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import quote
 
 from uavrt.errors import FormatError, needs_extra
 from uavrt.messages import Pulse
@@ -16,6 +17,8 @@ SCHEMA_VERSION = "1"
 PULSES, POSES, BEARINGS, POSITIONS = "pulses", "poses", "bearings", "positions"
 INTEGRATED = "integrated"
 RECORDINGS, FLIGHTS = "recordings.parquet", "flights.parquet"
+MONTHS = "months"
+"""Folder of copies."""
 PULSE_FIELDS = fields_of(Pulse)
 _ROWS = 100_000
 
@@ -55,7 +58,7 @@ class FlightRow:
     """The flight's directory; without one, the recording."""
     flight: str
     fingerprint: str
-    """Of its pulses, its poses and the settings."""
+    """Of all that its steps read."""
     state: str
     """done, or failed."""
     fault: str | None
@@ -74,6 +77,12 @@ class FlightRow:
     uavrt_version: str
     dem: str | None = None
     """Elevation files of the ground; without any it was taken as level."""
+    integrate_fault: str | None = None
+    """Why some tags were not judged by the whole flight."""
+    fingerprints: str = ""
+    """Of what each of its steps read, as STEP=FINGERPRINT with commas between."""
+    copies: str = ""
+    """Directories that hold the same flight, a line each; nothing of them is in the tables."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -283,6 +292,22 @@ def _plain(value: Any) -> Any:
 
 
 def folder_of(flight: str) -> str:
-    """Name the folder of a flight's rows, on any system and as Hive does."""
+    """Name the folder of a flight's rows, on any system and as Hive does.
+
+    What reads Parquet makes the flight's name of it again: %20 stands for a space.
+    """
+    return f"flight={encoded(flight)}"
+
+
+def old_folder_of(flight: str) -> str:
+    """Name the folder as it was once: from it the name cannot be made again."""
     name = "".join(one if one.isalnum() or one in "._-" else "_" for one in flight)
     return f"flight={name or '_'}"
+
+
+def encoded(text: str, also: str = "") -> str:
+    """Write letters, digits, ``._-`` and `also` as they are, and all else as %20."""
+    plain = f"._-{also}"
+    return "".join(
+        one if one.isalnum() or one in plain else quote(one, safe="") for one in text
+    )

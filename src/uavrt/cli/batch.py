@@ -174,6 +174,7 @@ def batch(
             on_stage=on_stage,
             on_done=on_done,
             on_row=_tell,
+            on_kept=_tell_kept,
             on_origin=_tell_origin,
         )
         summary = run_batch(found, sought, output, settings, watch)
@@ -182,7 +183,7 @@ def batch(
     if number is not None:
         sys.exit(128 + number)
     states = [row.state for row in summary.rows] + [row.state for row in summary.flights]
-    if {"truncated", "failed"} & set(states):
+    if summary.kept or {"truncated", "failed"} & set(states):
         sys.exit(1)
 
 
@@ -208,10 +209,12 @@ def _tell(row: "RecordingRow | FlightRow") -> None:
         print(f"{row.path}: {row.state}: {row.fault}", file=sys.stderr)
 
 
+def _tell_kept(name: str, fault: str) -> None:
+    print(f"{name}: kept from before: not reachable now: {fault}", file=sys.stderr)
+
+
 def _tell_origin(name: str, origin: str) -> None:
-    print(
-        f"{name}: {origin.replace('--start-time', 'start_time in --manifest')}", file=sys.stderr
-    )
+    print(f"{name}: {origin}", file=sys.stderr)
 
 
 def _report(summary: "BatchSummary", output: Path) -> None:
@@ -230,5 +233,10 @@ def _report(summary: "BatchSummary", output: Path) -> None:
         f"{sum(row.state == 'failed' for row in flights)} failed: {output}",
         file=sys.stderr,
     )
+    if summary.copies:
+        directories = counted(summary.copies, "flight")
+        print(f"{directories} passed over: copies of flights that are there", file=sys.stderr)
+    if summary.kept:
+        print(f"{summary.kept} kept from before: not reachable now", file=sys.stderr)
     if summary.stopped:
         print("stopped: the same command goes on from here", file=sys.stderr)

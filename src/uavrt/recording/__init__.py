@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         HeardTag,
         battery_note,
         read_outline,
+        read_pulse_levels,
         read_pulse_milliseconds,
     )
     from uavrt.recording.places import (
@@ -139,6 +140,7 @@ __all__ = [
     "read_older",
     "read_outline",
     "read_pulse_file",
+    "read_pulse_levels",
     "read_pulse_milliseconds",
     "read_pulse_pose_log",
     "read_search_notes",
@@ -161,6 +163,7 @@ __getattr__ = lazily(
         "HeardTag": "outline",
         "battery_note": "outline",
         "read_outline": "outline",
+        "read_pulse_levels": "outline",
         "read_pulse_milliseconds": "outline",
         "ChannelRecorder": "channel_recorder",
         "DetectorConfig": "detector_configs",

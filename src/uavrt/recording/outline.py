@@ -20,6 +20,8 @@ _MILLISECONDS = (
     " WHERE detection_status = 'confirmed'"
 )
 
+_LEVELS = _MILLISECONDS.replace(" FROM", ", snr_db FROM")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardTag:
@@ -94,6 +96,21 @@ def read_pulse_milliseconds(directory: Path) -> set[tuple[int, int]]:
     """
     with flight_database(directory) as database:
         return set(database.execute(_MILLISECONDS).fetchall())
+
+
+def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
+    """Read how strong each confirmed pulse was [dB], by tag and start [ms].
+
+    Copies of a flight share them to the last digit; two drones that hear the same pulse at the
+    same time, each from its own place, do not.
+
+    Raises
+    ------
+    FormatError
+        As `read_outline`.
+    """
+    with flight_database(directory) as database:
+        return {(tag_id, ms): level for tag_id, ms, level in database.execute(_LEVELS)}
 
 
 def battery_note(percent: int) -> str:

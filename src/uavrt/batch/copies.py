@@ -1,0 +1,157 @@
+"""Flights that are there twice, as the drone recorded them and as the ground station did."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from uavrt.analysis.season import SAME_PULSES
+from uavrt.analysis.season import _without_copies as without_copies
+from uavrt.batch.ledger import Ledger
+from uavrt.batch.recordings import Found, flight_of
+from uavrt.batch.tables import FlightRow, RecordingRow
+from uavrt.errors import FormatError
+from uavrt.recording import FlightLayout, FlightOutline, read_outline, read_pulse_levels
+
+SAME_LEVEL_DB = 0.1
+"""Of a pulse in two copies of a flight, at most; two drones differ by some 5 dB."""
+
+
+def copies_of(
+    found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
+) -> dict[Path, Path]:
+    """Tell which flights are copies, and of which; by the rule of a season's summary.
+
+    Of copies that one counts which has more to search: recordings, kept channels, pulses; of
+    equals the one that was placed before. Two flights that both kept samples and heard nothing
+    are two, whenever they were.
+
+    Parameters
+    ----------
+    found : Found
+        What there is now.
+    recordings, flights : Ledger
+        What is done: a flight is also a copy of one that was placed before and is away now.
+
+    Returns
+    -------
+    dict of Path to Path
+        The flight that counts, by directory of each copy.
+    """
+    known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
+    told = {
+        Path(copy): Path(path)
+        for path, row in known.items()
+        if not FlightLayout(Path(path)).database.is_file()
+        for copy in row.copies.splitlines()
+    }
+    copies = {one: told[one] for one in found.flights if one in told}
+    outlines = _outlines({*found.flights, *map(Path, known)} - copies.keys())
+    directories = {one.directory for one in outlines}
+    searched = {
+        flight_of(row.path, directories)
+        for row in recordings.rows
+        if row.state in ("done", "truncated")
+    }
+    recorded = {one.flight_directory for one in found.recordings}
+
+    def worth(one: FlightOutline) -> tuple[int, ...]:
+        place = one.directory
+        return (
+            *(place in searched, place in recorded, _kept_samples(place)),
+            *(_pulses(one), str(place) in known),
+        )
+
+    for flight in _flights(outlines):
+        if len(flight) < 2:
+            continue
+        counting = max(flight, key=worth)
+        copies |= {
+            one.directory: counting.directory
+            for one in flight
+            if one is not counting and (_pulses(one) or not any(worth(one)[:3]))
+        }
+    return copies
+
+
+def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
+    """Leave copies of flights out, with their recordings; and how many they are."""
+    left = Found(
+        recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
+        flights=tuple(one for one in found.flights if one not in copies),
+        kept_channels=found.kept_channels,
+    )
+    return left, len(found.flights) - len(left.flights)
+
+
+def drop_copies(
+    copies: Mapping[Path, Path],
+    recordings: Ledger[RecordingRow],
+    flights: Ledger[FlightRow],
+) -> None:
+    """Take away what was once made of copies whose flight is placed now.
+
+    Raises
+    ------
+    OSError
+        The directory cannot be written.
+    """
+    gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
+    for row in recordings.rows:
+        if flight_of(row.path, gone) is not None:
+            recordings.drop(row.path)
+    for copy in gone:
+        flights.drop(str(copy))
+
+
+def _outlines(directories: set[Path]) -> list[FlightOutline]:
+    """Read those that can be read, in the order of their starts."""
+    found = []
+    for directory in sorted(directories):
+        try:
+            found.append(read_outline(directory))
+        except (FormatError, OSError):
+            continue  # told where it is placed
+    return sorted(found, key=lambda one: one.info.start_time_ns)
+
+
+def _flights(outlines: Sequence[FlightOutline]) -> Iterator[tuple[FlightOutline, ...]]:
+    """Put copies together; only flights that overlap are compared, of thousands."""
+    together: list[FlightOutline] = []
+    end_ns = 0
+    for one in outlines:
+        if together and one.info.start_time_ns > end_ns:
+            yield from _apart(without_copies(together))
+            together = []
+        end_ns = max(end_ns, one.end_time_ns) if together else one.end_time_ns
+        together.append(one)
+    yield from _apart(without_copies(together))
+
+
+def _apart(
+    flights: Sequence[tuple[FlightOutline, ...]],
+) -> Iterator[tuple[FlightOutline, ...]]:
+    """Part drones that flew side by side and heard the same pulses, each in its own place."""
+    for flight in flights:
+        alike: list[list[FlightOutline]] = []
+        for one in flight:
+            for others in alike:
+                if _same_levels(others[0], one):
+                    others.append(one)
+                    break
+            else:
+                alike.append([one])
+        yield from map(tuple, alike)
+
+
+def _same_levels(one: FlightOutline, other: FlightOutline) -> bool:
+    levels = [read_pulse_levels(each.directory) for each in (one, other)]
+    common = levels[0].keys() & levels[1].keys()
+    same = sum(abs(levels[0][key] - levels[1][key]) <= SAME_LEVEL_DB for key in common)
+    return same >= SAME_PULSES * len(common)
+
+
+def _kept_samples(directory: Path) -> bool:
+    return any(FlightLayout(directory).channels_directory.glob("*"))
+
+
+def _pulses(outline: FlightOutline) -> int:
+    return sum(one.pulses for one in outline.heard.values())

@@ -1,0 +1,117 @@
+"""What each step reads: a change anywhere else has it not done again."""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import uavrt
+from uavrt.batch.flight_work import FlightTask
+from uavrt.localization import MONOPOLE
+from uavrt.messages import Tag
+from uavrt.recording import FlightLayout
+
+PLACING_STEPS = ("attach", "bearing", "localize")
+"""Done together; each takes what the one before gave."""
+
+
+def step_keys(task: FlightTask, antenna: str) -> dict[str, str]:
+    """Name what each step of a flight reads, whether it is asked for or not.
+
+    Parameters
+    ----------
+    task : FlightTask
+        The flight as it is, its pulses, and the settings.
+    antenna : str
+        With which it is reckoned, as far as that is known.
+
+    Raises
+    ------
+    OSError
+        A file cannot be reached.
+    """
+    how = task.settings
+    asked = [] if how.antenna is None else [Path(how.antenna)]
+    estimated = task.track is not None and task.clock_offset_s is None
+    attach = _hashed(
+        [
+            *(task.path, [one.file.stem for one in task.searched]),
+            tags_as_read(task.tags) if task.searched else (),
+            *(task.clock_offset_s, how.antenna if estimated else None, uavrt.__version__),
+        ],
+        [*flight_files(task), *(asked if estimated else ())],
+    )
+    bearing = _hashed([attach, how.antenna, how.offset_deg], asked)
+    power = antenna == MONOPOLE
+    ground: list[object] = [how.dem, how.sea and how.dem is not None]
+    localize = _hashed(
+        [
+            *(bearing, how.method, power, *ground),
+            (how.height_m, how.height_sigma_m) if power else how.heading_sigma_deg,
+        ],
+        _elevation_files(how.dem),
+    )
+    integrate = _hashed(
+        [attach, how.antenna, *ground], [*asked, *_elevation_files(how.dem), *_kept(task)]
+    )
+    keys = (attach, bearing, localize, integrate)
+    return dict(zip((*PLACING_STEPS, "integrate"), keys, strict=True))
+
+
+def recorded_key(task: FlightTask) -> str:
+    """Name the pulses of a flight as it is.
+
+    Raises
+    ------
+    OSError
+        A file cannot be reached.
+    """
+    return _hashed([task.path], flight_files(task))
+
+
+def key_of(path: str, keys: Mapping[str, str]) -> str:
+    """Name a flight by what its steps read."""
+    return _hashed([path, sorted(keys.items())], [])
+
+
+def tags_as_read(tags: Iterable[Tag]) -> list[str]:
+    """Write tags without their names, which nothing is computed of."""
+    return sorted(repr(replace(tag, name=None)) for tag in tags)
+
+
+def written(keys: Mapping[str, str]) -> str:
+    """Write keys into a column; see `read_keys`."""
+    return ",".join(f"{step}={key}" for step, key in sorted(keys.items()))
+
+
+def read_keys(text: str) -> dict[str, str]:
+    """Read what `written` wrote; nothing of a row from before there was such a column."""
+    return dict(one.split("=", 1) for one in text.split(",") if "=" in one)
+
+
+def flight_files(task: FlightTask) -> list[Path]:
+    """List the files from which a flight is read."""
+    layout = FlightLayout(Path(task.path))
+    track = [] if task.track is None else [task.track]
+    return [layout.database, layout.write_ahead_log, *track]
+
+
+def _kept(task: FlightTask) -> list[Path]:
+    if not task.is_flight:
+        return []
+    return sorted(FlightLayout(Path(task.path)).channels_directory.glob("*.sigmf-*"))
+
+
+def _elevation_files(dem: str | None) -> list[Path]:
+    if dem is None:
+        return []
+    place = Path(dem)
+    return sorted(place.iterdir()) if place.is_dir() else [place]
+
+
+def _hashed(facts: list[object], files: Iterable[Path]) -> str:
+    for path in files:
+        # To read a database leaves an empty write-ahead log beside it.
+        if path.is_file() and (about := path.stat()).st_size:
+            facts += [str(path), about.st_size, about.st_mtime_ns]
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
