@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         FLIGHT_ORDER,
         FLIGHT_PREFIX,
         flights_in_order,
+        flown_before,
         names_in_order,
         note_flight,
     )
@@ -117,6 +118,7 @@ __all__ = [
     "ended",
     "fields_of",
     "flights_in_order",
+    "flown_before",
     "heard_tags",
     "home_note",
     "inside_record",
@@ -187,6 +189,7 @@ __getattr__ = lazily(
         "ended": "plain_database",
         "fields_of": "fields",
         "flights_in_order": "flight_order",
+        "flown_before": "flight_order",
         "heard_tags": "heard",
         "home_note": "places",
         "mark_note": "places",

@@ -10,34 +10,44 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from uavrt.log import get_logger
-
-log = get_logger()
-
 FLIGHT_ORDER = "flights_in_order.txt"
 FLIGHT_PREFIX = "flight_log_"
 
 
 def note_flight(flight: Path) -> None:
-    """Note that a flight begins now; a disk that cannot be written stops nothing."""
+    """Note that a flight begins now.
+
+    Raises
+    ------
+    OSError
+        The disk cannot be written; to be tried again, nothing else need stop.
+    """
     path = flight.parent / FLIGHT_ORDER
-    try:
-        names = _noted(path)
-        if names and names[-1] == flight.name:
-            return  # it goes on, after a restart
-        with open(path, "a", encoding="utf-8") as file:
-            # What a power cut left half-written becomes a name that no flight has.
-            file.write("\n" * _is_torn(path) + f"{flight.name}\n")
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        log.warning("order of flights not noted", file=str(path), reason=str(error))
+    names = _noted(path)
+    if names and names[-1] == flight.name:
+        return  # it goes on, after a restart
+    with open(path, "a", encoding="utf-8") as file:
+        # What a power cut left half-written becomes a name that no flight has.
+        file.write("\n" * _is_torn(path) + f"{flight.name}\n")
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def flights_in_order(directory: Path) -> list[Path]:
     """List the flights below a directory, the oldest first."""
     found = {path.name: path for path in directory.glob(f"{FLIGHT_PREFIX}*") if path.is_dir()}
     return [found[name] for name in names_in_order(found, _noted(directory / FLIGHT_ORDER))]
+
+
+def flown_before(flight: Path) -> list[Path] | None:
+    """List the flights beside one that were flown before it, the oldest first.
+
+    None where nobody has noted when it was flown: then there is only its clock to go by.
+    """
+    if flight.name not in _noted(flight.parent / FLIGHT_ORDER):
+        return None
+    flights = flights_in_order(flight.parent)
+    return flights[: [path.name for path in flights].index(flight.name)]
 
 
 def names_in_order(names: Iterable[str], noted: Iterable[str]) -> list[str]:

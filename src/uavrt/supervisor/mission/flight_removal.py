@@ -18,26 +18,8 @@ FORGOTTEN_S = 120.0
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """Get the flights that may go: neither the newest, by name or by change, nor starred."""
-    if not flights:
-        return []
-    newest = {max(flights), max(flights, key=_changed_ns)}
-    return [
-        flight
-        for flight in flights
-        if flight not in newest and not FlightLayout(flight).star.exists()
-    ]
-
-
-def _changed_ns(flight: Path) -> int:
-    layout = FlightLayout(flight)
-    times = [0]
-    for path in (flight, layout.database):
-        try:
-            times.append(path.stat().st_mtime_ns)
-        except OSError:
-            continue
-    return max(times)
+    """Get those of the flights, the oldest first, that may go: not the newest, not starred."""
+    return [flight for flight in flights[:-1] if not FlightLayout(flight).star.exists()]
 
 
 class SecondStep:
