@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         read_pulse_milliseconds,
     )
     from uavrt.recording.places import (
+        GROUND_NOTE,
         Mark,
         Places,
         home_note,
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FLIGHT_ORDER",
     "FLIGHT_PREFIX",
+    "GROUND_NOTE",
     "POSE_COLUMNS",
     "TAG_COLUMNS",
     "ChannelRecorder",
@@ -197,6 +199,7 @@ __getattr__ = lazily(
         "names_in_order": "flight_order",
         "FLIGHT_ORDER": "flight_order",
         "FLIGHT_PREFIX": "flight_order",
+        "GROUND_NOTE": "places",
         "note_flight": "flight_order",
         "note_deliveries": "spool",
         "open_plain": "plain_database",

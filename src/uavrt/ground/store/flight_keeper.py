@@ -12,7 +12,7 @@ import numpy as np
 
 from uavrt.clock import Clock
 from uavrt.errors import RecordingError
-from uavrt.ground.store.flights import GROUND_NOTE, PULSE_COLUMNS, Columns, pulse_cells
+from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
 from uavrt.log import get_logger
 from uavrt.messages import (
     BurstInside,
@@ -27,6 +27,7 @@ from uavrt.messages import (
 )
 from uavrt.on_ground import ARMED, GROUND_STATION, LANDED, ToldStates
 from uavrt.recording import (
+    GROUND_NOTE,
     FlightLayout,
     FlightRecorder,
     new_flight_directory,

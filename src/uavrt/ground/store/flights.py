@@ -27,6 +27,7 @@ from uavrt.ground.store.known_flights import (
 from uavrt.ground.store.prepared_columns import PreparedColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose
 from uavrt.recording import (
+    GROUND_NOTE,
     POSE_COLUMNS,
     TAG_COLUMNS,
     FlightLayout,
@@ -399,10 +400,6 @@ def pulse_cells(item: PulsePose) -> tuple[float, ...]:
             cell = pose[name] if name in pose else getattr(item.pulse, name)
         cells.append(math.nan if cell is None else cell)
     return tuple(cells)
-
-
-GROUND_NOTE = "recorded by the ground station"
-"""The note that tells a ground station's own recording."""
 
 
 def _columns(
