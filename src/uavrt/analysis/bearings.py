@@ -37,6 +37,7 @@ from uavrt.recording import (
     FlightLayout,
     flights_in_order,
     flown_before,
+    flown_name,
     read_flight,
     vehicle_of,
 )
@@ -195,7 +196,8 @@ def past_turns(
     names = {Path(one.info.directory).resolve().name for one in besides}
     before = flown_before(place)
     beside = flights_in_order(place.parent) if before is None else before
-    past = [path for path in beside if path.resolve() != place and path.name not in names]
+    others = [path for path in beside if flown_name(path.name) != flown_name(place.name)]
+    past = [path for path in others if path.name not in names]
     found: list[list[HeardInTurn]] = []
     for path in reversed(past[-MOST_PAST_FLIGHTS:]):
         if sum(map(len, map(teaching, found))) >= ENOUGH_TURNS:

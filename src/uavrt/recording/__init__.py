@@ -18,12 +18,17 @@ if TYPE_CHECKING:
     )
     from uavrt.recording.fields import fields_of
     from uavrt.recording.flight_order import (
+        FETCHED_COPY,
         FLIGHT_ORDER,
         FLIGHT_PREFIX,
+        copy_beside,
         flights_in_order,
         flown_before,
+        flown_name,
         names_in_order,
         note_flight,
+        order_noted,
+        with_copies,
     )
     from uavrt.recording.flight_reader import (
         Flight,
@@ -89,6 +94,7 @@ if TYPE_CHECKING:
     from uavrt.recording.writer_lock import WriterLock
 
 __all__ = [
+    "FETCHED_COPY",
     "FLIGHT_ORDER",
     "FLIGHT_PREFIX",
     "GROUND_NOTE",
@@ -115,12 +121,14 @@ __all__ = [
     "SilentAround",
     "WriterLock",
     "battery_note",
+    "copy_beside",
     "csv_cells",
     "detector_config",
     "ended",
     "fields_of",
     "flights_in_order",
     "flown_before",
+    "flown_name",
     "heard_tags",
     "home_note",
     "inside_record",
@@ -130,6 +138,7 @@ __all__ = [
     "note_deliveries",
     "note_flight",
     "open_plain",
+    "order_noted",
     "places_of",
     "pose_row",
     "pulse_format",
@@ -155,6 +164,7 @@ __all__ = [
     "vehicle_note",
     "vehicle_of",
     "watch",
+    "with_copies",
     "write_detector_config",
     "write_integrated",
 ]
@@ -191,7 +201,12 @@ __getattr__ = lazily(
         "ended": "plain_database",
         "fields_of": "fields",
         "flights_in_order": "flight_order",
+        "FETCHED_COPY": "flight_order",
+        "copy_beside": "flight_order",
         "flown_before": "flight_order",
+        "flown_name": "flight_order",
+        "order_noted": "flight_order",
+        "with_copies": "flight_order",
         "heard_tags": "heard",
         "home_note": "places",
         "mark_note": "places",

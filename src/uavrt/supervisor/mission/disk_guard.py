@@ -11,7 +11,13 @@ from pathlib import Path
 from uavrt.card import NEW_CARD, card_of
 from uavrt.config import RecordingSettings
 from uavrt.log import get_logger
-from uavrt.recording import FlightLayout, flights_in_order, note_flight
+from uavrt.recording import (
+    FlightLayout,
+    flights_in_order,
+    flown_name,
+    note_flight,
+    with_copies,
+)
 
 log = get_logger()
 
@@ -117,13 +123,17 @@ class DiskGuard:
         return None
 
     def _may_go(self) -> list[Path]:
-        """Flights that may be removed, oldest first; not the newest, starred, present ones."""
+        """Flights that may be removed, oldest first; not the newest, starred, present ones.
+
+        A flight and its copies count as one; the copies go first, which hold less.
+        """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
+        present = None if self._flight is None else self._flight.name
         return [
             path
-            for path in flights[: -self._kept]
-            if not FlightLayout(path).star.exists()
-            and (self._flight is None or path.resolve() != self._flight.resolve())
+            for own in with_copies(flights)[: -self._kept]
+            for path in reversed(own)
+            if flown_name(path.name) != present and not FlightLayout(path).star.exists()
         ]
 
 

@@ -4,11 +4,12 @@ Two steps: the first command says what would go, the second, later than any repe
 first, lets it go. The newest flight and those that are starred stay.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.recording import FlightLayout
+from uavrt.recording import FlightLayout, with_copies
 
 REPEATED_S = 10.0
 """A ground station repeats what is not acknowledged four times in 8 s: within this after the
@@ -18,8 +19,12 @@ FORGOTTEN_S = 120.0
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """Get those of the flights, the oldest first, that may go: not the newest, not starred."""
-    return [flight for flight in flights[:-1] if not FlightLayout(flight).star.exists()]
+    """Get those of the flights, the oldest first, that may go: not the newest, not starred.
+
+    The newest stays with its copies.
+    """
+    older = itertools.chain(*with_copies(flights)[:-1])
+    return [flight for flight in older if not FlightLayout(flight).star.exists()]
 
 
 class SecondStep:
