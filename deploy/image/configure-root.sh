@@ -229,7 +229,7 @@ RequiresMountsFor=/data /opt/uavrt
 
 [Service]
 EnvironmentFile=/data/page.env
-ExecStart=/opt/uavrt/venv/bin/uavrt ground --page --no-browser --listen 0.0.0.0 --host-name ${UAVRT_HOST_NAME} --set-up /var/lib/uavrt/uavrt.toml --mavlink udpout://127.0.0.1:14560 --output /var/lib/uavrt/ground --command-key /var/lib/uavrt/command.key --component-id 192
+ExecStart=/opt/uavrt/venv/bin/uavrt ground --page --no-browser --listen 0.0.0.0 --host-name ${UAVRT_HOST_NAME} --set-up /var/lib/uavrt/uavrt.toml --mavlink udpout://127.0.0.1:14560 --output /var/lib/uavrt/flights --command-key /var/lib/uavrt/command.key --component-id 192
 User=uavrt
 WorkingDirectory=/var/lib/uavrt
 Restart=always

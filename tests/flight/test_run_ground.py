@@ -7,17 +7,22 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from uavrt.ground.web.tag_table import rows_from_tags
+from uavrt.recording import flights_in_order, read_flight
+from uavrt.simulation import write_scenario
+
 pytest.importorskip("starlette")
 pytestmark = [pytest.mark.flight, pytest.mark.timeout(120)]
 
 
-def posted(url: str, body: dict[str, Any]) -> urllib.request.Request:
+def posted(url: str, body: Any) -> urllib.request.Request:
     return urllib.request.Request(
         url, data=json.dumps(body).encode(), headers={"Content-Type": "application/json"}
     )
@@ -44,6 +49,56 @@ def asked(
     raise AssertionError(f"{path} stayed {answer}")
 
 
+@contextmanager
+def companion(directory: Path) -> Iterator[tuple[str, "subprocess.Popen[str]"]]:
+    """The two run there; gives the page's address and what runs them."""
+    running = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "uavrt.cli", "run", "--ground"),
+            *("--ground-port", "0", "--no-browser"),
+        ],
+        cwd=directory,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert running.stdout is not None
+    try:
+        yield running.stdout.readline().split()[4], running
+    finally:
+        if running.poll() is None:
+            running.terminate()
+            running.wait(60)
+        running.stdout.close()
+
+
+def test_what_the_page_receives_lies_beside_the_drones_flight_under_its_name(
+    thesis_scenario: Any, tmp_path: Path
+) -> None:
+    scenario = thesis_scenario.starting_at(time.time_ns())
+    write_scenario(scenario, tmp_path / "scenario.toml")
+    radio = [sys.executable, "-m", "uavrt.simulation.airspy_rx", "--world", "scenario.toml"]
+    (tmp_path / "uavrt.toml").write_text(
+        f'[radio]\nprogram = {json.dumps(radio)}\n[mavlink]\naddress = ""\n'
+        '[recording]\ndirectory = "flights"\n'
+    )
+    with companion(tmp_path) as (address, running):
+        asked(address, "state", lambda one: one["drone"]["state"] == "idle")
+        put = posted(f"{address}api/tags", rows_from_tags(scenario.tags))
+        put.method = "PUT"
+        urllib.request.urlopen(put, timeout=20).close()
+        for command in ("send_tags", "start"):
+            asked(address, f"commands/{command}", lambda one: one["accepted"], {})
+        state = asked(address, "state", lambda one: one["drone"]["state"] == "detecting")
+        copy = state["flight"]["flight_id"]
+        asked(address, f"flights/{copy}", lambda one: one["pulses"] >= 2)
+        running.send_signal(signal.SIGTERM)
+        assert running.wait(60) == 0
+    own, beside = flights_in_order(tmp_path / "flights")
+    assert (beside.name, own.name) == (copy, copy.removesuffix("_ground"))
+    assert read_flight(own).info.tags == read_flight(beside).info.tags
+
+
 def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
     tmp_path: Path,
 ) -> None:
@@ -55,19 +110,7 @@ def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
         '[mavlink]\naddress = ""\nkey_file = "command.key"\n'
         'signing_key_file = "signing.key"\n[recording]\ndirectory = "flights"\n'
     )
-    running = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "run", "--ground"),
-            *("--ground-port", "0", "--no-browser"),
-        ],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    assert running.stdout is not None
-    try:
-        address = running.stdout.readline().split()[4]
+    with companion(tmp_path) as (address, running):
         state = asked(address, "state", lambda one: one["drone"]["state"] == "idle")
         assert state["connection"]["address"].startswith("udpout://127.0.0.1:")
         assert asked(address, "drone/flights", lambda one: isinstance(one, list), {}) == []
@@ -78,8 +121,3 @@ def test_the_page_of_the_companion_finds_its_drone_side_and_ends_with_it(
         assert running.wait(60) == 0
         with pytest.raises(OSError, match="refused"):
             urllib.request.urlopen(f"{address}api/state", timeout=5)
-    finally:
-        if running.poll() is None:
-            running.terminate()
-            running.wait(60)
-        running.stdout.close()

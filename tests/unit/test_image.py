@@ -79,6 +79,9 @@ def test_the_root_is_read_only_and_what_changes_lies_on_the_data_partition(root:
     assert f"--command-key {mavlink.key_file}" in page
     assert f"--component-id {OWN_COMPONENT}" in page
     assert "--set-up /var/lib/uavrt/uavrt.toml" in page
+    # It has the drone's flights, and its copies of them lie beside.
+    recording = load_settings(root / "var/lib/uavrt/uavrt.toml").recording
+    assert f"--output /var/lib/uavrt/{recording.directory} " in page
     again = contents(root)
     assert configure(root, "lynx-1").returncode == 0
     assert contents(root) == again

@@ -32,7 +32,15 @@ from uavrt.localization import (
 )
 from uavrt.localization.bearing import ADDED_METHODS
 from uavrt.messages import PulsePose
-from uavrt.recording import Flight, FlightLayout, flights_in_order, read_flight, vehicle_of
+from uavrt.recording import (
+    Flight,
+    FlightLayout,
+    flights_in_order,
+    flown_before,
+    flown_name,
+    read_flight,
+    vehicle_of,
+)
 from uavrt.recording.formats import read_pulses
 
 NO_BEARINGS_FROM_THESE = (
@@ -170,7 +178,8 @@ def past_turns(
     """What was heard in turns of the same drone's past flights with the same antenna.
 
     Those in the same folder, the newest first, until there are turns enough. A past flight that
-    cannot be read, or is another drone's, teaches nothing.
+    cannot be read, or is another drone's, teaches nothing. Which are past is told by the order
+    in which they were noted, and where it was not, by when they began.
 
     Parameters
     ----------
@@ -185,17 +194,20 @@ def past_turns(
     """
     place = Path(flight.info.directory).resolve()
     names = {Path(one.info.directory).resolve().name for one in besides}
-    ordered = [path for path in flights_in_order(place.parent) if path.resolve() != place]
-    past = [path for path in ordered if path.name not in names]
+    before = flown_before(place)
+    beside = flights_in_order(place.parent) if before is None else before
+    others = [path for path in beside if flown_name(path.name) != flown_name(place.name)]
+    past = [path for path in others if path.name not in names]
     found: list[list[HeardInTurn]] = []
     for path in reversed(past[-MOST_PAST_FLIGHTS:]):
         if sum(map(len, map(teaching, found))) >= ENOUGH_TURNS:
             break
         try:
             other = read_flight(path)
-            if _same_set_up(other, flight) and other.info.start_time_ns < (
-                flight.info.start_time_ns
-            ):
+            is_past = before is not None or (
+                other.info.start_time_ns < flight.info.start_time_ns
+            )
+            if is_past and _same_set_up(other, flight):
                 found.append(heard_in_turns(other, offset_deg)[0])
         except (FormatError, UsageError):
             continue  # its turns are not needed

@@ -1,11 +1,12 @@
 """A season in numbers: flights, minutes, what each animal took, batteries.
 
 Made of the flights in a folder. A flight that lies there twice, as the ground station received
-it and as the drone recorded it, counts once.
+it and as the drone recorded it, counts once, as do the batteries that it flew with.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from uavrt.errors import FormatError
@@ -17,7 +18,7 @@ SAME_PULSES = 0.5
 """Share of the pulses of the shorter copy that the other has, too: the ground station may have
 come late."""
 SAME_SPAN = 0.9
-"""Of two flights without pulses, of the longer: they are the same."""
+"""Of two flights without pulses, of the longer: they are the same, if they can be."""
 CHANGED_PERCENT = 10
 """A battery that holds so much more than before is another one."""
 
@@ -116,7 +117,7 @@ def _without_copies(outlines: Sequence[FlightOutline]) -> list[_Flight]:
     flights: list[list[FlightOutline]] = []
     for one in outlines:
         for flight in reversed(flights):
-            if _is_same(flight[0], one):
+            if _is_same(flight[0], one) and not any(_are_two(each, one) for each in flight):
                 flight.append(one)
                 break
         else:
@@ -132,14 +133,34 @@ def _is_same(one: FlightOutline, other: FlightOutline) -> bool:
     """Whether two are copies of one flight: by their pulses, else by their times."""
     begin = max(one.info.start_time_ns, other.info.start_time_ns)
     overlap = min(one.end_time_ns, other.end_time_ns) - begin
-    told = None not in (one.vehicle, other.vehicle)
-    if overlap < 0 or (told and one.vehicle != other.vehicle):
+    if overlap < 0 or not _may_be_one_vehicle(one.vehicle, other.vehicle):
         return False
     if _pulses(one) and _pulses(other):
         pulses = [read_pulse_milliseconds(each.directory) for each in (one, other)]
         return len(pulses[0] & pulses[1]) >= SAME_PULSES * min(map(len, pulses))
     longest = max(each.end_time_ns - each.info.start_time_ns for each in (one, other))
-    return overlap >= SAME_SPAN * longest
+    return not _are_two(one, other) and overlap >= SAME_SPAN * longest
+
+
+def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
+    """Whether one recorder wrote both, which writes each flight once; pulses know better.
+
+    A drone's recording is the same only if it began in the same nanosecond, in whatever folder.
+    Stations are told apart by the folder: two of them begin when they hear of a flight. So
+    flights of a clock that begins anew in 1970 at each start are not taken for one.
+    """
+    if (_pulses(one) and _pulses(other)) or one.info.start_time_ns == other.info.start_time_ns:
+        return False
+    beside = one.directory.parent == other.directory.parent
+    return one.of_ground == other.of_ground and (beside or not one.of_ground)
+
+
+def _may_be_one_vehicle(one: str | None, other: str | None) -> bool:
+    """Whether two are the same vehicle as far as is told; not every station names it."""
+    if one is None or other is None:
+        return True
+    numbers, names = zip(*(each.partition(", ")[::2] for each in (one, other)), strict=True)
+    return numbers[0] == numbers[1] and (names[0] == names[1] or "" in names)
 
 
 def _minutes(flight: _Flight) -> float:
@@ -184,14 +205,27 @@ def _animal(searched: Sequence[tuple[Tag, _Flight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[_Flight]) -> tuple[int, float]:
-    """Count batteries that were put in, and what was used of them, over all vehicles."""
+    """Count batteries that were put in, and what was used of them, over all vehicles.
+
+    Of a flight's copies the one counts that saw most of its batteries.
+    """
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
     for flight in flights:
-        for copy in flight:
-            for percent in copy.battery_percent:
-                last = before.get(copy.vehicle)
-                put_in += last is None or percent >= last + CHANGED_PERCENT
-                used += 0.0 if last is None else max(0, last - percent) / 100.0
-                before[copy.vehicle] = percent
+        copy = max(flight, key=_taken_out)
+        known = [one for one in before if (one is None) == (copy.vehicle is None)]
+        same = [one for one in known if _may_be_one_vehicle(one, copy.vehicle)]
+        last = before.pop(same[-1]) if same else None
+        for percent in copy.battery_percent:
+            put_in += last is None or percent >= last + CHANGED_PERCENT
+            used += 0.0 if last is None else max(0, last - percent) / 100.0
+            last = percent
+        if last is not None:
+            before[copy.vehicle] = last  # the one flown last comes last
     return put_in, used
+
+
+def _taken_out(copy: FlightOutline) -> tuple[int, int]:
+    """What it saw of batteries: by how much they fell [%], and how often it noted them."""
+    falls = (max(0, one - other) for one, other in pairwise(copy.battery_percent))
+    return sum(falls), len(copy.battery_percent)

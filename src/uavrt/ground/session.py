@@ -8,13 +8,14 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 from uavrt import tunnel
 from uavrt.clock import Clock, monotonic_s
 from uavrt.computer import Bench, Finding, FlightFacts, first_flight
 from uavrt.config import RecordingSettings
-from uavrt.errors import LinkError, UavrtError, UsageError
+from uavrt.errors import ConfigError, LinkError, UavrtError, UsageError
 from uavrt.ground.fetch import Downloads
 from uavrt.ground.link import (
     NO_KEYS,
@@ -40,6 +41,7 @@ from uavrt.ground.store import (
     FlightKeeper,
     FlightLibrary,
     GroundStore,
+    flight_under_way,
 )
 from uavrt.ground.web import (
     Busy,
@@ -54,7 +56,7 @@ from uavrt.ground.web import (
 )
 from uavrt.localization import HeardInTurn
 from uavrt.log import get_logger
-from uavrt.mavlink import Frame
+from uavrt.mavlink import Frame, parse_address
 from uavrt.messages import (
     BurstInside,
     Course,
@@ -444,7 +446,8 @@ class GroundSession:
 
     def begin_flight(self) -> None:
         """Begin a flight of our own."""
-        flight_id = self.flight.begin(self.sent_tags or self.store.chosen_tags)
+        tags = self.sent_tags or self.store.chosen_tags
+        flight_id = self.flight.begin(tags, self._drones_own())
         self.store.set_flight(flight_id)
         self.estimates = Estimates(bearings=[], positions=[])
         for companion in self.companions:
@@ -460,6 +463,19 @@ class GroundSession:
             self.flight.add_note(note, self.clock.now_ns())
         self.hub.send("flight", {"flight_id": flight_id})
         self.send_state()
+
+    def _drones_own(self) -> Path | None:
+        """Get the drone's own recording of its flight, where that is in our directory.
+
+        Only what comes from this computer alone can be of the drone side that flies from it.
+        """
+        if self.store.system_id is not None:
+            return None
+        with contextlib.suppress(ConfigError):
+            addresses = map(parse_address, self.store.settings.address.split())
+            if all(address.is_loopback for address in addresses):
+                return flight_under_way(self.store.directory)
+        return None
 
     def _end_flight(self) -> None:
         self.flight.commit()

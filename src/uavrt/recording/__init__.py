@@ -18,11 +18,17 @@ if TYPE_CHECKING:
     )
     from uavrt.recording.fields import fields_of
     from uavrt.recording.flight_order import (
+        FETCHED_COPY,
         FLIGHT_ORDER,
         FLIGHT_PREFIX,
+        copy_beside,
         flights_in_order,
+        flown_before,
+        flown_name,
         names_in_order,
         note_flight,
+        order_noted,
+        with_copies,
     )
     from uavrt.recording.flight_reader import (
         Flight,
@@ -57,6 +63,7 @@ if TYPE_CHECKING:
         read_pulse_milliseconds,
     )
     from uavrt.recording.places import (
+        GROUND_NOTE,
         Mark,
         Places,
         home_note,
@@ -88,8 +95,10 @@ if TYPE_CHECKING:
     from uavrt.recording.writer_lock import WriterLock
 
 __all__ = [
+    "FETCHED_COPY",
     "FLIGHT_ORDER",
     "FLIGHT_PREFIX",
+    "GROUND_NOTE",
     "POSE_COLUMNS",
     "TAG_COLUMNS",
     "ChannelRecorder",
@@ -113,11 +122,14 @@ __all__ = [
     "SilentAround",
     "WriterLock",
     "battery_note",
+    "copy_beside",
     "csv_cells",
     "detector_config",
     "ended",
     "fields_of",
     "flights_in_order",
+    "flown_before",
+    "flown_name",
     "heard_tags",
     "home_note",
     "inside_record",
@@ -127,6 +139,7 @@ __all__ = [
     "note_deliveries",
     "note_flight",
     "open_plain",
+    "order_noted",
     "places_of",
     "pose_row",
     "pulse_format",
@@ -153,6 +166,7 @@ __all__ = [
     "vehicle_note",
     "vehicle_of",
     "watch",
+    "with_copies",
     "write_detector_config",
     "write_integrated",
 ]
@@ -190,6 +204,12 @@ __getattr__ = lazily(
         "ended": "plain_database",
         "fields_of": "fields",
         "flights_in_order": "flight_order",
+        "FETCHED_COPY": "flight_order",
+        "copy_beside": "flight_order",
+        "flown_before": "flight_order",
+        "flown_name": "flight_order",
+        "order_noted": "flight_order",
+        "with_copies": "flight_order",
         "heard_tags": "heard",
         "home_note": "places",
         "mark_note": "places",
@@ -197,6 +217,7 @@ __getattr__ = lazily(
         "names_in_order": "flight_order",
         "FLIGHT_ORDER": "flight_order",
         "FLIGHT_PREFIX": "flight_order",
+        "GROUND_NOTE": "places",
         "note_flight": "flight_order",
         "note_deliveries": "spool",
         "open_plain": "plain_database",

@@ -4,34 +4,68 @@ A flight is named after the clock, and a computer without a battery for its cloc
 1970: its newest flight would be taken for the oldest, and removed first. So each flight is
 noted in a file beside them as it begins, one name a line. Flights that are not noted are older
 than the file; among them the names decide.
+
+Copies of a flight lie beside it under its name with an ending: NAME_ground as the page on the
+drone's own computer received it, NAME_drone as it was fetched. They are as old as the flight.
 """
 
+import itertools
 import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from uavrt.log import get_logger
-
-log = get_logger()
-
 FLIGHT_ORDER = "flights_in_order.txt"
 FLIGHT_PREFIX = "flight_log_"
+GROUND_COPY = "_ground"
+FETCHED_COPY = "_drone"
+_COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL)
 
 
 def note_flight(flight: Path) -> None:
-    """Note that a flight begins now; a disk that cannot be written stops nothing."""
+    """Note that a flight begins now.
+
+    Raises
+    ------
+    OSError
+        The disk cannot be written; to be tried again, nothing else need stop.
+    """
     path = flight.parent / FLIGHT_ORDER
-    try:
-        names = _noted(path)
-        if names and names[-1] == flight.name:
-            return  # it goes on, after a restart
-        with open(path, "a", encoding="utf-8") as file:
-            # What a power cut left half-written becomes a name that no flight has.
-            file.write("\n" * _is_torn(path) + f"{flight.name}\n")
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        log.warning("order of flights not noted", file=str(path), reason=str(error))
+    names = _noted(path)
+    if names and names[-1] == flight.name:
+        return  # it goes on, after a restart
+    with open(path, "a", encoding="utf-8") as file:
+        # What a power cut left half-written becomes a name that no flight has.
+        file.write("\n" * _is_torn(path) + f"{flight.name}\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def flown_name(name: str) -> str:
+    """Get the name of the flight of which this one is a copy, else this name itself.
+
+    >>> flown_name("flight_log_2026-05-01_08-15-00_ground_2")
+    'flight_log_2026-05-01_08-15-00'
+    """
+    copy = _COPY.fullmatch(name)
+    return copy[1] if copy else name
+
+
+def copy_beside(flight: Path) -> Path:
+    """Name a directory that does not exist yet for what the page receives of a flight."""
+    path, number = flight.with_name(f"{flight.name}{GROUND_COPY}"), 2
+    while path.exists():
+        path = flight.with_name(f"{flight.name}{GROUND_COPY}_{number}")
+        number += 1
+    return path
+
+
+def with_copies(flights: Iterable[Path]) -> list[list[Path]]:
+    """Put flights together with their copies, each time the flight first; the order stays."""
+    together: dict[str, list[Path]] = {}
+    for flight in flights:
+        together.setdefault(flown_name(flight.name), []).append(flight)
+    return list(together.values())
 
 
 def flights_in_order(directory: Path) -> list[Path]:
@@ -40,10 +74,34 @@ def flights_in_order(directory: Path) -> list[Path]:
     return [found[name] for name in names_in_order(found, _noted(directory / FLIGHT_ORDER))]
 
 
+def order_noted(directory: Path) -> dict[str, int]:
+    """Get what is noted of the order of flights below a directory: numbers that count up."""
+    return {name: number for number, name in enumerate(_noted(directory / FLIGHT_ORDER))}
+
+
+def flown_before(flight: Path) -> list[Path] | None:
+    """List the flights beside one that were flown before it, the oldest first.
+
+    None where nobody has noted when it was flown: then there is only its clock to go by.
+    """
+    name = flown_name(flight.name)
+    if name not in order_noted(flight.parent):
+        return None
+    names_before = itertools.takewhile(
+        lambda one: flown_name(one.name) != name, flights_in_order(flight.parent)
+    )
+    return list(names_before)
+
+
 def names_in_order(names: Iterable[str], noted: Iterable[str]) -> list[str]:
     """Sort the names of flights, the oldest first, by what is noted of their order."""
     place = {name: number for number, name in enumerate(noted)}
-    return sorted(names, key=lambda name: (place.get(name, -1), name))
+
+    def key(name: str) -> tuple[int, str, str]:
+        flown = flown_name(name)
+        return place.get(name, place.get(flown, -1)), flown, name
+
+    return sorted(names, key=key)
 
 
 def _noted(path: Path) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavrt.messages import FlightInfo
 from uavrt.recording.flight_reader import flight_database, flight_info
-from uavrt.recording.places import vehicle_of
+from uavrt.recording.places import GROUND_NOTE, vehicle_of
 
 _BATTERY = re.compile(r"battery (\d{1,3}) %")
 _HEARD = (
@@ -40,6 +40,8 @@ class FlightOutline:
     end_time_ns: int
     """Of the last that is recorded."""
     heard: dict[int, HeardTag]
+    of_ground: bool
+    """A ground station recorded it as it was received; else it is the drone's own."""
     vehicle: str | None
     """Number and name, where a ground station wrote them."""
     battery_percent: tuple[int, ...]
@@ -75,11 +77,13 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
             )
             for tag_id, pulses, first_ns, last_ns in database.execute(_HEARD)
         }
+    vehicle = vehicle_of(notes)
     return FlightOutline(
         info=info,
         end_time_ns=max(int(one) for one in ends if one is not None),
         heard=heard,
-        vehicle=vehicle_of(notes),
+        of_ground=vehicle is not None or any(text == GROUND_NOTE for _, text in notes),
+        vehicle=vehicle,
         battery_percent=battery_levels(notes),
     )
 

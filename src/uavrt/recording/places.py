@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 _PLACE = re.compile(r"(home|mark) at (-?\d{1,2}\.\d+), (-?\d{1,3}\.\d+)(?:: (.*))?", re.DOTALL)
 
+GROUND_NOTE = "recorded by the ground station"
+"""The note that tells a ground station's own recording."""
 _VEHICLE = re.compile(r"vehicle \d{1,3}(?:, .{1,60})?", re.DOTALL)
 
 

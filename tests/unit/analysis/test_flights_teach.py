@@ -11,13 +11,20 @@ from pulses import pulse_at
 from uavrt.analysis.bearings import TagBearing, read_bearings, read_bearings_together
 from uavrt.analysis.positions import read_positions
 from uavrt.batch.flight_work import FlightTask, PlacingSettings
+from uavrt.clock import flight_stamp
 from uavrt.config import Settings
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
 from uavrt.messages import FlightInfo, Pose, Poses, PulsePose, Tag
-from uavrt.recording import FlightRecorder, PulseWriter, read_flight, vehicle_note
+from uavrt.recording import (
+    FlightRecorder,
+    PulseWriter,
+    note_flight,
+    read_flight,
+    vehicle_note,
+)
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9
@@ -84,15 +91,22 @@ def as_log(path: Path, pulses: Sequence[PulsePose]) -> Path:
     return path
 
 
-def as_flight(folder: Path, number: int, vehicle: int | None = None) -> Path:
-    """A flight directory with two turns; the flights were flown in order of their numbers."""
+def as_flight(
+    folder: Path, number: int, vehicle: int | None = None, *, clock_ns: int | None = None
+) -> Path:
+    """A flight directory with two turns; the flights were flown in order of their numbers.
+
+    With `clock_ns` the computer's clock was wrong: that is when it believes to have begun.
+    """
     poses, pulses = flown(number, AROUND[2 * number % 6 : 2 * number % 6 + 2])
-    directory = folder / f"flight_log_2026-05-01_0{number}-00-00"
+    start_ns = START_NS + number * HOUR_NS if clock_ns is None else clock_ns
+    stamp = f"2026-05-01_0{number}-00-00" if clock_ns is None else flight_stamp(clock_ns)
+    directory = folder / f"flight_log_{stamp}"
     tag = Tag(tag_id=2, frequency_hz=148e6, pulse_width_s=0.02, pulse_intervals_s=(1.25,))
     recorder = FlightRecorder.create(
         FlightInfo(
             directory=str(directory),
-            start_time_ns=START_NS + number * HOUR_NS,
+            start_time_ns=start_ns,
             clock_offset_ns=0,
             center_frequency_hz=148e6,
             sample_rate_hz=3e6,
@@ -146,6 +160,21 @@ def test_past_flights_of_the_same_drone_teach_a_flight_of_two_turns(tmp_path: Pa
     assert not clear(read_bearings(flights[0], warn=told.append), 2)
     other = as_flight(tmp_path, 4, 7)
     assert not clear(read_bearings(other, warn=told.append), 2)
+    assert len(told) == 1
+
+
+def test_which_flights_are_past_is_told_by_what_was_noted_and_not_by_a_clock_of_1970(
+    tmp_path: Path,
+) -> None:
+    clocks = (None, None, 300 * 10**9, None)
+    flights = [as_flight(tmp_path, n, 1, clock_ns=clock) for n, clock in enumerate(clocks)]
+    for flight in flights:
+        note_flight(flight)
+    told: list[str] = []
+    assert clear(read_bearings(flights[2], warn=told.append), 2)
+    assert told == ["the antenna's pattern is as 6 turns of 3 flights have shown it"]
+    # The first was flown before the one of 1970, and is not taught by it.
+    assert not clear(read_bearings(flights[0], warn=told.append), 2)
     assert len(told) == 1
 
 

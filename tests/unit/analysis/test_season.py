@@ -120,6 +120,55 @@ def test_two_drones_at_the_same_time_are_two_flights(tmp_path: Path) -> None:
     assert read_season(tmp_path).flights == 3
 
 
+def test_a_battery_that_two_stations_noted_is_one(tmp_path: Path) -> None:
+    """The second station came late, and has named the vehicle; it and the drone have copies."""
+    levels = [battery_note(percent) for percent in (95, 60, 42)]
+    fly(tmp_path / "A/flight_log_1", 0, LYNX, heard={2: 120}, notes=(vehicle_note(1), *levels))
+    late = (vehicle_note(1, "North"), *levels[1:])
+    fly(tmp_path / "B/flight_log_1", 9, LYNX, minutes=9, heard={2: 111}, notes=late)
+    fly(tmp_path / "drone/flight_log_1", 0, LYNX, heard={2: 120})
+    found = read_season(tmp_path)
+    assert (found.flights, found.copies, found.batteries) == (1, 2, 1)
+    assert found.batteries_used == pytest.approx(0.53)
+    # The next flight with the same battery, of which the first station knows alone.
+    more = [vehicle_note(1), battery_note(40), battery_note(30)]
+    fly(tmp_path / "A/flight_log_2", 3600, LYNX, heard={2: 120}, notes=tuple(more))
+    found = read_season(tmp_path)
+    assert (found.flights, found.batteries) == (2, 1)
+    assert found.batteries_used == pytest.approx(0.65)
+
+
+@pytest.mark.parametrize("of_a_station", [True, False])
+def test_flights_in_vain_of_a_clock_that_begins_anew_are_as_many_as_they_are(
+    tmp_path: Path, of_a_station: bool
+) -> None:
+    """One recorder records a flight once: what lies side by side are different flights."""
+    own = (vehicle_note(1),) if of_a_station else ()
+    for number in (1, 2, 3):
+        fly(tmp_path / f"flight_log_{number}", number, LYNX, minutes=20, notes=own)
+    found = read_season(tmp_path)
+    assert (found.flights, found.copies, found.minutes) == (3, 0, 60)
+
+
+def test_copies_of_flights_in_vain_are_found_by_their_time(tmp_path: Path) -> None:
+    own = (vehicle_note(1),)
+    for number in (1, 2):
+        start_s = 1500 * number
+        fly(tmp_path / f"drone/flight_log_{number}", start_s, LYNX, minutes=20)
+        fly(tmp_path / f"ground/flight_log_{number}", start_s + 3, LYNX, minutes=20, notes=own)
+        # The drone's own directory once more, as it was copied.
+        fly(tmp_path / f"usb/{number}/flight_log_{number}", start_s, LYNX, minutes=20)
+    found = read_season(tmp_path)
+    assert (found.flights, found.copies) == (2, 4)
+
+
+def test_days_of_a_clock_that_begins_anew_are_different_flights(tmp_path: Path) -> None:
+    for day in (1, 2):
+        fly(tmp_path / f"{day}/flight_log_1970-01-01_00-05-00", day, LYNX, minutes=20)
+    found = read_season(tmp_path)
+    assert (found.flights, found.copies) == (2, 0)
+
+
 def test_another_animal_with_the_same_number_is_another(tmp_path: Path) -> None:
     fly(tmp_path / "1", 0, LYNX)
     fly(tmp_path / "2", 9000, tag(2, 151.2, "marten"))

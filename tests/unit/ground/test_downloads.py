@@ -1,5 +1,6 @@
 """Flights fetched from the drone by the page's server: real frames, the drone's file server."""
 
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,6 +48,20 @@ def ended(served: Any) -> dict[str, Any]:
             return record
         time.sleep(0.02)
     raise AssertionError(f"never ended: {record}")
+
+
+def test_on_the_drone_s_own_computer_nothing_is_fetched_a_second_time(
+    served: Any, drone: FileDrone, flown: tuple[Path, str]
+) -> None:
+    root, flight_id = flown
+    (served.directory / "supervisor.lock").touch()
+    shutil.copytree(root / flight_id, served.directory / flight_id)
+    assert served.ask("POST", "/api/drone/flights", {}).json == [
+        {"flight_id": flight_id, "here": True}
+    ]
+    refused = served.ask("POST", "/api/drone/download", {"flight_id": flight_id})
+    assert refused.status == 422
+    assert "the drone's own computer" in refused.json["error"]
 
 
 def test_a_flight_comes_over_the_page_s_own_link(

@@ -477,6 +477,9 @@ def test_the_newest_flight_is_the_one_flown_last_whatever_the_clock_said(
     in_order = asyncio.run(drone_flights(pair.client))
     assert in_order == [flight.name for flight in flights_in_order(tmp_path)]
     assert in_order[-1] == flown[-1].name
+    # What the page on the drone received is no flight of the drone's.
+    (tmp_path / f"{in_order[-1]}_ground").mkdir()
+    assert asyncio.run(drone_flights(Pair(tmp_path).client)) == in_order
     assert pair.sent_bytes < 2 * MOST_NOTED
     (newest,) = asyncio.run(_wanted(Pair(tmp_path).client, "", ()))
     assert newest.path == f"/{flown[-1].name}/flight.sqlite"

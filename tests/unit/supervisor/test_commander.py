@@ -13,6 +13,7 @@ from uavrt.config.settings import (
     Settings,
 )
 from uavrt.messages import Command, CommandReply, SystemState, Tag
+from uavrt.recording import flights_in_order, note_flight
 from uavrt.recording.layout import FlightLayout
 from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.mission.flight_removal import SecondStep, removable
@@ -208,10 +209,21 @@ def flights_in(directory: Path, count: int) -> list[Path]:
 def test_the_newest_and_the_starred_flights_are_never_removed(tmp_path: Path) -> None:
     flights = flights_in(tmp_path, 5)
     FlightLayout(flights[1]).star.touch()
-    os.utime(flights[1], (1001, 1001))
-    os.utime(flights[2] / "flight.sqlite", (9999, 9999))  # written last, by a wrong clock
-    assert removable(flights) == [flights[0], flights[3]]
+    assert removable(flights) == [flights[0], *flights[2:4]]
     assert removable([]) == removable(flights[:1]) == []
+
+
+def test_a_flight_of_1970_that_was_flown_last_is_the_newest_and_stays(tmp_path: Path) -> None:
+    """Neither its name nor its files' times say so: only what was noted as it began."""
+    (before,) = flights_in(tmp_path, 1)
+    note_flight(before)
+    last = tmp_path / "flight_log_1970-01-01_00-05-00"
+    last.mkdir()
+    (last / "flight.sqlite").touch()
+    note_flight(last)
+    for path in (last / "flight.sqlite", last):
+        os.utime(path, (300, 300))
+    assert removable(flights_in_order(tmp_path)) == [before]
 
 
 def test_a_full_disk_removes_no_starred_flight(tmp_path: Path) -> None:

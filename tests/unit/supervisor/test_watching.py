@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from uavrt.config.settings import RecordingSettings
 from uavrt.detection.track.reporting import _REPORT_EVERY_NS
 from uavrt.ipc import TOPICS
-from uavrt.recording import FlightLayout
+from uavrt.recording import FLIGHT_ORDER, FlightLayout, flights_in_order, note_flight
 from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.pace import PaceWatch
 from uavrt.supervisor.tree.budget import REPEAT_S, SLOWER, WINDOW_S, BudgetWatch
@@ -164,6 +164,26 @@ def test_the_only_flight_is_never_removed(tmp_path: Path) -> None:
     guard.flying(only)
     assert "Detection goes on" in guard.check()[0][1]
     assert only.exists()
+
+
+def test_a_flight_that_a_full_disk_could_not_note_is_noted_once_there_is_room(
+    tmp_path: Path,
+) -> None:
+    """Else it would be taken for one from before the notes began, and be the first to go."""
+    before, last = flights(tmp_path, "2026-01-01", "1970-01-01")
+    note_flight(before)
+    order = tmp_path / FLIGHT_ORDER
+    noted = order.read_bytes()
+    order.unlink()
+    order.mkdir()  # what cannot be written, also by root
+    guard = DiskGuard(tmp_path, RecordingSettings(minimum_free_mb=0.0))
+    guard.flying(last)
+    assert guard.check() == []
+    guard.flying(None)
+    order.rmdir()
+    order.write_bytes(noted)
+    assert guard.check() == []
+    assert flights_in_order(tmp_path) == [before, last]
 
 
 def test_a_link_to_elsewhere_is_not_followed(tmp_path: Path) -> None:

@@ -17,14 +17,14 @@ from uavrt.errors import LinkError, UavrtError, UsageError
 from uavrt.ground.fetch.flight_list import drone_flights
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry, fetch_file, require_room
 from uavrt.ground.fetch.sample_files import is_samples
+from uavrt.ground.store import is_the_drones
 from uavrt.mavlink import Frame, Peer, dialect
-from uavrt.recording import FLIGHT_PREFIX, FlightLayout
+from uavrt.recording import FETCHED_COPY, FLIGHT_PREFIX, FlightLayout
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from uavrt.ground.session import GroundSession
 
-SUFFIX = "_drone"
 REPORT_S = 0.2
 
 
@@ -88,7 +88,7 @@ class Downloads:
         async with self._asking:
             names = await drone_flights(self._client)
         return [
-            {"flight_id": name, "here": self._place(name).is_dir() and self._complete(name)}
+            {"flight_id": name, "here": self._is_own(name) or self._complete(name)}
             for name in reversed(names)
         ]
 
@@ -105,12 +105,14 @@ class Downloads:
         Raises
         ------
         UsageError
-            Not the name of a flight.
+            Not the name of a flight, or that of one on this same computer.
         LinkError
             Another one is under way.
         """
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")
+        if self._is_own(flight_id):
+            raise UsageError(f"{flight_id} is here: this is the drone's own computer")
         if self._task is not None and not self._task.done():
             raise LinkError(
                 "a download is already running", remedy="Wait until it has finished"
@@ -194,7 +196,13 @@ class Downloads:
         )
 
     def _place(self, flight_id: str) -> Path:
-        return self._session.store.directory / f"{flight_id}{SUFFIX}"
+        return self._session.store.directory / f"{flight_id}{FETCHED_COPY}"
+
+    def _is_own(self, flight_id: str) -> bool:
+        """Whether the drone side runs here, and this is its flight."""
+        directory = self._session.store.directory
+        here = FlightLayout(directory / flight_id).database.is_file()
+        return here and is_the_drones(directory)
 
     def _complete(self, flight_id: str) -> bool:
         return FlightLayout(self._place(flight_id)).database.is_file()

@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 from uavrt.errors import LinkError
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
-from uavrt.recording import FLIGHT_ORDER, FLIGHT_PREFIX, names_in_order
+from uavrt.recording import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, names_in_order
 
 MOST_NOTED = 8_000
 """Bytes that are read of what is noted, from its end: some 250 flights, 2 s by a radio."""
@@ -20,7 +20,8 @@ async def drone_flights(client: FileClient) -> list[str]:
     names = [
         name
         for name in (PurePosixPath(entry.path).name for entry in entries if entry.size is None)
-        if name.startswith(FLIGHT_PREFIX)
+        # Not what a page on the drone received of them.
+        if name.startswith(FLIGHT_PREFIX) and flown_name(name) == name
     ]
     noted = [one for one in entries if one.path == f"/{FLIGHT_ORDER}" and one.size is not None]
     return names_in_order(names, await _noted(client, noted[0]) if noted else [])

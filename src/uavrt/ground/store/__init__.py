@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
+    from uavrt.ground.store.beside_drone import flight_under_way, is_the_drones
     from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
     from uavrt.ground.store.event_log import EventLog
     from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -30,6 +31,8 @@ __all__ = [
     "FlightKeeper",
     "FlightLibrary",
     "GroundStore",
+    "flight_under_way",
+    "is_the_drones",
     "read_ground_pulses",
 ]
 __getattr__ = lazily(
@@ -46,6 +49,8 @@ __getattr__ = lazily(
         "GroundStore": "settings",
         "PULSES_NAME": "stored",
         "PULSE_COLUMNS": "flights",
+        "flight_under_way": "beside_drone",
+        "is_the_drones": "beside_drone",
         "read_ground_pulses": "stored",
     },
 )

@@ -12,7 +12,8 @@ import numpy as np
 
 from uavrt.clock import Clock
 from uavrt.errors import RecordingError
-from uavrt.ground.store.flights import GROUND_NOTE, PULSE_COLUMNS, Columns, pulse_cells
+from uavrt.ground.store.beside_drone import is_the_drones
+from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
 from uavrt.log import get_logger
 from uavrt.messages import (
     BurstInside,
@@ -27,9 +28,12 @@ from uavrt.messages import (
 )
 from uavrt.on_ground import ARMED, GROUND_STATION, LANDED, ToldStates
 from uavrt.recording import (
+    GROUND_NOTE,
     FlightLayout,
     FlightRecorder,
+    copy_beside,
     new_flight_directory,
+    note_flight,
     open_plain,
     told_in,
 )
@@ -73,11 +77,22 @@ class FlightKeeper:
         """Different pulses of this flight."""
         return len(self._keys)
 
-    def begin(self, tags: Iterable[Tag]) -> str:
-        """Begin a flight; gives its name."""
+    def begin(self, tags: Iterable[Tag], flown: Path | None = None) -> str:
+        """Begin a flight; gives its name.
+
+        Parameters
+        ----------
+        tags : iterable of Tag
+            That are searched for.
+        flown : Path, optional
+            The drone's own recording of it in the same directory: ours is a copy of that.
+        """
         self.close()
         now_ns = self._clock.now_ns()
-        path = new_flight_directory(self._directory, now_ns)
+        if flown is None:
+            path = new_flight_directory(self._directory, now_ns)
+        else:
+            path = copy_beside(flown)
         info = FlightInfo(
             directory=str(path),
             start_time_ns=now_ns,
@@ -87,11 +102,21 @@ class FlightKeeper:
             tags=tuple(tags),
         )
         self._recorder = FlightRecorder.open(info)
+        if flown is None and is_the_drones(self._directory):
+            self._note(path)
         self._forget(path.name, now_ns)
         self.ended = False
         self._recorder.write_note(GROUND_NOTE, now_ns)
         self.commit()
         return path.name
+
+    @staticmethod
+    def _note(flight: Path) -> None:
+        """Note among the drone's flights that another's begins: it is none of the oldest."""
+        try:
+            note_flight(flight)
+        except OSError as error:
+            log.warning("order of flights not noted", reason=str(error))
 
     def resume(self, flight_id: str) -> bool:
         """Continue with a flight after a restart; False when it is not there any more."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.ground.store.beside_drone import is_the_drones
 from uavrt.ground.store.known_flights import (
     FlightChoice,
     FlightSummary,
@@ -27,11 +28,14 @@ from uavrt.ground.store.known_flights import (
 from uavrt.ground.store.prepared_columns import PreparedColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose
 from uavrt.recording import (
+    GROUND_NOTE,
     POSE_COLUMNS,
     TAG_COLUMNS,
     FlightLayout,
     Places,
+    flown_name,
     open_plain,
+    order_noted,
     places_of,
     pose_row,
     read_older,
@@ -43,6 +47,8 @@ from uavrt.recording import (
 CHUNK = 4000
 PREPARED_MOST = 200
 """Flights whose columns are kept ready: of thousands they would fill the disk."""
+PREPARED_ON_DRONE = 20
+"""The same on the drone's card: an hour of poses takes some megabytes."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )
@@ -140,7 +146,10 @@ class FlightLibrary:
         self._prepared_for: list[FlightSummary] | None = None
 
     def summaries(self) -> list[FlightSummary]:
-        """Get all flights, newest first; what cannot be read is left out."""
+        """Get all flights, newest first; what cannot be read is left out.
+
+        Beside the drone's flights its notes tell which was flown last, else the times.
+        """
         found = []
         with suppress(FileNotFoundError), os.scandir(self.directory) as entries:
             for entry in entries:
@@ -150,7 +159,12 @@ class FlightLibrary:
                     continue
                 with suppress(FormatError, UsageError, OSError):
                     found.append(self.summary(entry.name))
-        self._listed = sorted(found, key=lambda flight: flight.start_time_ns, reverse=True)
+        noted = order_noted(self.directory)
+
+        def age(flight: FlightSummary) -> tuple[int, int]:
+            return noted.get(flown_name(flight.flight_id), -1), flight.start_time_ns
+
+        self._listed = sorted(found, key=age, reverse=True)
         return self._listed
 
     def find(
@@ -233,7 +247,7 @@ class FlightLibrary:
             )
 
     def star(self, flight_id: str, starred: bool) -> None:
-        """Mark a flight as one that is never removed, or take the mark away.
+        """Mark a flight and its copies as never to be removed, or take the mark away.
 
         Raises
         ------
@@ -242,17 +256,11 @@ class FlightLibrary:
         RecordingError
             The disk does not take it.
         """
-        mark = FlightLayout(self.path(flight_id)).star
-        try:
-            if starred:
-                mark.touch()
-            else:
-                mark.unlink(missing_ok=True)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot change {mark}: {error.strerror}",
-                remedy="Check who owns the flight's directory, and what is in it",
-            ) from error
+        self.path(flight_id)
+        flown = flown_name(flight_id)
+        for flight in self.directory.iterdir():
+            if flown_name(flight.name) == flown and FlightLayout(flight).database.is_file():
+                _mark(FlightLayout(flight).star, starred)
 
     def columns(self, flight_id: str) -> Columns:
         """Read the pulses and poses of a flight.
@@ -299,9 +307,11 @@ class FlightLibrary:
         flights = [flight.flight_id for flight in self._prepared_for]
         with suppress(OSError):
             self._known.write(set(flights))
-        flights = flights[:PREPARED_MOST]
+        most = PREPARED_ON_DRONE if is_the_drones(self.directory) else PREPARED_MOST
+        flights = flights[:most]
         for flight_id in flights:
-            if flight_id != live:
+            # Neither ours nor the drone's own recording of what is being flown.
+            if live is None or flown_name(flight_id) != flown_name(live):
                 with self._preparing, suppress(FormatError, UsageError, OSError):
                     self._at_work = flight_id
                     self._prepare(flight_id)
@@ -401,10 +411,6 @@ def pulse_cells(item: PulsePose) -> tuple[float, ...]:
     return tuple(cells)
 
 
-GROUND_NOTE = "recorded by the ground station"
-"""The note that tells a ground station's own recording."""
-
-
 def _columns(
     database: sqlite3.Connection, table: str, select: str, width: int
 ) -> NDArray[np.float64]:
@@ -416,6 +422,19 @@ def _columns(
         cells[:, place : place + len(rows)] = np.array(rows, np.float64).T
         place += len(rows)
     return cells[:, :place]
+
+
+def _mark(star: Path, starred: bool) -> None:
+    try:
+        if starred:
+            star.touch()
+        else:
+            star.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingError(
+            f"cannot change {star}: {error.strerror}",
+            remedy="Check who owns the flight's directory, and what is in it",
+        ) from error
 
 
 def _starred(flight: FlightSummary, path: str) -> FlightSummary:

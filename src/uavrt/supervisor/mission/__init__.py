@@ -18,17 +18,25 @@ if TYPE_CHECKING:
     from uavrt.supervisor.mission.orders import Mission, Tell
     from uavrt.supervisor.mission.progress import FlightProgress
     from uavrt.supervisor.mission.radio_check import RadioQuestion
-    from uavrt.supervisor.mission.saved_state import StateStore
+    from uavrt.supervisor.mission.saved_state import (
+        LOCK_NAME,
+        STATE_NAME,
+        SavedState,
+        StateStore,
+    )
     from uavrt.supervisor.mission.tuning import ask_tuner
     from uavrt.supervisor.mission.wall_clock import WallClockWatch
 
 __all__ = [
+    "LOCK_NAME",
+    "STATE_NAME",
     "DiskGuard",
     "FlightProgress",
     "LastPulses",
     "Mission",
     "Operations",
     "RadioQuestion",
+    "SavedState",
     "StateStore",
     "Tell",
     "WallClockWatch",
@@ -45,6 +53,9 @@ __getattr__ = lazily(
         "Mission": "orders",
         "Operations": "operations",
         "RadioQuestion": "radio_check",
+        "LOCK_NAME": "saved_state",
+        "STATE_NAME": "saved_state",
+        "SavedState": "saved_state",
         "StateStore": "saved_state",
         "Tell": "orders",
         "WallClockWatch": "wall_clock",

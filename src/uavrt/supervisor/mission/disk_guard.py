@@ -11,7 +11,13 @@ from pathlib import Path
 from uavrt.card import NEW_CARD, card_of
 from uavrt.config import RecordingSettings
 from uavrt.log import get_logger
-from uavrt.recording import FlightLayout, flights_in_order, note_flight
+from uavrt.recording import (
+    FlightLayout,
+    flights_in_order,
+    flown_name,
+    note_flight,
+    with_copies,
+)
 
 log = get_logger()
 
@@ -33,6 +39,8 @@ class DiskGuard:
         self._may_prune = settings.remove_oldest_flights
         self._kept = settings.keep_newest_flights
         self._to_note: Path | None = None
+        self._note_failed = False
+        """And that was told in this flight."""
         self._flight: Path | None = None
         self._warned = False
         self._card_faults = 0
@@ -45,13 +53,11 @@ class DiskGuard:
         self._flight = flight
         self._to_note = flight or self._to_note
         if flight is not None:
-            self._card_faults = 0
+            self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
         """Measure; get texts (severity, text) for the operator. Runs in a thread of its own."""
-        if self._to_note is not None:
-            note_flight(self._to_note)
-            self._to_note = None
+        self._note()
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []
         while self._is_short(self.free_mb) and self._may_prune:
@@ -62,6 +68,7 @@ class DiskGuard:
             self.free_mb = self._measure()
             what = "samples of " if samples else ""
             texts.append((4, f"Disk nearly full: removed {what}{removed.name}"))
+            self._note()
         if self.free_mb is None or not self._is_short(self.free_mb):
             self._warned = False
         elif not self._warned:
@@ -70,6 +77,19 @@ class DiskGuard:
                 (4, f"Disk nearly full: {self.free_mb:.0f} MB free. Detection goes on")
             )
         return texts + self._look_at_card()
+
+    def _note(self) -> None:
+        """Note that the flight has begun, unless it is; without room, the next time."""
+        if self._to_note is None:
+            return
+        try:
+            note_flight(self._to_note)
+        except OSError as error:
+            if not self._note_failed:
+                log.warning("order of flights not noted", reason=str(error))
+            self._note_failed = True
+        else:
+            self._to_note = None
 
     def _look_at_card(self) -> list[tuple[int, str]]:
         """Get a text when the card has another kind of fault than before in this flight."""
@@ -103,13 +123,17 @@ class DiskGuard:
         return None
 
     def _may_go(self) -> list[Path]:
-        """Flights that may be removed, oldest first; not the newest, starred, present ones."""
+        """Flights that may be removed, oldest first; not the newest, starred, present ones.
+
+        A flight and its copies count as one; the copies go first, which hold less.
+        """
         flights = [path for path in flights_in_order(self._directory) if not path.is_symlink()]
+        present = None if self._flight is None else self._flight.name
         return [
             path
-            for path in flights[: -self._kept]
-            if not FlightLayout(path).star.exists()
-            and (self._flight is None or path.resolve() != self._flight.resolve())
+            for own in with_copies(flights)[: -self._kept]
+            for path in reversed(own)
+            if flown_name(path.name) != present and not FlightLayout(path).star.exists()
         ]
 
 

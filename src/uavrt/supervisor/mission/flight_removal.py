@@ -4,11 +4,12 @@ Two steps: the first command says what would go, the second, later than any repe
 first, lets it go. The newest flight and those that are starred stay.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.recording import FlightLayout
+from uavrt.recording import FlightLayout, with_copies
 
 REPEATED_S = 10.0
 """A ground station repeats what is not acknowledged four times in 8 s: within this after the
@@ -18,26 +19,12 @@ FORGOTTEN_S = 120.0
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """Get the flights that may go: neither the newest, by name or by change, nor starred."""
-    if not flights:
-        return []
-    newest = {max(flights), max(flights, key=_changed_ns)}
-    return [
-        flight
-        for flight in flights
-        if flight not in newest and not FlightLayout(flight).star.exists()
-    ]
+    """Get those of the flights, the oldest first, that may go: not the newest, not starred.
 
-
-def _changed_ns(flight: Path) -> int:
-    layout = FlightLayout(flight)
-    times = [0]
-    for path in (flight, layout.database):
-        try:
-            times.append(path.stat().st_mtime_ns)
-        except OSError:
-            continue
-    return max(times)
+    The newest stays with its copies.
+    """
+    older = itertools.chain(*with_copies(flights)[:-1])
+    return [flight for flight in older if not FlightLayout(flight).star.exists()]
 
 
 class SecondStep:
