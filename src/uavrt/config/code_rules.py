@@ -36,26 +36,29 @@ def faults_of_gaps(
     """Judge the gaps of one code, and its interval from burst to burst; all in milliseconds."""
     if not gaps:
         return []  # told when they were read
-    if len(gaps) > MAX_GAPS:
-        return [(gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}")]
     width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
-    found = _faults_of_numbers(gaps, width_ms)
-    if found or interval is None:
-        return found
-    length_ms = sum(gap.number for gap in gaps) + width_ms
-    if length_ms >= interval.number:
+    factor, found = _faults_of_numbers(gaps, width_ms)
+    if len(gaps) > MAX_GAPS:
+        found.append((gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"))
+    # What is no gap at all was told, and adds nothing here.
+    meant_ms = [factor * gap.number for gap in gaps if 0.0 < factor * gap.number <= MAX_GAP_MS]
+    length_ms = sum(meant_ms) + width_ms
+    if interval is not None and length_ms >= interval.number:
         text = f"must be longer than the burst, whose gaps make {length_ms:.10g} ms"
         found.append((interval, text))
     return found
 
 
-def _faults_of_numbers(gaps: Sequence[Entry], width_ms: float) -> list[tuple[Entry, str]]:
+def _faults_of_numbers(
+    gaps: Sequence[Entry], width_ms: float
+) -> tuple[float, list[tuple[Entry, str]]]:
+    """Judge each gap; also give what makes milliseconds of numbers in another unit."""
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
-        return [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
+        return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
     if all(gap.number > MAX_GAP_MS for gap in gaps):
         smaller = ", ".join(f"{1e-3 * gap.number:.10g}" for gap in gaps)
-        return [(gaps[0], f"looks like µs but is read as ms: write {smaller}")]
+        return 1e-3, [(gaps[0], f"looks like µs but is read as ms: write {smaller}")]
     found: list[tuple[Entry, str]] = []
     for gap in gaps:
         if not gap.number <= MAX_GAP_MS:
@@ -63,7 +66,7 @@ def _faults_of_numbers(gaps: Sequence[Entry], width_ms: float) -> list[tuple[Ent
         elif not gap.number > 2.0 * width_ms:
             text = f"must be longer than two pulses of {width_ms:.10g} ms: they would overlap"
             found.append((gap, text))
-    return found
+    return 1.0, found
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
