@@ -8,9 +8,7 @@ within 4 ms.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
-from uavrt.config.tag_bands import tags_by_band
 from uavrt.config.tag_drafts import Entry, Fault, TagDraft
 from uavrt.messages import Tag
 
@@ -157,19 +155,26 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
     list of (Tag, Tag, float)
         Two tags, and by how much their gaps differ together [s].
     """
-    found = []
-    for band in tags_by_band([tag for tag in tags if tag.coded], window_hz):
-        for count in sorted({len(tag.gaps_s) for tag in band}):
-            same = [tag for tag in band if len(tag.gaps_s) == count]
-            for one, two in combinations(same, 2):
+    found: list[tuple[int, int, float]] = []
+    by_length: dict[int, list[tuple[float, int]]] = {}
+    for place, tag in enumerate(tags):
+        if tag.coded:
+            by_length.setdefault(len(tag.gaps_s), []).append((sum(tag.gaps_s), place))
+    for same in by_length.values():
+        same.sort()
+        for at, (length_s, place) in enumerate(same):
+            # Codes of lengths further apart are further apart in their gaps.
+            for other_s, other in same[at + 1 :]:
+                if other_s - length_s > GAP_TOLERANCE_S:
+                    break
+                first, second = sorted((place, other))
+                one, two = tags[first], tags[second]
                 pairs = zip(one.gaps_s, two.gaps_s, strict=True)
                 apart_s = sum(abs(mine_s - others_s) for mine_s, others_s in pairs)
-                if (
-                    apart_s <= GAP_TOLERANCE_S
-                    and abs(one.frequency_hz - two.frequency_hz) < 2.0 * window_hz
-                ):
-                    found.append((one, two, apart_s))
-    return found
+                near = abs(one.frequency_hz - two.frequency_hz) < 2.0 * window_hz
+                if near and apart_s <= GAP_TOLERANCE_S:
+                    found.append((first, second, apart_s))
+    return [(tags[first], tags[second], apart_s) for first, second, apart_s in sorted(found)]
 
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
