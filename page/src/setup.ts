@@ -22,6 +22,7 @@ interface Field {
 
 /** As `DEFAULT_FALSE_ALARM_PROBABILITY` in uavrt/messages.py; a test compares them. */
 const DEFAULT_FALSE_ALARM_PERCENT = 1;
+const MOST_WARNINGS = 5;
 
 const FIELDS: Field[] = [
   { key: "id", label: "Id", unit: "", hint: "A whole number of its own" },
@@ -75,6 +76,7 @@ export function buildSetup(): void {
         ),
         h("div", { id: "tag-table", class: "table-wrap" }),
         h("p", { id: "tag-fault", class: "fault-line", role: "alert" }),
+        h("div", { id: "tag-warnings", role: "status" }),
         h(
           "div",
           { id: "tag-conflict", class: "conflict", role: "alert", hidden: true },
@@ -97,6 +99,7 @@ export function buildSetup(): void {
     rows = structuredClone(store.tags);
     faults = [];
     draw();
+    void check();
   });
   store.on(["settings"], drawSettings);
   store.on(["state", "online"], drawConnection);
@@ -242,10 +245,11 @@ function touched(): void {
 
 async function check(): Promise<void> {
   const ticket = checking;
-  const answer = await send<{ faults: FieldFault[] }>("POST", "/tags/check", rows).catch(() => null);
+  const answer = await send<{ faults: FieldFault[]; warnings: string[] }>("POST", "/tags/check", rows).catch(() => null);
   if (answer && ticket === checking) {
     faults = answer.faults;
     drawFaults();
+    drawWarnings(answer.warnings);
   }
 }
 
@@ -263,6 +267,7 @@ function takeTheirs(): void {
   say(by("tag-state"), "");
   draw();
   drawConflict();
+  void check();
 }
 
 async function keepMine(): Promise<void> {
@@ -321,6 +326,13 @@ function drawFaults(): void {
   say(by("tag-fault"), first ? `Row ${first.row + 1}, ${labelOf(first.field)}: ${first.text}` : "");
 }
 
+/** What is no fault, but may surprise in flight: codes that are near to each other. */
+function drawWarnings(warnings: string[]): void {
+  const shown = warnings.slice(0, MOST_WARNINGS).map((text) => h("p", {}, text));
+  const more = warnings.length - shown.length;
+  fill(by("tag-warnings"), ...shown, more > 0 ? h("p", {}, `and ${more} more pairs of codes`) : null);
+}
+
 function labelOf(key: string): string {
   return FIELDS.find((field) => field.key === key)?.label ?? key;
 }
@@ -345,11 +357,12 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
   for (const file of input.files ?? []) files[file.name] = await file.text();
   input.value = "";
   try {
-    const answer = await send<{ rows: TagRow[]; left_out: number[] | null }>("POST", "/tags/import", files);
+    const answer = await send<{ rows: TagRow[]; left_out: number[] | null; warnings: string[] }>("POST", "/tags/import", files);
     rows = answer.rows;
     leftOut = answer.left_out;
     touched();
     draw();
+    drawWarnings(answer.warnings);
     if (leftOut?.length) {
       toast(`${rows.length} tags read; look at them, then save. Not selected in the file, so left out of this flight: ${leftOut.join(", ")}`, 4);
     } else toast(`${rows.length} tags read; look at them, then save`, 6);

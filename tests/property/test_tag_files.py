@@ -21,7 +21,7 @@ PIECES = (
     "[[tag]]\n", "[defaults]\n", "[tag]\n", "\nid=2\n", "=", ",", ";", "#", '"', "'", "\\", "[",
     "]", "{", "}", ".", "\n", "\r", "\t", " ", "\ufeff", '''"""''', "'''", "2", "148.71",
     "148710000", "1254", "20", "-1", "nan", "inf", "1e999", "0", "0.01", "3", "true",
-    "9" * 5000,
+    "9" * 5000, "- ", "\n  - ", "\n- id: 3", "gaps_ms:", "bi: ", ": ", "freq", "&", "\n  ",
 )  # fmt: skip
 WORDS = st.sampled_from(KEYS + PIECES)
 SOUP = st.one_of(
@@ -29,13 +29,16 @@ SOUP = st.one_of(
 )
 
 
-@given(st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()), st.booleans())
-@settings(max_examples=200, deadline=None)
-def test_any_bytes_give_tags_or_faults_with_lines(content: bytes, toml: bool) -> None:
+@given(
+    st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()),
+    st.sampled_from(("toml", "txt", "yaml")),
+)
+@settings(max_examples=300, deadline=None)
+def test_any_bytes_give_tags_or_faults_with_lines(content: bytes, ending: str) -> None:
     faults: tuple[str, ...] = ()
     tags: tuple[Tag, ...] = ()
     try:
-        tags = parse_tags(content, name="t.toml" if toml else "t.txt")
+        tags = parse_tags(content, name=f"t.{ending}")
     except TagFileError as error:
         faults = error.faults
     assert bool(tags) != bool(faults)

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, SecondsApart
+from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.outputs import check_place, keep_inputs
 
 
@@ -61,7 +62,9 @@ def attach(
     log, way = read_pulse_log(pulses), read_track(track)
     heard = log.pulse_poses
     if tags is not None:
-        heard = tuple(bursts_of_pulses(log.pulse_poses, read_tags(tags)))
+        listed = read_tags(tags)
+        tell_near_codes(listed)
+        heard = tuple(bursts_of_pulses(log.pulse_poses, listed))
         text = f"{len(heard)} bursts of listed codes in {len(log.pulse_poses)} pulses"
         print(f"uavrt: {text}", file=sys.stderr)
     for warning in (*log.warnings, *way.warnings):

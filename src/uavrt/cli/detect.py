@@ -2,6 +2,7 @@
 
 # isort: off
 from uavrt.cli.kinds import Hertz, HertzOrZero
+from uavrt.cli.near_codes import tell_near_codes
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
@@ -22,7 +23,7 @@ from uavrt.analysis.measure import DetectionSummary, FlightWriter, TagSource, re
 from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
-from uavrt.config import DetectionSettings, OperatingModeName, words_of_near_codes
+from uavrt.config import DetectionSettings, OperatingModeName
 from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Pulse, Tag
@@ -178,8 +179,7 @@ def detect(
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
     """Say before the work begins that a tag list needs more than a core in real time."""
-    for words in words_of_near_codes(tags, settings.frequency_window_hz):
-        print(f"warning: {words}", file=sys.stderr)
+    tell_near_codes(tags, settings.frequency_window_hz)
     cores = search_cost(tags, settings=settings)
     if cores <= 1.0:
         return

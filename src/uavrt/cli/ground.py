@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from uavrt.cli.kinds import Component, Port, Vehicles
+from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.screen import has_screen
 from uavrt.cli.terminal_lines import TerminalLines
 from uavrt.config import read_tags
@@ -152,6 +153,7 @@ def ground(
             lines(line)
 
     tag_list = read_tags(tags) if tags is not None else None
+    tell_near_codes(tag_list or ())
     if not page and (headless or json_lines or start or tags is not None):
         _refuse_unused(
             vehicle=bool(vehicle),

@@ -3,6 +3,7 @@
 # isort: off
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
+from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.outputs import make_directory
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
@@ -136,6 +137,7 @@ def integrate(
             "--moves is of several flights", remedy="Name further flights, or leave it out"
         )
     listed = read_tag_source(tags).tags if tags else None
+    tell_near_codes(listed or (), frequency_window)
     opened: dict[str, Any] = {
         "format_name": format,
         "sample_rate_hz": sample_rate,

@@ -11,6 +11,7 @@ import msgspec
 from cyclopts import Parameter
 
 from uavrt.cli.kinds import Port
+from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.run_ground import run_both, with_local_link
 from uavrt.config import MavlinkSettings, Settings, load_settings, read_tags
 from uavrt.errors import ConfigError
@@ -73,7 +74,9 @@ def run(
         settings, page_address = with_local_link(settings)
     arguments = [msgspec.json.encode(settings).decode()]
     if tags is not None:
-        arguments.append(msgspec.json.encode(read_tags(tags)).decode())
+        listed = read_tags(tags)
+        tell_near_codes(listed)
+        arguments.append(msgspec.json.encode(listed).decode())
     sys.stdout.flush()
     command = [sys.executable, "-m", "uavrt.supervisor", *arguments]
     if ground:

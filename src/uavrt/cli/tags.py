@@ -13,7 +13,7 @@ from uavrt.cli.examples import examples
 from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.clock import iso_utc
-from uavrt.errors import ConfigError, TagFileError, UavrtError
+from uavrt.errors import ConfigError, TagFileError, UavrtError, UsageError
 
 if TYPE_CHECKING:
     from uavrt.analysis.measure import MeasuredCode, MeasuredRate, MeasuredTag, TagSource
@@ -200,15 +200,23 @@ def measure(
     with closing(opened()) as source:
         if source.origin:
             print(source.origin, file=sys.stderr)
+    others_hz: list[float] = [] if frequency is None else [frequency]
+    nothing: UsageError | None = None
     with _progress("measuring") as on_progress, _telling(faults):
-        found = measure_tags(
-            opened,
-            frequency_hz=frequency,
-            window_hz=window,
-            on_progress=on_progress,
-            on_fault=faults.append,
-        )
-    codes = _codes(found, opened)
+        try:
+            found = measure_tags(
+                opened,
+                frequency_hz=frequency,
+                window_hz=window,
+                on_progress=on_progress,
+                on_fault=faults.append,
+                on_bursts=others_hz.extend,
+            )
+        except UsageError as error:
+            found, nothing = (), error
+        codes = _codes(found, others_hz, opened)
+        if nothing is not None and not codes:
+            raise nothing
     found = tuple(tag for tag in found if not any(_beside(tag, code) for code in codes))
     names = _numbered(name, len(found) + len(codes))
     both: list[MeasuredTag | MeasuredCode] = [*found, *codes]
@@ -231,17 +239,15 @@ def measure(
 
 
 def _codes(
-    found: "Sequence[MeasuredTag]", opened: "Callable[[], SampleSource]"
-) -> "list[MeasuredCode]":
+    found: "Sequence[MeasuredTag]",
+    others_hz: "Sequence[float]",
+    opened: "Callable[[], SampleSource]",
+) -> "tuple[MeasuredCode, ...]":
     """Look for codes where pulses are short; what beats there are parts of bursts."""
     from uavrt.analysis.measure import LONGEST_PULSE_S, measure_codes
 
-    codes: list[MeasuredCode] = []
-    for tag in found:
-        short = tag.pulse_width_s <= LONGEST_PULSE_S
-        if short and not any(_beside(tag, code) for code in codes):
-            codes += measure_codes(opened, tag.frequency_hz)
-    return codes
+    short = [tag.frequency_hz for tag in found if tag.pulse_width_s <= LONGEST_PULSE_S]
+    return measure_codes(opened, [*short, *others_hz])
 
 
 def _beside(tag: "MeasuredTag", code: "MeasuredCode") -> bool:
@@ -254,16 +260,24 @@ def _beside(tag: "MeasuredTag", code: "MeasuredCode") -> bool:
 
 def _code_lines(tag_id: int, code: "MeasuredCode") -> list[str]:
     gaps = ", ".join(
-        f"{1e3 * gap_s:.2f} ± {1e3 * sigma_s:.2f}"
+        _with_sigma(1e3 * gap_s, 1e3 * sigma_s)
         for gap_s, sigma_s in zip(code.gaps_s, code.gaps_sigma_s, strict=True)
     )
     return [
         f"tag {tag_id}: this looks coded: {code.bursts} bursts with the same gaps",
         f"  frequency  {code.frequency_hz / 1e6:.6f} MHz",
         f"  gaps       {gaps} ms",
-        f"  bursts     every {1e3 * code.burst_interval_s:.2f} "
-        f"± {1e3 * code.burst_interval_sigma_s:.2f} ms",
+        "  bursts     every "
+        f"{_with_sigma(1e3 * code.burst_interval_s, 1e3 * code.burst_interval_sigma_s)} ms",
     ]
+
+
+def _with_sigma(number: float, sigma: float) -> str:
+    """Write a number and its standard deviation with two digits of this, at least 0.01."""
+    digits = 2
+    while digits < 6 and round(sigma, digits) < 9.5 * 10.0**-digits:
+        digits += 1
+    return f"{number:.{digits}f} ± {sigma:.{digits}f}"
 
 
 def _check_center(center_frequency_hz: float | None) -> None:

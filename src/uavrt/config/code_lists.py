@@ -2,14 +2,17 @@
 
 The heading tells what a column is; names that others give them are taken, too: ``tagFreq``,
 ``g1`` to ``g7`` and ``bi``. Gaps are in milliseconds, burst intervals in seconds, frequencies
-in megahertz. Of YAML there is as much as such a list needs: ``- key: value`` and brackets.
+in megahertz. A YAML list may be one of mappings, or a mapping from names to them.
 """
 
 import csv
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 
+from uavrt.config.small_yaml import Node, parse_small_yaml
 from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
-from uavrt.config.tags_toml import read_code
+from uavrt.config.tags_toml import read_burst_interval, read_gaps
 
 _NAMES: dict[str, Quantity | str] = {
     "id": "id",
@@ -30,7 +33,29 @@ _NAMES: dict[str, Quantity | str] = {
 }
 _GAP = re.compile(r"(?:g|gap|gap_?ms_?)([1-9])(?:_ms)?", re.I)
 _HEADING = re.compile(r"""(?:^|[,;\t"' ])(?:g1|gap1|gaps_ms)(?:_ms)?(?:$|[,;\t"' ])""", re.I)
-_PAIR = re.compile(r"""^\s*(-?)\s*["']?([\w ]+?)["']?\s*:\s*(.*?)\s*$""")
+_NEEDED = {
+    "id": "id",
+    "frequency": "frequency_mhz",
+    "burst_interval": "burst_interval_s",
+    "gaps": "gaps (g1, g2 … or gaps_ms)",
+}
+_NO_LIST = "not a list of tags: write - id: 12"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cell:
+    """What a list says under one name; of several values, each with its line."""
+
+    text: str
+    line: int
+    items: tuple[tuple[str, int], ...] | None = None
+
+    @property
+    def parts(self) -> tuple[tuple[str, int], ...]:
+        """Several values, also those that stand in one text."""
+        if self.items is not None:
+            return self.items
+        return tuple((part, self.line) for part in re.split(r"[\s,;]+", self.text.strip("[] ")))
 
 
 def is_code_csv(text: str) -> bool:
@@ -57,94 +82,147 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
         if not names:
             names = cells
             continue
+        absent = names[len(cells) :]
         if len(cells) != len(names):
-            text = f"{len(cells)} values where the heading has {len(names)}"
-            faults.append(Fault(line=number, text=text))
-            continue
-        table = {name: (cell, number) for name, cell in zip(names, cells, strict=True) if cell}
-        drafts.append(_draft(table, number, faults))
+            told = f"{len(cells)} values where the heading has {len(names)}"
+            last = f", none for {', '.join(absent)[:80]}" if absent else ""
+            faults.append(Fault(line=number, text=told + last))
+        if len(cells) > len(names):
+            continue  # which is which is unknown
+        pairs = zip(names, cells, strict=False)
+        table = {name: _Cell(text=cell, line=number) for name, cell in pairs if cell}
+        drafts.append(_draft(table, number, faults, absent))
     return drafts
 
 
 def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
     """Read a YAML list of codes; add what is not understood to `faults`."""
-    tables: list[tuple[int, dict[str, tuple[str, int]]]] = []
-    for number, written in enumerate(text.split("\n"), start=1):
-        line = re.sub(r"(^|\s)#.*$", "", written).rstrip()
-        if line.strip() in ("", "---", "tags:", "codes:", "..."):
-            continue
-        if line.strip() == "-":
-            tables.append((number, {}))
-            continue
-        pair = _PAIR.match(line)
-        if pair is None or (not tables and not pair.group(1)):
-            faults.append(Fault(line=number, text="not a list of tags: write - id: 12"))
-            continue
-        if pair.group(1):
-            tables.append((number, {}))
-        key, value = pair.group(2), pair.group(3).strip("\"'")
-        if key in tables[-1][1]:
-            faults.append(Fault(line=number, text=f"{key} is given twice"))
-        tables[-1][1][key] = (value, number)
-    return [_draft(table, number, faults) for number, table in tables]
+    drafts: list[TagDraft] = []
+    for node in parse_small_yaml(text, faults):
+        for tag, name in _tags_of(node, faults):
+            before = len(faults)
+            table = _table(tag, name, faults)
+            draft = _draft(table, tag.line, faults)
+            if len(faults) == before or draft.entries:
+                drafts.append(draft)
+    return drafts
 
 
-def _draft(table: dict[str, tuple[str, int]], line: int, faults: list[Fault]) -> TagDraft:
+def _tags_of(node: Node, faults: list[Fault]) -> list[tuple[Node, str | None]]:
+    """Find the tags of a block, each with the name that it stands under."""
+    value = node.value
+    if isinstance(value, dict):
+        inside = [value[key] for key in ("tags", "codes") if key in value]
+        if inside:
+            return [tag for one in inside for tag in _tags_of(one, faults)]
+        if any(_is_known(key) for key in value):
+            return [(node, None)]  # one tag, and no list
+        if value and all(isinstance(one.value, dict) for one in value.values()):
+            return [(one, name) for name, one in value.items()]
+    elif isinstance(value, list):
+        wrong = [one.line for one in value if not isinstance(one.value, dict)]
+        faults += [Fault(line=line, text=_NO_LIST) for line in wrong]
+        return [(one, None) for one in value if isinstance(one.value, dict)]
+    faults.append(Fault(line=node.line, text=_NO_LIST))
+    return []
+
+
+def _is_known(key: str) -> bool:
+    return _quantity(key) is not None
+
+
+def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]:
+    """Make a tag's row of a mapping; the name that it stands under may be its number."""
+    assert isinstance(tag.value, dict)
+    table: dict[str, _Cell] = {}
+    for key, one in tag.value.items():
+        if isinstance(one.value, str):
+            table[key] = _Cell(text=one.value, line=one.line)
+        elif isinstance(one.value, list):
+            items = [
+                (item.value, item.line) for item in one.value if isinstance(item.value, str)
+            ]
+            if len(items) < len(one.value):
+                text = f"{key[:40]} has a value that is no number"
+                faults.append(Fault(line=one.line, text=text))
+            text = ", ".join(item for item, _ in items)
+            table[key] = _Cell(text=text, line=one.line, items=tuple(items))
+        elif one.value is not None and _is_known(key):
+            faults.append(Fault(line=one.line, text=f"{key[:40]} is a mapping, not a value"))
+    known = {_NAMES.get(key.lower()) for key in table}
+    if name is not None and name.isdecimal() and "id" not in known:
+        table["id"] = _Cell(text=name, line=tag.line)
+    elif name is not None and "name" not in known:
+        table["name"] = _Cell(text=name, line=tag.line)
+    return table
+
+
+def _draft(
+    table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str] = ()
+) -> TagDraft:
+    """Read a tag's row; what is `absent` has been told, and is not told again."""
     draft = TagDraft(line=line, gaps=())
-    before = len(faults)
-    gaps: dict[int, float] = {}
-    gaps_line = interval_line = line
+    given = {quantity for key in (*table, *absent) if (quantity := _quantity(key))}
     interval_s: float | None = None
-    for key, (value, at) in table.items():
-        if (gap := _GAP.fullmatch(key)) is not None:
-            number = _number(key, value, at, faults)
-            gaps_line = at
-            if number is not None:
-                gaps[int(gap.group(1))] = number
-            continue
-        quantity = _NAMES.get(key.lower())
-        if quantity == "gaps":
-            gaps_line = at
-            for place, part in enumerate(re.split(r"[\s,;]+", value.strip("[] ")), start=1):
-                number = _number(key, part, at, faults)
-                if number is not None:
-                    gaps[place] = number
-        elif quantity == "name":
-            draft.name = value
-        elif quantity is not None:
-            number = _number(key, value, at, faults)
+    interval_line = line
+    for key, cell in table.items():
+        quantity = _quantity(key)
+        if quantity == "name":
+            draft.name = cell.text
+        elif quantity is not None and quantity != "gaps":
+            number = _number(key, cell.text, cell.line, faults)
             if number is None:
                 continue
             if quantity == "burst_interval":
-                interval_s, interval_line = number, at
+                interval_s, interval_line = number, cell.line
             else:
                 unit = "MHz" if quantity == "frequency" else ""
-                label = f"{key} {value[:40]}"
+                label = f"{key} {cell.text[:40]}"
                 known: Quantity = quantity  # type: ignore[assignment]
-                draft.entries[known] = Entry(number=number, label=label, line=at, unit=unit)
-    lacking = [place for place in range(1, max(gaps, default=0)) if place not in gaps]
-    if lacking and len(faults) == before:
-        text = f"this tag has gap {max(gaps)}, but no gap {lacking[0]}"
-        faults.append(Fault(line=gaps_line, text=text))
-    if len(faults) == before:
-        in_order = [gaps[place] for place in sorted(gaps)]
-        missing = [
-            "frequency_mhz" if name == "frequency" else name
-            for name in ("id", "frequency")
-            if name not in draft.entries
-        ]
-        missing += ["burst_interval_s"] * (interval_s is None)
-        missing += ["gaps (g1, g2 … or gaps_ms)"] * (not in_order)
-        if in_order:
-            read_code(draft, in_order, interval_s, gaps_line, interval_line, faults)
-        others = _words_of_unknown(table) if missing else ""
-        faults += [Fault(line=line, text=f"this tag has no {key}{others}") for key in missing]
+                draft.entries[known] = Entry(
+                    number=number, label=label, line=cell.line, unit=unit
+                )
+    gaps, gaps_line = _gaps(table, line, faults)
+    if gaps is not None:
+        read_gaps(draft, gaps, gaps_line, faults)
+    if interval_s is not None:
+        read_burst_interval(draft, interval_s, interval_line, faults)
+    missing = [name for key, name in _NEEDED.items() if key not in given]
+    others = _words_of_unknown(table) if missing else ""
+    faults += [Fault(line=line, text=f"this tag has no {name}{others}") for name in missing]
     return draft
 
 
-def _words_of_unknown(table: dict[str, tuple[str, int]]) -> str:
+def _quantity(key: str) -> Quantity | str | None:
+    return "gaps" if _GAP.fullmatch(key) else _NAMES.get(key.lower())
+
+
+def _gaps(
+    table: dict[str, _Cell], line: int, faults: list[Fault]
+) -> tuple[list[float] | None, int]:
+    """Read a tag's gaps [ms] and their line; None where they are not all numbers."""
+    cells: dict[int, tuple[str, str, int]] = {}
+    for key, cell in table.items():
+        if (gap := _GAP.fullmatch(key)) is not None:
+            cells[int(gap.group(1))] = key, cell.text, cell.line
+        elif _quantity(key) == "gaps":
+            for place, (part, at) in enumerate(cell.parts, start=1):
+                cells[place] = key, part, at
+    if not cells:
+        return None, line
+    at = max(one[2] for one in cells.values())
+    lacking = [place for place in range(1, max(cells)) if place not in cells]
+    if lacking:
+        text = f"this tag has gap {max(cells)}, but no gap {lacking[0]}"
+        faults.append(Fault(line=at, text=text))
+    numbers = [_number(*cells[place], faults) for place in sorted(cells)]
+    good = [number for number in numbers if number is not None]
+    return (None if lacking or len(good) < len(numbers) else good), at
+
+
+def _words_of_unknown(table: dict[str, _Cell]) -> str:
     """Name the columns that were passed over: one may be what is missing."""
-    others = [key for key in table if key.lower() not in _NAMES and not _GAP.fullmatch(key)]
+    others = [key for key in table if not _is_known(key)]
     if not others:
         return ""
     verb = "is" if len(others) == 1 else "are"

@@ -8,9 +8,7 @@ within 4 ms.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
-from uavrt.config.tag_bands import tags_by_band
 from uavrt.config.tag_drafts import Entry, Fault, TagDraft
 from uavrt.messages import Tag
 
@@ -36,26 +34,29 @@ def faults_of_gaps(
     """Judge the gaps of one code, and its interval from burst to burst; all in milliseconds."""
     if not gaps:
         return []  # told when they were read
-    if len(gaps) > MAX_GAPS:
-        return [(gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}")]
     width_ms = CODED_PULSE_WIDTH_MS if width is None else width.number
-    found = _faults_of_numbers(gaps, width_ms)
-    if found or interval is None:
-        return found
-    length_ms = sum(gap.number for gap in gaps) + width_ms
-    if length_ms >= interval.number:
+    factor, found = _faults_of_numbers(gaps, width_ms)
+    if len(gaps) > MAX_GAPS:
+        found.append((gaps[0], f": a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"))
+    # What is no gap at all was told, and adds nothing here.
+    meant_ms = [factor * gap.number for gap in gaps if 0.0 < factor * gap.number <= MAX_GAP_MS]
+    length_ms = sum(meant_ms) + width_ms
+    if interval is not None and length_ms >= interval.number:
         text = f"must be longer than the burst, whose gaps make {length_ms:.10g} ms"
         found.append((interval, text))
     return found
 
 
-def _faults_of_numbers(gaps: Sequence[Entry], width_ms: float) -> list[tuple[Entry, str]]:
+def _faults_of_numbers(
+    gaps: Sequence[Entry], width_ms: float
+) -> tuple[float, list[tuple[Entry, str]]]:
+    """Judge each gap; also give what makes milliseconds of numbers in another unit."""
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
-        return [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
+        return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
     if all(gap.number > MAX_GAP_MS for gap in gaps):
         smaller = ", ".join(f"{1e-3 * gap.number:.10g}" for gap in gaps)
-        return [(gaps[0], f"looks like µs but is read as ms: write {smaller}")]
+        return 1e-3, [(gaps[0], f"looks like µs but is read as ms: write {smaller}")]
     found: list[tuple[Entry, str]] = []
     for gap in gaps:
         if not gap.number <= MAX_GAP_MS:
@@ -63,7 +64,7 @@ def _faults_of_numbers(gaps: Sequence[Entry], width_ms: float) -> list[tuple[Ent
         elif not gap.number > 2.0 * width_ms:
             text = f"must be longer than two pulses of {width_ms:.10g} ms: they would overlap"
             found.append((gap, text))
-    return found
+    return 1.0, found
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
@@ -154,19 +155,26 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
     list of (Tag, Tag, float)
         Two tags, and by how much their gaps differ together [s].
     """
-    found = []
-    for band in tags_by_band([tag for tag in tags if tag.coded], window_hz):
-        for count in sorted({len(tag.gaps_s) for tag in band}):
-            same = [tag for tag in band if len(tag.gaps_s) == count]
-            for one, two in combinations(same, 2):
+    found: list[tuple[int, int, float]] = []
+    by_length: dict[int, list[tuple[float, int]]] = {}
+    for place, tag in enumerate(tags):
+        if tag.coded:
+            by_length.setdefault(len(tag.gaps_s), []).append((sum(tag.gaps_s), place))
+    for same in by_length.values():
+        same.sort()
+        for at, (length_s, place) in enumerate(same):
+            # Codes of lengths further apart are further apart in their gaps.
+            for other_s, other in same[at + 1 :]:
+                if other_s - length_s > GAP_TOLERANCE_S:
+                    break
+                first, second = sorted((place, other))
+                one, two = tags[first], tags[second]
                 pairs = zip(one.gaps_s, two.gaps_s, strict=True)
                 apart_s = sum(abs(mine_s - others_s) for mine_s, others_s in pairs)
-                if (
-                    apart_s <= GAP_TOLERANCE_S
-                    and abs(one.frequency_hz - two.frequency_hz) < 2.0 * window_hz
-                ):
-                    found.append((one, two, apart_s))
-    return found
+                near = abs(one.frequency_hz - two.frequency_hz) < 2.0 * window_hz
+                if near and apart_s <= GAP_TOLERANCE_S:
+                    found.append((first, second, apart_s))
+    return [(tags[first], tags[second], apart_s) for first, second, apart_s in sorted(found)]
 
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:

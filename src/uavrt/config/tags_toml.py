@@ -84,7 +84,6 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
     for index, table in enumerate(tables):
         path: Path = ("tag", index)
         draft = TagDraft(line=line_of(lines, path) or 1)
-        before = len(faults)
         plain = {key: value for key, value in table.items() if key not in _CODED_KEYS}
         _read_table(plain, path, lines, draft, faults)
         _read_code(table, path, lines, draft, faults)
@@ -94,11 +93,10 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
                 not coded or quantity == "frequency"
             ):
                 draft.entries[quantity] = entry
-        if len(faults) == before:
-            required = _REQUIRED_OF_CODED if coded else _REQUIRED
-            for quantity, key in required.items():
-                if quantity not in draft.entries:
-                    faults.append(Fault(line=draft.line, text=f"this tag has no {key}"))
+        faults += [
+            Fault(line=draft.line, text=f"this tag has no {key}")
+            for key in _missing(table, draft)
+        ]
         drafts.append(draft)
     return drafts
 
@@ -106,6 +104,25 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
 def table_quantities(table: dict[str, object]) -> set[Quantity]:
     """What a table speaks of, rightly or wrongly."""
     return {KEYS[key] for key in table if key in KEYS}
+
+
+def _missing(table: dict[str, object], draft: TagDraft) -> list[str]:
+    """Name what a tag lacks, but not what a misspelt or a wrong key is told for."""
+    if draft.gaps is not None:
+        required = _REQUIRED_OF_CODED
+    elif any(key in table for key in _CODED_KEYS[1:]):
+        required = {"id": "id", "frequency": "frequency_mhz"}  # of which kind it is was told
+    else:
+        required = _REQUIRED
+    near = [get_close_matches(key, (*KEYS, *_CODED_KEYS), n=1) for key in table]
+    meant = {key for keys in near for key in keys}
+    return [
+        key
+        for quantity, key in required.items()
+        if quantity not in draft.entries
+        and key not in meant
+        and quantity not in {KEYS[one] for one in meant if one in KEYS}
+    ]
 
 
 def format_tags_toml(tags: Sequence[Tag]) -> str:
@@ -189,56 +206,44 @@ def _read_code(
     for key in ("interval_ms", "second_interval_ms"):
         if key in table:
             fault(key, f"{key} is of a beeping tag: a coded one has burst_interval_s")
-    read_code(
-        draft,
-        table.get("gaps_ms"),
-        table.get("burst_interval_s"),
-        line_of(lines, (*path, "gaps_ms")) or draft.line,
-        line_of(lines, (*path, "burst_interval_s")) or draft.line,
-        faults,
+    read_gaps(
+        draft, table.get("gaps_ms"), line_of(lines, (*path, "gaps_ms")) or draft.line, faults
+    )
+    if (interval_s := table.get("burst_interval_s")) is not None:
+        at = line_of(lines, (*path, "burst_interval_s")) or draft.line
+        read_burst_interval(draft, interval_s, at, faults)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> None:
+    """Put a code's gaps [ms] into a draft, if they are numbers."""
+    draft.gaps = ()
+    if not isinstance(gaps, list) or not gaps or not all(map(_is_number, gaps)):
+        text = "a coded tag has gaps_ms, numbers in brackets: gaps_ms = [22.1, 48.8, 36.6]"
+        faults.append(Fault(line=line, text=text))
+        return
+    shown = ", ".join(f"{gap:.13g}" for gap in gaps)
+    draft.gaps = tuple(
+        Entry(number=float(gap), label=f"gaps_ms = [{shown}]", line=line) for gap in gaps
     )
 
 
-def read_code(
-    draft: TagDraft,
-    gaps: object,
-    interval_s: object,
-    gaps_line: int,
-    interval_line: int,
-    faults: list[Fault],
+def read_burst_interval(
+    draft: TagDraft, interval_s: object, line: int, faults: list[Fault]
 ) -> None:
-    """Put a code's gaps [ms] and burst interval [s] into a draft, if they are numbers."""
-
-    def is_number(value: object) -> bool:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-
-    draft.gaps = ()
-    if not isinstance(gaps, list) or not gaps or not all(map(is_number, gaps)):
-        text = "a coded tag has gaps_ms, numbers in brackets: gaps_ms = [22.1, 48.8, 36.6]"
-        faults.append(Fault(line=gaps_line, text=text))
-    else:
-        shown = ", ".join(f"{gap:.13g}" for gap in gaps)
-        draft.gaps = tuple(
-            Entry(number=float(gap), label=f"gaps_ms = [{shown}]", line=gaps_line)
-            for gap in gaps
-        )
-    if interval_s is None:
-        return
+    """Put a code's burst interval [s] into a draft; what looks like milliseconds as those."""
     if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
-        faults.append(Fault(line=interval_line, text="burst_interval_s must be a number"))
+        faults.append(Fault(line=line, text="burst_interval_s must be a number"))
         return
-    hint = ""
+    label, interval_ms = f"burst_interval_s = {interval_s:.13g}", 1e3 * float(interval_s)
     if 60.0 < interval_s <= 60_000.0:
         hint = f": looks like ms but is read as s: write {interval_s / 1e3:.10g}"
-        faults.append(
-            Fault(line=interval_line, text=f"burst_interval_s = {interval_s:.13g}{hint}")
-        )
-        return
-    draft.entries["interval"] = Entry(
-        number=1e3 * float(interval_s),
-        label=f"burst_interval_s = {interval_s:.13g}",
-        line=interval_line,
-    )
+        faults.append(Fault(line=line, text=label + hint))
+        interval_ms = float(interval_s)
+    draft.entries["interval"] = Entry(number=interval_ms, label=label, line=line)
 
 
 def _entry(key: str, value: float, line: int) -> Entry:

@@ -181,6 +181,25 @@ def test_a_coded_tag_is_measured_as_one_not_as_several_that_beep(
     assert tag.pulse_intervals_s[0] == pytest.approx(2.3, abs=1e-3)
 
 
+def test_near_codes_of_a_list_are_named_wherever_it_is_given(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    export_survey(read_survey(flight), tmp_path, ["motus"])
+    (tag,) = read_flight(flight).info.tags
+    listed = tmp_path / "tags.toml"
+    write_tags(listed, [tag, replace(tag, tag_id=13, gaps_s=(0.0224, 0.0488, 0.0366))])
+    said = "warning: codes 12 and 13 differ by 0.4 ms in all gaps together"
+    recording = flight.parent / "simulated" / "simulation.sigmf-meta"
+    track = flight.parent / "simulated" / "telemetry.csv"
+    pulses = tmp_path / "sensorgnome.txt"
+    where = ("-o", str(tmp_path / "bursts.csv"), "--clock-offset", "0")
+    assert uavrt("attach", str(pulses), str(track), "--tags", str(listed), *where) == 0
+    assert said in capsys.readouterr().err
+    samples = ("--recording", str(recording), "--frequency-window", "120")
+    uavrt("integrate", str(flight), "--tags", str(listed), *samples)
+    assert said in capsys.readouterr().err
+
+
 TWO_PLACES = """
 duration_s = 100
 seed = 5

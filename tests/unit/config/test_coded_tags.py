@@ -1,8 +1,10 @@
 """Coded tags in tag files: TOML as ours, lists in CSV and YAML, and all faults at once."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 
 from uavrt.config import near_codes, parse_tags, read_tags, words_of_near_codes, write_tags
 from uavrt.errors import ConfigError, TagFileError
@@ -160,3 +162,137 @@ def test_codes_are_the_same_within_the_tolerance_of_the_interval(
     else:
         tags = parse_tags(text.encode(), name="tags.toml")
         assert len(near_codes(tags, 500.0)) == 1
+
+
+DUMPED = """\
+# as PyYAML writes it
+- burst_interval_s: 5.3
+  frequency_mhz: 166.38
+  gaps_ms:
+  - 22.0
+  - 48.8   # by hand
+  - 36.6
+  id: 12
+  name: 'Robin'
+"""
+IN_BRACKETS = """\
+- {id: 12, name: "Robin", frequency_mhz: 166.38,
+   gaps_ms: [22.0, 48.8,
+     36.6], burst_interval_s: 5.3}
+"""
+BY_NAME = """\
+---
+Robin:
+    id: 12
+    freq: 166.38
+    gaps_ms:
+        - 22.0
+        - 48.8
+        - 36.6
+    bi: 5.3
+    note: null
+"""
+BY_NUMBER = """\
+codes:
+  12: {name: Robin, freq: 166.38, g1: 22, g2: 48.8, g3: 36.6, bi: 5.3}
+"""
+
+
+@pytest.mark.parametrize("text", [DUMPED, IN_BRACKETS, BY_NAME, BY_NUMBER])
+def test_yaml_is_read_as_programs_write_it(text: str) -> None:
+    assert parse_tags(text.encode(), name="codes.yaml") == (CODE,)
+
+
+def test_what_pyyaml_writes_of_a_list_is_read_in_all_its_styles() -> None:
+    one = {"id": 12, "name": "Robin", "freq": 166.38, "gaps_ms": [22.0, 48.8, 36.6], "bi": 5.3}
+    two = {**one, "id": 13, "name": "It's: #1", "gaps_ms": [30.0, 48.8, 36.6]}
+    other = replace(CODE, tag_id=13, name="It's: #1", gaps_s=(0.030, 0.0488, 0.0366))
+    lists: list[object] = [[one, two], {"tags": [one, two]}, {"a": one, "b": two}]
+    for flow in (None, True, False):
+        for content in lists:
+            text = yaml.safe_dump(content, default_flow_style=flow)
+            assert parse_tags(text.encode(), name="a.yaml") == (CODE, other), text
+
+
+def test_faults_of_yaml_are_told_at_once_each_with_its_line() -> None:
+    text = (
+        "- id: 1\n  freq: 166.38\n  gaps_ms:\n  - 22.0\n  - x\n  bi: 5.3\n"
+        "- {id: 2, freq: 166380, gaps_ms: [30, 40], bi: 5.3}\n"
+        "- {id: 3, freq: 166.38, gaps_ms: [31,\n    y], bi: 5.3}\n"
+        "- id: &four 4\n  freq: 166.38\n  g1: 22\n"
+        "- just words\n"
+        "- {id: 6, freq: 166.38, gaps_ms: [32, 40], bi: 5.3\n"
+        "- id: 7\n\tfreq: 166.38\n"
+    )
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(text.encode(), name="codes.yaml")
+    told = [
+        "line 5: gaps_ms is 'x', not a number",
+        "line 7: freq 166380 looks like kHz",
+        "line 9: gaps_ms is 'y', not a number",
+        "line 10: '&four 4' is not read here",
+        "line 10: this tag has no id",
+        "line 10: this tag has no burst_interval_s",
+        "line 13: not a list of tags",
+        "line 14: a bracket is opened and not closed",
+        "line 16: YAML is indented with spaces, not tabs",
+    ]
+    for words in told:
+        assert any(fault.startswith(words) for fault in caught.value.faults), words
+    assert all(fault.startswith("line ") for fault in caught.value.faults)
+
+
+def test_all_faults_within_one_tag_are_told_at_once() -> None:
+    for gaps, interval_s, told in [
+        ("[22, 48.8, 3.6]", "0.06", ["they would overlap", "must be longer than the burst"]),
+        ("[0.022, 0.0488]", "0.05", ["looks like seconds", "must be longer than the burst"]),
+        ("[22, 48.8, 36]", "65", ["looks like ms", "must be longer than the burst"]),
+        ("[22, 1500]", "5300", ["at most 1000 ms", "looks like ms"]),
+        ("[22, true]", "65", ["numbers in brackets", "looks like ms"]),
+    ]:
+        with pytest.raises(TagFileError) as caught:
+            parse_tags(_entry(1, gaps, interval_s).encode(), name="tags.toml")
+        assert len(caught.value.faults) == len(told)
+        for words in told:
+            assert any(words in fault for fault in caught.value.faults), words
+
+
+def test_a_misspelt_key_hides_no_other_that_is_missing() -> None:
+    text = (
+        '[[tag]]\nfrequency_mhz = 166.38\nkind = "coded"\ngap_ms = [22, 30]\ncolour = "red"\n'
+    )
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(text.encode(), name="tags.toml")
+    told = ["did you mean gaps_ms", "colour is unknown", "no id", "no burst_interval_s"]
+    for words in told:
+        assert any(words in fault for fault in caught.value.faults), words
+    beeping = b"[[tag]]\nfrequency_mhz = 148.7\nintervall_ms = 1254\nk = 1.5\n"
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(beeping, name="tags.toml")
+    told = ["did you mean interval_ms", "no id", "no pulse_width_ms", "must be a whole number"]
+    assert len(caught.value.faults) == len(told)
+    for words in told:
+        assert any(words in fault for fault in caught.value.faults), words
+
+
+def test_all_faults_within_one_row_are_told_at_once() -> None:
+    text = (
+        "id,tagFreq,g1,g2,g3,bi\n7,166.38,22,x,36,\n10,166380,50,51,2\n"
+        "11,166.38,1,2,3,4,5\ny,166.38,22,,36,z\n"
+    )
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(text.encode(), name="codes.csv")
+    told = [
+        "line 2: g2 is 'x', not a number",
+        "line 2: this tag has no burst_interval_s",
+        "line 3: 5 values where the heading has 6, none for bi",
+        "line 3: tagFreq 166380 looks like kHz",
+        "line 3: gaps_ms = [50, 51, 2] must be longer than two pulses",
+        "line 4: 7 values where the heading has 6",
+        "line 5: id is 'y', not a number",
+        "line 5: bi is 'z', not a number",
+        "line 5: this tag has gap 3, but no gap 2",
+    ]
+    assert len(caught.value.faults) == len(told)
+    for words in told:
+        assert any(fault.startswith(words) for fault in caught.value.faults), words

@@ -349,6 +349,19 @@ def test_what_tagtracker_had_not_selected_is_told_with_the_imported_rows(served:
     assert only.json["left_out"] is None
 
 
+def test_near_codes_of_a_list_are_named_when_it_is_imported_and_when_it_is_typed(
+    served: Any,
+) -> None:
+    codes = "id,tagFreq,g1,g2,g3,bi\n12,166.38,22,48.8,36.6,5.3\n14,166.38,22.4,48.8,36.6,5.3\n"
+    read = served.ask("POST", "/api/tags/import", {"codes.csv": codes}).json
+    (words,) = read["warnings"]
+    assert words.startswith("codes 12 and 14 differ by 0.4 ms")
+    typed = served.ask("POST", "/api/tags/check", read["rows"]).json
+    assert typed == {"faults": [], "warnings": [words]}
+    alone = served.ask("POST", "/api/tags/check", read["rows"][:1]).json
+    assert alone == {"faults": [], "warnings": []}
+
+
 def test_settings_are_checked_and_kept(served: Any) -> None:
     changed = served.ask("PUT", "/api/settings", {"antenna": "H", "gain": "14"})
     assert changed.json["gain"] == 14

@@ -1,8 +1,11 @@
 """Tags as people type and keep them."""
 
+import re
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from page_texts import CATALOGUE
 
 from uavrt.errors import UsageError
 from uavrt.ground.web.tag_table import (
@@ -13,6 +16,7 @@ from uavrt.ground.web.tag_table import (
     not_selected,
     rows_from_tags,
     tags_from_rows,
+    warnings_of,
 )
 from uavrt.messages import Tag
 
@@ -270,3 +274,14 @@ def test_gaps_of_a_tag_that_beeps_and_two_equal_codes_are_told_at_the_gaps() -> 
     _, faults = tags_from_rows([CODED_ROW, CODED_ROW | {"id": 31}])
     assert [(fault.row, fault.field) for fault in faults] == [(1, "gaps_ms")]
     assert "same code" in faults[0].text
+
+
+def test_codes_that_are_near_are_named_in_words_that_the_page_has() -> None:
+    near = CODED_ROW | {"id": 14, "gaps_ms": "22.4 48.8 36.6"}
+    tags, faults = tags_from_rows([CODED_ROW, near, ROW])
+    assert not faults
+    (words,) = warnings_of(tags)
+    assert words.startswith(f"codes {CODED_ROW['id']} and 14 differ by 0.4 ms")
+    known = (re.escape(text).replace(r"\{\}", ".+") for text in CATALOGUE)
+    assert any(re.fullmatch(text, words) for text in known)
+    assert warnings_of(tags_from_rows([CODED_ROW, ROW])[0]) == []

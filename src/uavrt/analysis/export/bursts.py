@@ -1,7 +1,9 @@
 """Bursts of coded tags for the programs of automated telemetry: SensorGnome and Motus.
 
-SensorGnome's pulse file has a line for each pulse, which ``find_tags`` looks for codes in. The
-detections have a row for each burst, with the columns of ``find_tags``' hits.
+SensorGnome's pulse file has a line for each pulse, which ``find_tags`` looks for codes in: on
+each port for tags of the nominal frequency that is nearest to what the port is tuned to, and no
+others. So each nominal frequency has a port of its own. The detections have a row for each
+burst, with the columns of ``find_tags``' hits and the nominal frequency, as Motus tells it.
 """
 
 import csv
@@ -9,18 +11,21 @@ import io
 import math
 import statistics
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from uavrt.analysis.survey import Survey
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.recording.formats.ucsd import tag_numbers
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
-_PORT = 1
-"""Of a receiver that has one."""
+_SAME_HZ = 2_000.0
+"""Bursts of tags that nobody listed are of one port when they are nearer in frequency."""
 _RUN_S = 60.0
 """A tag that was silent for longer begins another run."""
 DETECTION_COLUMNS = (
     *("ant", "ts", "id", "name", "runID", "posInRun", "sig", "sigsd", "noise"),
     *("freq", "freqsd", "slop", "burstSlop", "lat", "lon", "alt"),
+    "nomFreq",
 )
 
 
@@ -34,41 +39,89 @@ def _bursts(survey: Survey) -> list[PulsePose]:
     return sorted(found, key=lambda one: one.pulse.start_time_ns)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Port:
+    """Of a receiver that has one for each nominal frequency."""
+
+    number: int
+    tuned_hz: float
+
+    @property
+    def tuned_mhz(self) -> str:
+        """As find_tags reads it: three digits after the point, more where they are needed."""
+        whole, part = f"{self.tuned_hz / 1e6:.6f}".split(".")
+        return f"{whole}.{part.rstrip('0'):0<3}"
+
+
+def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
+    """Give the port of each burst; they are numbered by frequency.
+
+    A listed tag's is tuned to its nominal frequency, that of others to the kilohertz in the
+    middle of what was heard, unless a listed frequency is as near.
+    """
+    listed = [survey.tag(one.pulse.tag_id) for one in bursts]
+    tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
+    nominal_hz = {hz for hz in tuned_hz if hz is not None}
+    heard_hz = [one.pulse.frequency_hz for one in bursts]
+    groups = tag_numbers(heard_hz, _SAME_HZ)
+    for group in set(groups):
+        inside = [place for place, number in enumerate(groups) if number == group]
+        middle_hz = statistics.median(heard_hz[place] for place in inside)
+        near_hz = min(nominal_hz, key=lambda hz: abs(hz - middle_hz), default=math.inf)
+        if abs(near_hz - middle_hz) > _SAME_HZ:
+            near_hz = round(middle_hz, -3)
+        for place in inside:
+            if tuned_hz[place] is None:
+                tuned_hz[place] = near_hz
+    all_hz = [hz for hz in tuned_hz if hz is not None]
+    numbers = {hz: number for number, hz in enumerate(sorted(set(all_hz)), start=1)}
+    return [_Port(number=numbers[hz], tuned_hz=hz) for hz in all_hz]
+
+
 def sensorgnome_text(survey: Survey) -> str:
     """Pulses of all bursts, and where the drone was, as a SensorGnome writes them.
 
     ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S`` tells the
-    tuned frequency in megahertz, ``G`` a place. Levels are over 1 unit² of the samples.
+    frequency in megahertz that a port is tuned to, ``G`` a place. Levels are over 1 unit² of
+    the samples.
     """
     bursts = _bursts(survey)
     if not bursts:
         return ""
-    tuned_hz = round(statistics.median(one.pulse.frequency_hz for one in bursts), -3)
+    ports = _ports(survey, bursts)
     first = _seconds(bursts[0].pulse.start_time_ns)
-    lines = [f"S,{first},{_PORT},-m,{tuned_hz / 1e6:.3f},0,"]
+    lines = [
+        f"S,{first},{port.number},-m,{port.tuned_mhz},0,"
+        for port in sorted(set(ports), key=lambda port: port.number)
+    ]
     rows: list[tuple[int, str]] = []
-    for one in bursts:
+    for one, port in zip(bursts, ports, strict=True):
         pulse = one.pulse
         if one.pose is not None:
             rows.append((pulse.start_time_ns, _place_line(pulse.start_time_ns, one.pose)))
-        away_khz = (pulse.frequency_hz - tuned_hz) / 1e3
+        away_khz = (pulse.frequency_hz - port.tuned_hz) / 1e3
         noise_db = _noise_db(pulse)
         for start_ns, snr_db in zip(pulse.burst_starts_ns, pulse.burst_snrs_db, strict=True):
-            level = f"{noise_db + snr_db:.2f},{noise_db:.2f}"
-            rows.append((start_ns, f"p{_PORT},{_seconds(start_ns)},{away_khz:.3f},{level}"))
+            begin = f"p{port.number},{_seconds(start_ns)},{away_khz:.3f}"
+            rows.append((start_ns, f"{begin},{noise_db + snr_db:.2f},{noise_db:.2f}"))
     lines += [line for _, line in sorted(rows, key=lambda row: row[0])]
     return "\n".join(lines) + "\n"
 
 
 def detections_csv(survey: Survey) -> str:
-    """Confirmed bursts with their runs, in the columns of ``find_tags``."""
+    """Confirmed bursts with their runs, in the columns of ``find_tags``.
+
+    ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. All pulses of a burst
+    share one frequency here, so that nobody knows ``freqsd``.
+    """
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(DETECTION_COLUMNS)
     last_ns: dict[int, int] = {}
     run: dict[int, tuple[int, int]] = {}
     runs = 0
-    for one in _bursts(survey):
+    bursts = _bursts(survey)
+    for one, port in zip(bursts, _ports(survey, bursts), strict=True):
         pulse, tag = one.pulse, survey.tag(one.pulse.tag_id)
         if not pulse.confirmed:
             continue
@@ -81,15 +134,16 @@ def detections_csv(survey: Survey) -> str:
         last_ns[pulse.tag_id] = pulse.start_time_ns
         noise_db = _noise_db(pulse)
         spread = statistics.stdev(pulse.burst_snrs_db) if len(pulse.burst_snrs_db) > 1 else 0.0
-        nominal_hz = pulse.frequency_hz if tag is None else tag.frequency_hz
+        away_khz = (pulse.frequency_hz - port.tuned_hz) / 1e3
         writer.writerow(
             (
-                *(_PORT, _seconds(pulse.start_time_ns), pulse.tag_id),
+                *(port.number, _seconds(pulse.start_time_ns), pulse.tag_id),
                 "" if tag is None else tag.name or "",
                 *(number, place + 1, f"{noise_db + pulse.snr_db:.2f}", f"{spread:.2f}"),
-                *(f"{noise_db:.2f}", f"{(pulse.frequency_hz - nominal_hz) / 1e3:.3f}", "0"),
+                *(f"{noise_db:.2f}", f"{away_khz:.3f}", ""),
                 *(_slop(pulse, tag), _burst_slop(pulse, tag, before_ns)),
-                *(_place(one.pose)),
+                *_place(one.pose),
+                port.tuned_mhz,
             )
         )
     return stream.getvalue()

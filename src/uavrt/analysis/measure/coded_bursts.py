@@ -6,7 +6,7 @@ gaps are one tag, and the times of its bursts tell the burst interval.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Final
@@ -14,10 +14,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.interval_fit import fit_beat
+from uavrt.analysis.measure.interval_fit import Beat, fit_beat
 from uavrt.config import GAP_TOLERANCE_S
 from uavrt.detection.coded import Cells
 from uavrt.dsp import FrontEnd
+from uavrt.errors import UavrtError
 from uavrt.messages import Tag
 from uavrt.radio import SampleSource
 
@@ -31,6 +32,12 @@ _APART_S: Final = 0.25
 _FEWEST: Final = 3
 """Bursts with the same gaps."""
 _MOST_PULSES: Final = 8
+_OFF_BEAT_S: Final = 0.008
+"""Bursts are so near to whole numbers of the burst interval, or are no tag's."""
+_MOST_LOST: Final = 4
+"""Intervals in the shortest time between two bursts that were heard."""
+_AT_ONCE: Final = 4
+"""Channels of a recording that are held in memory: ten minutes take some 30 MB."""
 _WINDOW_HZ: Final = 1000.0
 _MOST_S: Final = 600.0
 
@@ -62,27 +69,52 @@ class MeasuredCode:
         )
 
 
+def may_be_bursts(times_s: NDArray[np.float64]) -> bool:
+    """Whether pulses, ascending, come by twos or more, as often as a code needs."""
+    return len(_split(times_s)) >= _FEWEST
+
+
 def measure_codes(
-    open_source: Callable[[], SampleSource], frequency_hz: float
+    open_source: Callable[[], SampleSource], frequencies_hz: Sequence[float]
 ) -> tuple[MeasuredCode, ...]:
-    """Find coded tags near a frequency, the one with the most bursts first.
+    """Find coded tags near some frequencies, the one with the most bursts first.
 
     Parameters
     ----------
     open_source : callable
-        Opens the recording.
-    frequency_hz : float
-        Where short pulses were seen.
+        Opens the recording; called once for some frequencies.
+    frequencies_hz : sequence of float
+        Where short pulses were seen, what matters most first: a code's neighbours within 1 kHz
+        are its own pulses.
 
     Raises
     ------
     UavrtError
         The recording cannot be read.
     """
-    with closing(open_source()) as source:
-        times_s = _pulses(source, frequency_hz)
+    apart: list[float] = []
+    for frequency_hz in frequencies_hz:
+        if all(abs(frequency_hz - other_hz) >= 0.5 * _WINDOW_HZ for other_hz in apart):
+            apart.append(frequency_hz)
+    found: list[MeasuredCode] = []
+    for first in range(0, len(apart), _AT_ONCE):
+        some_hz = apart[first : first + _AT_ONCE]
+        with closing(open_source()) as source:
+            pulses = _pulses(source, some_hz)
+        for frequency_hz, times_s in zip(some_hz, pulses, strict=True):
+            if all(abs(frequency_hz - one.frequency_hz) >= _WINDOW_HZ for one in found):
+                found += _codes(times_s, frequency_hz)
+    return tuple(sorted(found, key=lambda code: -code.bursts))
+
+
+def _split(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Put pulses together to bursts."""
     bursts = np.split(times_s, np.flatnonzero(np.diff(times_s) > _APART_S) + 1)
-    left = [one for one in bursts if 2 <= len(one) <= _MOST_PULSES]
+    return [one for one in bursts if 2 <= len(one) <= _MOST_PULSES]
+
+
+def _codes(times_s: NDArray[np.float64], frequency_hz: float) -> list[MeasuredCode]:
+    left = _split(times_s)
     found = []
     while left:
         first = np.diff(left[0])
@@ -90,15 +122,18 @@ def measure_codes(
         same = [one for one in same if np.abs(np.diff(one) - first).sum() <= GAP_TOLERANCE_S]
         alike = {id(one) for one in same}
         left = [one for one in left if id(one) not in alike]
-        if len(same) >= _FEWEST:
-            found.append(_code(same, frequency_hz))
-    return tuple(sorted(found, key=lambda code: -code.bursts))
+        if len(same) >= _FEWEST and (code := _code(same, frequency_hz)) is not None:
+            found.append(code)
+    return found
 
 
-def _code(bursts: list[NDArray[np.float64]], frequency_hz: float) -> MeasuredCode:
-    gaps_s = np.array([np.diff(one) for one in bursts])
+def _code(bursts: list[NDArray[np.float64]], frequency_hz: float) -> MeasuredCode | None:
+    """Measure bursts of the same gaps; None where they keep no beat, as chance's do not."""
     starts_s = np.array([one[0] for one in bursts])
-    beat = fit_beat(starts_s, float(np.diff(starts_s).min()))
+    beat = _beat(starts_s)
+    if beat is None:
+        return None
+    gaps_s = np.array([np.diff(one) for one in bursts])
     return MeasuredCode(
         frequency_hz=frequency_hz,
         gaps_s=tuple(gaps_s.mean(axis=0).tolist()),
@@ -109,32 +144,61 @@ def _code(bursts: list[NDArray[np.float64]], frequency_hz: float) -> MeasuredCod
     )
 
 
-def _pulses(source: SampleSource, frequency_hz: float) -> NDArray[np.float64]:
-    """Starts of the strong pulses near a frequency [s from the recording's start]."""
+def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
+    """Fit the longest interval that bursts are whole numbers of.
+
+    Where every second burst is lost, the shortest time between two is more than one interval.
+    """
+    shortest_s = float(np.diff(starts_s).min())
+    for part in range(1, _MOST_LOST + 1):
+        if shortest_s / part < _APART_S:
+            break
+        beat = fit_beat(starts_s, shortest_s / part)
+        off_s = np.abs(beat.residuals_s)
+        kept = off_s <= max(3.0 * float(np.median(off_s)), _OFF_BEAT_S)
+        if kept.sum() >= max(_FEWEST, 0.75 * len(starts_s)):
+            beat = fit_beat(starts_s[kept], beat.interval_s)
+            if beat.scatter_s <= _OFF_BEAT_S:
+                return beat
+    return None
+
+
+def _pulses(source: SampleSource, frequencies_hz: Sequence[float]) -> list[NDArray[np.float64]]:
+    """Starts of the strong pulses near each frequency [s from the recording's start]."""
     front_end = FrontEnd(
         sample_rate_hz=source.sample_rate_hz,
         center_frequency_hz=source.center_frequency_hz,
-        frequencies_hz=[frequency_hz],
+        frequencies_hz=list(frequencies_hz),
     )
-    parts: list[NDArray[np.complex64]] = []
-    offset_hz, rate_hz, samples = 0.0, 1.0, 0
+    parts: dict[int, list[NDArray[np.complex64]]] = {}
+    rates_hz: dict[int, tuple[float, float]] = {}
+    samples = 0
     while samples < _MOST_S * source.sample_rate_hz:
         try:
             block = source.read()
         except EOFError:
             break
+        except UavrtError:
+            if not samples:
+                raise
+            break  # a recording that was cut off is measured as far as it goes
         if block is None:
             continue
         samples += len(block.samples)
-        for channel in front_end.process(block):
-            rate_hz, offset_hz = (
-                channel.sample_rate_hz,
-                frequency_hz - channel.center_frequency_hz,
-            )
-            parts += [np.zeros(channel.lost_before, np.complex64), channel.samples]
-    if not parts:
-        return np.zeros(0)
-    return _starts(np.concatenate(parts), rate_hz, offset_hz)
+        for one in front_end.process(block):
+            rates_hz[one.channel] = one.sample_rate_hz, one.center_frequency_hz
+            held = parts.setdefault(one.channel, [])
+            # A band that is one channel hands on the source's own buffer.
+            held += [np.zeros(one.lost_before, np.complex64), one.samples.copy()]
+    joined = {channel: np.concatenate(held) for channel, held in parts.items()}
+    return [
+        _starts(joined[channel], rates_hz[channel][0], frequency_hz - rates_hz[channel][1])
+        if channel in joined
+        else np.zeros(0)
+        for frequency_hz, channel in zip(
+            frequencies_hz, front_end.plan.frequency_channels, strict=True
+        )
+    ]
 
 
 def _starts(

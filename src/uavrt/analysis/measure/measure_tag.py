@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.measure.beats import FEWEST, FoundBeat, find_beats
+from uavrt.analysis.measure.coded_bursts import may_be_bursts
 from uavrt.analysis.measure.measure_pulses import PulseWindow, measure_pulses
 from uavrt.analysis.measure.measured_tag import MeasuredTag
 from uavrt.analysis.measure.pulse_search import SIDE_HZ, Bursts, BurstSearch
@@ -57,6 +58,7 @@ def measure_tags(
     window_hz: float = WINDOW_HZ,
     on_progress: Callable[[float], None] | None = None,
     on_fault: Callable[[UavrtError], None] | None = None,
+    on_bursts: Callable[[Sequence[float]], None] | None = None,
 ) -> tuple[MeasuredTag, ...]:
     """Find and measure all tags in a recording.
 
@@ -73,6 +75,9 @@ def measure_tags(
     on_fault : callable, optional
         Takes, once, what keeps the recording from being read to its end; what was read till
         then is measured. Without it that is raised.
+    on_bursts : callable, optional
+        Takes, once, the frequencies [Hz] where pulses come by twos or more without a beat that
+        was found: bursts of a coded tag may, whose interval is up to a minute.
 
     Returns
     -------
@@ -92,11 +97,13 @@ def measure_tags(
     with closing(open_source()) as source:
         blocks = _blocks(source, lambda p: report(0.5 * p), on_fault)
         bursts, span_s = _search(source, blocks, frequency_hz, window_hz)
-    found = _gather(bursts, span_s)
+        center_hz = source.center_frequency_hz
+    found, others_hz = _gather(bursts, span_s)
+    if on_bursts is not None:
+        on_bursts([center_hz + other_hz for other_hz in others_hz])
     if not found:
         raise _nothing(bursts, span_s)
     with closing(open_source()) as source:
-        center_hz = source.center_frequency_hz
         again = None if on_fault is None else lambda _fault: None  # told already
         blocks = _blocks(source, lambda p: report(0.5 + 0.5 * p), again)
         windows = _cut(source, blocks, found)
@@ -175,11 +182,12 @@ def _blocks(
             report(done / source.total_samples if source.total_samples else 0.0)
 
 
-def _gather(bursts: Bursts, span_s: float) -> list[_Found]:
-    """Group bursts of one frequency; keep those that beat."""
+def _gather(bursts: Bursts, span_s: float) -> tuple[list[_Found], list[float]]:
+    """Group bursts of one frequency; keep those that beat, and where others come by twos."""
     free = np.ones(bursts.times_s.size, dtype=bool)
     found: list[_Found] = []
     refused: list[float] = []
+    by_twos: list[float] = []
     while free.sum() >= FEWEST:
         center_hz = _densest(bursts, free, refused)
         if center_hz is None:
@@ -189,6 +197,8 @@ def _gather(bursts: Bursts, span_s: float) -> list[_Found]:
         beats = find_beats(times_s, span_s, MOST_BEATS)
         if not beats:
             refused.append(center_hz)
+            if may_be_bursts(times_s):
+                by_twos.append(float(np.median(bursts.frequencies_hz[near])))
             continue
         for group in _of_one_tag(beats, times_s):
             members = np.sort(np.concatenate([beat.members for beat in group]))
@@ -203,7 +213,7 @@ def _gather(bursts: Bursts, span_s: float) -> list[_Found]:
             taken = near[members]
             free[taken] = False
             _drop_echoes(bursts, taken, free)
-    return found
+    return found, by_twos
 
 
 def _drop_echoes(bursts: Bursts, taken: NDArray[np.intp], free: NDArray[np.bool_]) -> None:

@@ -144,9 +144,10 @@ class Api:
         return {"faults": [], **_tag_answer(tags)}
 
     async def check_tags(self, request: Request) -> Any:
-        """Report the faults of a table that is being typed."""
-        _, faults = tag_table.tags_from_rows(await json_body(request))
-        return {"faults": [asdict(fault) for fault in faults]}
+        """Report the faults of a table that is being typed; without any, what may surprise."""
+        tags, faults = tag_table.tags_from_rows(await json_body(request))
+        warnings = tag_table.warnings_of(tags)
+        return {"faults": [asdict(fault) for fault in faults], "warnings": warnings}
 
     async def import_tags(self, request: Request) -> Any:
         """Read rows from files, and what these do not fly with; nothing is kept yet."""
@@ -156,7 +157,12 @@ class Api:
         ):
             raise FormatError("files must be texts by their names")
         rows = tag_table.import_rows(files)
-        return {"rows": rows, "left_out": tag_table.not_selected(files)}
+        tags, _ = tag_table.tags_from_rows(rows)
+        return {
+            "rows": rows,
+            "left_out": tag_table.not_selected(files),
+            "warnings": tag_table.warnings_of(tags),
+        }
 
     async def export_tags(self, request: Request) -> Any:
         """Write the table as a file."""

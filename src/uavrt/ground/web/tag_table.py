@@ -12,6 +12,7 @@ from typing import Any
 
 from uavrt.config import (
     MAX_FALSE_ALARM_PROBABILITY,
+    DetectionSettings,
     Entry,
     Fault,
     Quantity,
@@ -20,6 +21,7 @@ from uavrt.config import (
     format_tags_toml,
     parse_tags,
     tags_from_drafts,
+    words_of_near_codes,
 )
 from uavrt.errors import TagFileError, UsageError
 from uavrt.ground.web.tag_csv import is_selected, read_csv
@@ -107,6 +109,11 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
     tags = tags_from_drafts(drafts, faults)
     found += [_at_field(fault) for fault in faults if fault is not _INCOMPLETE]
     return ((), found) if found else (tags, [])
+
+
+def warnings_of(tags: Sequence[Tag]) -> list[str]:
+    """Name what is no fault of a table, but may surprise in flight: codes that are near."""
+    return words_of_near_codes(tags, DetectionSettings().frequency_window_hz)
 
 
 def rows_from_tags(tags: Sequence[Tag]) -> list[Row]:

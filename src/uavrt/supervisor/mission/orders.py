@@ -15,6 +15,7 @@ from uavrt.config import (
     RUN,
     Settings,
     faults_of_tags,
+    near_codes,
     run_wanted,
     same_codes,
     tags_with_overrides,
@@ -34,6 +35,8 @@ from uavrt.tunnel import searched_text
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
+_MOST_NEAR = 3
+"""Pairs of codes that are named at the beginning of a flight; the page names all."""
 
 REPLIES_KEPT = 64
 LAST_FLIGHTS = 3
@@ -394,9 +397,18 @@ class Mission:
         count = len(self.tags)
         words = "1 tag" if count == 1 else f"{count} tags"
         self._tell(6, f"Detecting {words} at {center_hz:.0f} Hz")
-        for warning in warnings:
+        for warning in (*warnings, *self._words_of_near_codes(tags)):
             self._tell(5, warning)
         return self.flight
+
+    def _words_of_near_codes(self, tags: Sequence[Tag]) -> list[str]:
+        """Name codes that a burst may be taken for each other's, in words for a radio link."""
+        window_hz = self.settings.detection.frequency_window_hz
+        pairs = [(one.tag_id, two.tag_id) for one, two, _ in near_codes(tags, window_hz)]
+        words = [f"Codes {one}, {two} are easily mixed up" for one, two in pairs[:_MOST_NEAR]]
+        if len(pairs) > _MOST_NEAR:
+            words.append(f"{len(pairs) - _MOST_NEAR} more pairs of codes are as near")
+        return words
 
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
         """Begin to record the band; the frequency is the operator's, or as in a flight.

@@ -1,0 +1,17 @@
+"""Say of a tag list which of its codes are hard to tell apart, wherever one is given."""
+
+import sys
+from collections.abc import Sequence
+
+from uavrt.messages import Tag
+
+
+def tell_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None:
+    """Warn of each pair of codes; the half-width of the search is by default the usual one."""
+    if not any(tag.coded for tag in tags):
+        return
+    from uavrt.config import DetectionSettings, words_of_near_codes
+
+    usual_hz = DetectionSettings().frequency_window_hz
+    for words in words_of_near_codes(tags, usual_hz if window_hz is None else window_hz):
+        print(f"warning: {words}", file=sys.stderr)
