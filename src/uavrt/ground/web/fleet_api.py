@@ -8,13 +8,14 @@ from starlette.requests import Request
 
 from uavrt.errors import UavrtError, UsageError
 from uavrt.ground.fleet import Fleet
+from uavrt.ground.link import Commands
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.api import FOR_ALL, Answer, json_body
 
-TO_ALL: dict[str, Callable[[GroundSession], Awaitable[str]]] = {
-    "send_tags": lambda session: session.commands.send_tags(),
-    "start": lambda session: session.commands.start(),
-    "stop": lambda session: session.commands.stop(),
+TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
+    "send_tags": Commands.send_tags,
+    "start": Commands.start,
+    "stop": Commands.stop,
 }
 """What may be asked of all vehicles at once; nothing that moves one."""
 
@@ -84,6 +85,6 @@ async def _answer(session: GroundSession, name: str, page: str | None) -> dict[s
     try:
         if name not in FOR_ALL:
             session.commander.check(page)
-        return who | {"accepted": True, "message": await TO_ALL[name](session)}
+        return who | {"accepted": True, "message": await TO_ALL[name](session.commands)}
     except UavrtError as error:
         return who | {"accepted": False, "message": str(error)}
