@@ -16,6 +16,7 @@ import { save, unsaved } from "./setup";
 import { store } from "./store";
 import type { Choices, TagRow } from "./types";
 import { tapBox } from "./tap";
+import { toAllBox } from "./vehicles";
 import type { FlightMap } from "./view";
 import { drawWalk, walkBox } from "./walk";
 
@@ -68,6 +69,7 @@ export function buildFly(go: (name: string) => void): void {
     { class: "panel" },
     actions,
     h("p", { id: "act-reason", class: "reason", role: "status" }),
+    toAllBox(),
     h("div", { id: "progress", hidden: true }, h("progress", { id: "progress-bar" }), h("span", { id: "progress-text" })),
     h(
       "div",

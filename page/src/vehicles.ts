@@ -1,8 +1,9 @@
 /** Several vehicles of one station: who they are, the way to the page of each, letting another be served. */
 
-import { BASE, send } from "./api";
+import { ApiError, BASE, send } from "./api";
 import { by, fill, h } from "./dom";
 import { toast } from "./notice";
+import { save, unsaved } from "./setup";
 import { store } from "./store";
 import type { FleetRecord } from "./types";
 
@@ -63,4 +64,70 @@ export function drawVehicles(): void {
   if (place.dataset.key === key) return;
   place.dataset.key = key;
   fill(place, ...links, ...buttons);
+}
+
+// ------------------------------------------------------------------- to all
+
+/** What may be asked of all at once, with its label; nothing that moves a vehicle. */
+const TO_ALL: [string, string][] = [
+  ["send_tags", "Send tags"],
+  ["start", "Start"],
+  ["stop", "Stop"],
+];
+
+interface Answers {
+  accepted: boolean;
+  answers: { system_id: number | null; name: string; accepted: boolean; message: string }[];
+}
+
+/** Buttons that ask all vehicles, and what each answered; nothing where there is but one. */
+export function toAllBox(): HTMLElement {
+  const buttons = TO_ALL.map(([name, label]) =>
+    h("button", { id: `all-${name}`, class: name === "stop" ? "all-stop" : "", title: "All vehicles of this station, each as if asked alone", onclick: () => void askAll(name) }, label),
+  );
+  const box = h(
+    "section",
+    { id: "to-all", class: "to-all", hidden: true, "aria-label": "To all vehicles" },
+    h("span", { class: "note" }, "To all:"),
+    ...buttons,
+    h("div", { id: "all-answers", class: "all-answers", role: "status" }),
+  );
+  const draw = (): void => {
+    box.hidden = (store.state?.fleet.length ?? 0) < 2;
+    const mayNot = store.review !== null || store.looksOn();
+    for (const button of buttons) button.setAttribute("aria-disabled", String(mayNot && button.id !== "all-stop"));
+  };
+  store.on(["state", "reset"], draw);
+  return box;
+}
+
+/** The rules of a command to one: who looks on stops, and does nothing else; typed tags are saved first. */
+async function askAll(name: string): Promise<void> {
+  if (store.looksOn() && name !== "stop") {
+    toast("Another page commands: take command first", 5);
+    return;
+  }
+  if (store.review && name !== "stop") {
+    toast("This is a past flight: go back to the live one first", 5);
+    return;
+  }
+  if (name === "send_tags" && unsaved() && !(await save())) {
+    toast("The typed tags are not saved, so nothing was sent: see Set-up", 4);
+    return;
+  }
+  try {
+    const said = await send<Answers>("POST", `/vehicles/commands/${name}`, {}, {}, "");
+    const rows = said.answers.map((one) =>
+      h(
+        "li",
+        { class: one.accepted ? "" : "fault-line", "data-vehicle": String(one.system_id) },
+        h("strong", { translate: one.name ? "no" : null }, one.name || `vehicle ${one.system_id ?? "?"}`),
+        // Where a drone records is a path, and has no words.
+        h("span", { translate: one.message.includes("/") ? "no" : null }, one.message),
+      ),
+    );
+    fill(by("all-answers"), h("ul", {}, ...rows), h("button", { id: "all-close", onclick: () => fill(by("all-answers")) }, "Close"));
+  } catch (error) {
+    toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
+  }
 }

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
@@ -64,6 +64,8 @@ class TagBearing:
     """Of the first pulse."""
     middle_time_ns: int
     end_time_ns: int
+    flight: int = 0
+    """Which of the flights or logs that were read together, from 0."""
 
 
 def read_bearings(
@@ -122,7 +124,7 @@ def read_bearings_together(
     taken = [_taken(path, antenna, offset_deg) for path in paths]
     found = []
     taught: set[str] = set()
-    for one in taken:
+    for number, one in enumerate(taken):
         own = [other.heard for other in taken if other.antenna == one.antenna]
         flights = [one.heard, *(heard for heard in own if heard is not one.heard)]
         if one.flight is not None and learn:
@@ -131,7 +133,8 @@ def read_bearings_together(
         others = [heard for flight in flights[1:] for heard in flight]
         if learn and method == "pattern_ml" and (text := taught_in_words(flights)):
             taught.add(text)
-        found += _estimated(one.heard, one.every, method, one.antenna, learn, others)
+        estimated = _estimated(one.heard, one.every, method, one.antenna, learn, others)
+        found += [replace(each, flight=number) for each in estimated]
     for text in sorted(taught):
         warn(text)
     return found

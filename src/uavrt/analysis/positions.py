@@ -2,9 +2,10 @@
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import get_args
 
 import numpy as np
@@ -28,13 +29,20 @@ from uavrt.localization import (
     Position,
     PositionMethod,
     PowerTrack,
+    PulseColumns,
+    Rhythm,
     Stations,
+    Strengths,
     located,
     position_of_bearings,
+    strengths_of,
+    yaws_deg,
 )
+from uavrt.localization.flight_estimates import LEAST_TURN_DEG
 from uavrt.localization.position import ADDED_METHODS, HEADING_SIGMA_DEG
+from uavrt.localization.position.estimate import LEAST_EXTENT_M
 from uavrt.messages import Pose, PulsePose, Tag
-from uavrt.recording import FlightLayout, read_flight
+from uavrt.recording import FlightLayout, read_flight, vehicle_of
 from uavrt.recording.formats import (
     ORIGINAL_POSES,
     WITHOUT_HEADINGS,
@@ -51,6 +59,7 @@ from uavrt.recording.formats import (
     tag_numbers,
     with_commas,
 )
+from uavrt.tangent_plane import plane_around
 from uavrt.terrain import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -156,6 +165,8 @@ def read_positions(
         )
     whips = [one for one in logs if (antenna or antenna_of(*one)) == MONOPOLE]
     turned = [one for one in logs if one not in whips]
+    standing = [one for one in whips if turned and _stands(one[1])]
+    whips = [one for one in whips if one not in standing]
     if whips and turned:
         warn(
             "some of these logs give bearings and some only strengths: each kind has its own "
@@ -164,7 +175,7 @@ def read_positions(
     found: list[TagPosition] = []
     if turned or not whips:
         found += _positions_of_turns(
-            turned, antenna, method, offset_deg, heading_sigma_deg, over, warn
+            turned, standing, antenna, method, offset_deg, heading_sigma_deg, over, warn
         )
     if whips:
         try:
@@ -189,6 +200,7 @@ _Log = tuple[Path, PulseLog]
 
 def _positions_of_turns(
     logs: Sequence[_Log],
+    standing: Sequence[_Log],
     antenna: AntennaPattern | str | None,
     method: PositionMethod,
     offset_deg: float,
@@ -196,19 +208,97 @@ def _positions_of_turns(
     over: OverGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Positions from bearings; and of tags without any, why."""
+    """Positions from bearings, and strengths of logs without; and of tags without any, why.
+
+    `standing` are logs of whips at one place, which give no bearing.
+    """
     usable = [one for one in logs if ORIGINAL_POSES not in one[1].warnings]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
     bearings = read_bearings_together(
         [path for path, _ in usable], antenna=antenna, offset_deg=offset_deg, warn=warn
     )
+    listeners: dict[int, list[Strengths]] = {}
+    if len(usable) + len(standing) > 1:
+        for number, log in enumerate((*usable, *standing)):
+            own = [one for one in bearings if one.flight == number]
+            for tag_id, one in _strengths_in(log, own, antenna, offset_deg).items():
+                listeners.setdefault(tag_id, []).append(one)
     found = positions_of_bearings(
-        bearings, method=method, heading_sigma_deg=heading_sigma_deg, over=over
+        bearings,
+        method=method,
+        heading_sigma_deg=heading_sigma_deg,
+        over=over,
+        listeners=listeners,
     )
     placed = {one.tag_id for one in found}
-    silent = _without_position(usable, "it was heard, but in no turn in place")
+    silent = _without_position((*usable, *standing), _NEVER_TURNED)
     return found + [one for one in silent if one.tag_id not in placed]
+
+
+_NEVER_TURNED = (
+    "it was heard, but in no turn in place; strengths of receivers that do not turn go into a "
+    "position only beside the bearings of others"
+)
+
+
+def _stands(log: PulseLog) -> bool:
+    """Whether all pulses were heard at one place: no survey by strength."""
+    places = [one.pose for one in log.pulse_poses if one.pose is not None]
+    if not places:
+        return False
+    plane = plane_around(
+        np.array([one.latitude_deg for one in places]),
+        np.array([one.longitude_deg for one in places]),
+    )
+    away = plane.to_local(
+        np.array([one.latitude_deg for one in places]),
+        np.array([one.longitude_deg for one in places]),
+    )
+    return float(np.quantile(np.hypot(*away), 0.95)) < LEAST_EXTENT_M
+
+
+def _strengths_in(
+    log: _Log,
+    bearings: Sequence[TagBearing],
+    antenna: AntennaPattern | str | None,
+    offset_deg: float,
+) -> dict[int, Strengths]:
+    """Strengths of the tags of which a log gives no bearing."""
+    path, pulses = log
+    rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags_of(path)}
+    posed = sorted(
+        (one for one in pulses.pulse_poses if one.pose and math.isfinite(one.pulse.snr_db)),
+        key=lambda one: one.pulse.start_time_ns,
+    )
+    own = {
+        tag_id: PulseColumns.of([one for one in posed if one.pulse.tag_id == tag_id]).turned(
+            offset_deg
+        )
+        for tag_id in {one.pulse.tag_id for one in posed}
+    }
+    turned = {one.tag_id for one in bearings if one.bearing.accepted}
+    turned |= {one.tag_id for one in bearings if one.tag_id in own and _turns(own[one.tag_id])}
+    flight = read_flight(path) if FlightLayout(path).database.is_file() else None
+    poses = PoseColumns.of(
+        [*poses_of(path), *(one.pose for one in posed if one.pose)],
+        () if flight is None else flight.on_ground_ns,
+    )
+    vehicle = None if flight is None else vehicle_of(flight.notes)
+    name = path.name if vehicle is None else f"{path.name} (vehicle {vehicle})"
+    return {
+        tag_id: strengths_of(
+            *(name, own[tag_id], poses, antenna or antenna_of(path, pulses)),
+            rhythms.get(tag_id),
+        )
+        for tag_id in sorted(own.keys() - turned)
+    }
+
+
+def _turns(pulses: PulseColumns) -> bool:
+    """Whether a bearing without a clear direction comes of a turn, not of one heading."""
+    yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
+    return float(np.ptp(yaw)) >= LEAST_TURN_DEG
 
 
 def _without_position(logs: Sequence[_Log], reason: str) -> list[TagPosition]:
@@ -468,8 +558,12 @@ def positions_of_bearings(
     method: PositionMethod = "bayes",
     heading_sigma_deg: float = HEADING_SIGMA_DEG,
     over: OverGround | None = None,
+    listeners: Mapping[int, Sequence[Strengths]] = MappingProxyType({}),
 ) -> list[TagPosition]:
-    """One position for each tag; bearings in which there is no direction are left out."""
+    """One position for each tag; bearings in which there is no direction are left out.
+
+    `listeners` are what receivers heard of each tag without turning.
+    """
     found = []
     for tag_id in sorted({one.tag_id for one in bearings}):
         own = [one for one in bearings if one.tag_id == tag_id]
@@ -482,6 +576,7 @@ def positions_of_bearings(
                 method=method,
                 heading_sigma_deg=heading_sigma_deg,
                 over=over,
+                listeners=listeners.get(tag_id, ()),
             )
             found.append(TagPosition(tag_id=tag_id, position=position))
         except UsageError as error:

@@ -63,6 +63,7 @@ from uavrt.recording import (
     read_integrated,
     read_search_notes,
     read_search_reports,
+    vehicle_of,
 )
 from uavrt.recording.formats import ORIGINAL_POSES, LogKind, read_pulse_log
 from uavrt.terrain import Elevation
@@ -190,6 +191,11 @@ class Survey:
     def marks(self) -> tuple[Mark, ...]:
         """Places that the operator marked."""
         return places_of(self.notes).marks
+
+    @property
+    def vehicle(self) -> str | None:
+        """Number and name of the vehicle, as a ground station noted them; None of others."""
+        return vehicle_of(self.notes)
 
     def label(self, tag_id: int) -> str:
         """Get a tag's number, and its name if it has one."""

@@ -37,7 +37,8 @@ def export(
     formats
         Any of csv, uavrt (the original's bearings.csv, positions.csv and pulse CSV), geojson,
         kmz, kml (without pictures), gpx, geopackage, movebank, geotiff (heat maps), motus
-        (bursts of coded tags, as SensorGnome and find_tags write them); by default all of them.
+        (bursts of coded tags and beeps, as SensorGnome and find_tags write them); by default
+        all of them.
     mcap
         As a ROS 2 recording for `ros2 bag play` and Foxglove: pulses, poses, commands and log
         with the messages of the live topics; tags, start and stop go under /recorded, so that

@@ -601,6 +601,12 @@ class GroundSession:
         async with self._one_at_a_time:
             await self._estimate_now()
 
+    @property
+    def _name(self) -> str:
+        """What this vehicle is called beside others."""
+        number, name = self.identity.system_id, self.store.settings.vehicle_name
+        return "this vehicle" if number is None else vehicle_note(number, name)
+
     async def _estimate_now(self) -> None:
         columns = self.flight.columns()
         flight_id = self.flight.flight_id
@@ -619,6 +625,8 @@ class GroundSession:
                 self.sent_tags,
                 [one.estimates.found for one in self.companions],
                 past,
+                [one.estimates.strengths for one in self.companions],
+                self._name,
             )
         except UavrtError as error:
             log.warning("no estimate", reason=str(error))

@@ -51,7 +51,14 @@ if TYPE_CHECKING:
         turns_in,
     )
     from uavrt.localization.headings import Headings, yaws_deg
-    from uavrt.localization.position import PowerTrack, Propagation, Stations, estimate_position
+    from uavrt.localization.listeners import strengths_of
+    from uavrt.localization.position import (
+        PowerTrack,
+        Propagation,
+        Stations,
+        Strengths,
+        estimate_position,
+    )
     from uavrt.localization.position.level_belief import Listening
     from uavrt.localization.position.regions import region_outlines
     from uavrt.localization.position.strongest import (
@@ -123,6 +130,7 @@ __all__ = [
     "SignalSurface",
     "Spread",
     "Stations",
+    "Strengths",
     "StrongestSignal",
     "SwitchSchedule",
     "SwitchedPulse",
@@ -155,6 +163,7 @@ __all__ = [
     "region_outlines",
     "signal_section",
     "signal_surface",
+    "strengths_of",
     "strongest_signal",
     "switched_amplitudes",
     "switched_bearing",
@@ -201,6 +210,8 @@ __getattr__ = lazily(
         "SignalSurface": "position.strongest",
         "Spread": "position.trackers",
         "Stations": "position",
+        "Strengths": "position",
+        "strengths_of": "listeners",
         "StrongestSignal": "position.strongest",
         "SwitchSchedule": "bearing.switched_pulse",
         "SwitchedPulse": "bearing.switched_pulse",

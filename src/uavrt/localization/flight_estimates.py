@@ -26,6 +26,7 @@ from uavrt.localization.position import (
     HEADING_SIGMA_DEG,
     PowerTrack,
     Stations,
+    Strengths,
     estimate_position,
 )
 from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
@@ -494,11 +495,13 @@ def position_of_bearings(
     method: PositionMethod | str = "bayes",
     heading_sigma_deg: float = HEADING_SIGMA_DEG,
     over: OverGround | None = None,
+    listeners: Sequence[Strengths] = (),
 ) -> Position:
     """Estimate where a tag is from the bearings of a flight; those without a direction go out.
 
     What each shared error adds to the radius is told, too. With the ground, levels are compared
-    by what hills take from them.
+    by what hills take from them. What receivers heard that never turned goes in as strengths,
+    to the method ``bayes``; the position says what became of each.
 
     Raises
     ------
@@ -518,15 +521,16 @@ def position_of_bearings(
         times_s if max(times_s) - min(times_s) <= ONE_FLIGHT_S else None,
         min(time_ns),
     )
-    if over is None:
-        return located(stations, method=method, heading_sigma_deg=heading_sigma_deg)
-    height_m = over.heights_m([time_ns[number] for number in used])
-    return located(
-        replace(stations, height_m=height_m),
-        method=method,
-        heading_sigma_deg=heading_sigma_deg,
-        hills=over.hills,
-    )
+    stations = replace(stations, listeners=tuple(listeners))
+    hills = None
+    if over is not None:
+        height_m = over.heights_m([time_ns[number] for number in used])
+        stations, hills = replace(stations, height_m=height_m), over.hills
+    found = located(stations, method=method, heading_sigma_deg=heading_sigma_deg, hills=hills)
+    if method in ("bayes", "track") or not listeners:
+        return found
+    left_out = f"the method {method} takes bearings alone"
+    return replace(found, listeners=tuple(one.because(left_out) for one in listeners))
 
 
 def located(

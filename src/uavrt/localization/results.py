@@ -252,6 +252,8 @@ class Position:
     """What each prior does to `radius95_m`, the most first; empty unless asked for."""
     track: tuple[TrackPoint, ...] = ()
     """Where the tag went, in order of time; empty where nothing contradicts that it rests."""
+    listeners: tuple[str, ...] = ()
+    """What became of the strengths of each receiver that never turned, for the operator."""
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -262,7 +264,7 @@ class Position:
             least_m = max(_TOLD_M, _TOLD_SHARE * self.radius95_m)
             radius = f"95 % radius {self.radius95_m:.0f} m"
             told.append(_told(radius, changes, "{:.0f} m", least_m))
-        return tuple(told)
+        return (*told, *self.listeners)
 
 
 _TOLD_M = 0.5

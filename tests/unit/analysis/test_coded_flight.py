@@ -109,7 +109,7 @@ def test_a_report_tells_listed_gaps_and_heard_ones(flight: Path, tmp_path: Path)
     assert not any(text.startswith("Coded tags.") for text in methods(beeping))
 
 
-def test_bursts_are_exported_for_find_tags_and_beeps_have_no_such_files(
+def test_bursts_are_exported_for_find_tags_and_silence_has_no_such_files(
     flight: Path, tmp_path: Path
 ) -> None:
     survey = read_survey(flight)
@@ -128,8 +128,8 @@ def test_bursts_are_exported_for_find_tags_and_beeps_have_no_such_files(
     assert head == ",".join(DETECTION_COLUMNS)
     assert [row.split(",")[5] for row in rows] == [str(1 + i) for i in range(len(rows))]
     assert "burst_starts_ns" in (tmp_path / "pulses.csv").read_text().splitlines()[0]
-    beeping = replace(survey, pulse_poses=())
-    assert export_survey(beeping, tmp_path / "none", ["motus"]) == []
+    silent = replace(survey, pulse_poses=())
+    assert export_survey(silent, tmp_path / "none", ["motus"]) == []
 
 
 def test_what_was_exported_is_read_again_and_its_bursts_are_found(

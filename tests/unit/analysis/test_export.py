@@ -32,8 +32,13 @@ from uavrt.clock import iso_utc
 from uavrt.localization import PositionGrid
 from uavrt.localization.results import Caution
 from uavrt.recording import read_pulse_file
-from uavrt.recording.formats import read_bearing_file, read_position_file, read_pulses
-from uavrt.recording.places import mark_note
+from uavrt.recording.formats import (
+    read_bearing_file,
+    read_position_file,
+    read_pulse_log,
+    read_pulses,
+)
+from uavrt.recording.places import mark_note, vehicle_note
 from uavrt.simulation import Scenario
 
 WriteFlight = Callable[..., Path]
@@ -46,11 +51,13 @@ GPX_SCHEMA = """
  <xsd:element name="gpx"><xsd:complexType><xsd:sequence>
   <xsd:element name="metadata" minOccurs="0"><xsd:complexType><xsd:sequence>
    <xsd:element name="name" type="xsd:string" minOccurs="0"/>
+   <xsd:element name="desc" type="xsd:string" minOccurs="0"/>
    <xsd:element name="time" type="xsd:dateTime" minOccurs="0"/>
   </xsd:sequence></xsd:complexType></xsd:element>
   <xsd:element name="wpt" type="wptType" minOccurs="0" maxOccurs="unbounded"/>
   <xsd:element name="trk" minOccurs="0" maxOccurs="unbounded"><xsd:complexType>
    <xsd:sequence><xsd:element name="name" type="xsd:string" minOccurs="0"/>
+    <xsd:element name="desc" type="xsd:string" minOccurs="0"/>
     <xsd:element name="trkseg" minOccurs="0" maxOccurs="unbounded"><xsd:complexType>
      <xsd:sequence><xsd:element name="trkpt" type="wptType" minOccurs="0"
       maxOccurs="unbounded"/></xsd:sequence></xsd:complexType></xsd:element>
@@ -422,14 +429,82 @@ def test_marks_are_a_layer_and_a_table(survey: Survey, tmp_path: Path) -> None:
     assert "marks.csv" not in again, "marks of an earlier export are not this flight's"
 
 
+def test_beeps_are_a_sensorgnomes_pulses_and_detections_too(
+    survey: Survey, tmp_path: Path
+) -> None:
+    """Each beep is a line and, where it is confirmed, a detection; ours reads both back."""
+    export_survey(survey, tmp_path, ["motus"])
+    beeps = [one.pulse for one in survey.pulse_poses]
+    lines = read_pulse_log(tmp_path / "sensorgnome.txt").pulse_poses
+    assert len(lines) == len(beeps) > 50
+    for again, beep in zip(lines, beeps, strict=True):
+        assert again.pulse.frequency_hz == pytest.approx(beep.frequency_hz, abs=1.0)
+        assert again.pulse.snr_db == pytest.approx(beep.snr_db, abs=0.02)
+    confirmed = [beep for beep in beeps if beep.confirmed]
+    found = read_pulse_log(tmp_path / "detections.csv").pulse_poses
+    assert [one.pulse.tag_id for one in found] == [beep.tag_id for beep in confirmed]
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "detections.csv").read_text())))
+    assert {row["name"] for row in rows} == {"Kiwi & <Chick>"}
+    assert {row["slop"] for row in rows} == {""}, "a beep has no gaps inside"
+    assert all(abs(float(row["burstSlop"])) < 0.1 for row in rows)
+
+
+def of_vehicle(survey: Survey, name: str) -> Survey:
+    """The same flight, of which a ground station noted whose it is."""
+    return replace(survey, notes=((survey.track[0].time_ns, vehicle_note(2, name)),))
+
+
+def test_every_export_names_the_vehicle_that_flew(survey: Survey, tmp_path: Path) -> None:
+    """Files of several vehicles are laid over each other: each thing tells whose it is."""
+    files = exported(of_vehicle(survey, "mast & Söhne"), tmp_path)
+    for name in ("fixes.csv", "track.csv"):
+        rows = list(csv.DictReader(io.StringIO(files[name].decode())))
+        assert {row["vehicle"] for row in rows} == {"2, mast & Söhne"}, name
+    features = json.loads(files["flight.geojson"])["features"]
+    assert {one["properties"].get("vehicle") for one in features} == {"2, mast & Söhne"}
+    with closing(sqlite3.connect(tmp_path / "flight.gpkg")) as database:
+        for layer in ("pulses", "track", "bearings", "positions", "regions95"):
+            told = {row[0] for row in database.execute(f"SELECT vehicle FROM {layer}")}
+            assert told == {"2, mast & Söhne"}, layer
+    gpx = etree.fromstring(files["flight.gpx"])
+    for place in ("metadata/{*}desc", "wpt/{*}desc", "trk/{*}desc"):
+        described = gpx.find("{*}" + place)
+        assert described is not None, place
+        assert "vehicle 2, mast & Söhne" in (described.text or "")
+    etree.XMLSchema(etree.fromstring(GPX_SCHEMA)).assertValid(gpx)
+    for content in (files["flight.kml"], kml_of(files["flight.kmz"])):
+        document = etree.fromstring(content)[0]
+        assert [child.tag.rpartition("}")[2] for child in document[:2]] == [
+            *("name", "description")
+        ]
+        assert document[1].text == "vehicle 2, mast & Söhne"
+        assert content.decode().count("vehicle 2, mast &amp; Söhne") >= 3
+    (event,) = csv.DictReader(io.StringIO(files["movebank.csv"].decode()))
+    assert event["comments"] == "vehicle 2, mast & Söhne"
+
+
+def kml_of(kmz: bytes) -> bytes:
+    with zipfile.ZipFile(io.BytesIO(kmz)) as archive:
+        return archive.read("doc.kml")
+
+
+def test_a_flight_of_one_vehicle_that_nobody_named_has_no_empty_texts_about_it(
+    survey: Survey, tmp_path: Path
+) -> None:
+    files = exported(survey, tmp_path)
+    fix = next(csv.DictReader(io.StringIO(files["fixes.csv"].decode())))
+    assert fix["vehicle"] == ""
+    assert b"vehicle" not in files["flight.gpx"] + files["flight.kml"] + files["movebank.csv"]
+    assert "comments" not in files["movebank.csv"].decode().splitlines()[0]
+
+
 @pytest.mark.parametrize("form", EXPORT_FORMATS)
 def test_a_flight_of_any_name_is_exported_in_each_format(
     survey: Survey, tmp_path: Path, form: str
 ) -> None:
     named = replace(survey, name="飛行 <1>", notes=((survey.track[0].time_ns, "巣"),))
     written = export_survey(named, tmp_path / "飛行", [form])
-    coded_only = form == "motus"
-    assert bool(written) != coded_only
+    assert written
     assert all(path.stat().st_size for path in written)
     inside = b"".join(path.read_bytes() for path in written)
     if form in ("kml", "gpx", "movebank"):

@@ -266,4 +266,5 @@ def test_a_tag_that_was_heard_in_no_turn_has_a_reason(tmp_path: Path) -> None:
     ]
     (found,) = read_positions(as_log(tmp_path / "line.jsonl", moved))
     assert found.position is None
-    assert found.reason == "it was heard, but in no turn in place"
+    assert found.reason is not None
+    assert found.reason.startswith("it was heard, but in no turn in place")

@@ -234,6 +234,7 @@ def test_drones_that_fly_are_told_of_each_other_and_get_their_ways_in_turn(
     finally:
         for drone in drones.values():
             drone.close()
+        station.stop()
 
 
 def wait(what: Any) -> None:
@@ -242,3 +243,88 @@ def wait(what: Any) -> None:
             return
         time.sleep(0.02)
     raise AssertionError
+
+
+@pytest.fixture
+def willing_both(tmp_path: Path, serve: Any) -> Iterator[tuple[Any, dict[int, WillingDrone]]]:
+    """A station that serves vehicles 1 and 2, which do what they are told."""
+    station = serve(tmp_path / "ground")
+    drones = {1: WillingDrone(station.mavlink_port)}
+    until(station, lambda state: state["drone"]["system_id"] == 1)
+    assert station.ask("PUT", "/api/tags", TAGS).json["faults"] == []
+    drones[2] = WillingDrone(station.mavlink_port, system_id=2)
+    until(station, lambda state: state["drone"]["others"] == [2])
+    serve_second(station)
+    until(station, lambda state: state["drone"]["present"])
+    of_second(station, lambda state: state["drone"]["state"] is not None)
+    yield station, drones
+    for drone in drones.values():
+        drone.close()
+    station.stop()
+
+
+def to_all(station: Any, name: str, page: str | None = None) -> dict[int, tuple[bool, str]]:
+    headers = {} if page is None else {"X-Page": page}
+    answer = station.ask("POST", f"/api/vehicles/commands/{name}", {}, headers)
+    assert answer.status == 200, answer.json
+    told = answer.json["answers"]
+    assert answer.json["accepted"] == all(one["accepted"] for one in told)
+    return {one["system_id"]: (one["accepted"], one["message"]) for one in told}
+
+
+def test_all_vehicles_get_their_tags_start_and_stop_at_one_word(
+    willing_both: tuple[Any, dict[int, WillingDrone]],
+) -> None:
+    station, drones = willing_both
+    assert to_all(station, "send_tags") == {1: (True, "1 tags sent"), 2: (True, "1 tags sent")}
+    assert [drone.tags for drone in drones.values()] == [1, 1]
+    assert [accepted for accepted, _ in to_all(station, "start").values()] == [True, True]
+    assert {drone.state for drone in drones.values()} == {SystemState.DETECTING}
+    assert to_all(station, "stop") == {1: (True, "stopped"), 2: (True, "stopped")}
+    assert {drone.state for drone in drones.values()} == {SystemState.HAS_TAGS}
+
+
+def test_one_vehicle_that_cannot_start_keeps_no_other_from_it_and_says_why(
+    willing_both: tuple[Any, dict[int, WillingDrone]],
+) -> None:
+    station, drones = willing_both
+    assert station.ask("POST", "/api/commands/send_tags", {}).status == 200
+    until(station, lambda state: state["drone"]["state"] == "has_tags")
+    answers = to_all(station, "start")
+    assert answers[1][0]
+    assert answers[2] == (False, "Send the tags first")
+    assert drones[1].state is SystemState.DETECTING
+
+
+def test_a_page_that_looks_on_stops_all_and_starts_none(
+    willing_both: tuple[Any, dict[int, WillingDrone]],
+) -> None:
+    """As of one vehicle: to stop can be urgent."""
+    station, drones = willing_both
+    to_all(station, "send_tags")
+
+    async def looking_on() -> None:
+        addresses = ["/api/records", "/vehicle/2/api/records"]
+        base = f"ws://127.0.0.1:{station.port}"
+        async with (
+            connect(f"{base}{addresses[0]}?page=one") as first,
+            connect(f"{base}{addresses[1]}?page=one") as second,
+        ):
+            await asyncio.gather(first.recv(), second.recv())
+            refused = await asyncio.to_thread(to_all, station, "start", "two")
+            assert [accepted for accepted, _ in refused.values()] == [False, False]
+            assert all("take command first" in text for _, text in refused.values())
+            started = await asyncio.to_thread(to_all, station, "start", "one")
+            assert [accepted for accepted, _ in started.values()] == [True, True]
+            stopped = await asyncio.to_thread(to_all, station, "stop", "two")
+            assert [accepted for accepted, _ in stopped.values()] == [True, True]
+
+    asyncio.run(looking_on())
+    assert {drone.state for drone in drones.values()} == {SystemState.HAS_TAGS}
+
+
+@pytest.mark.parametrize("name", ["capture", "mark", "goto", "rotate", "restart"])
+def test_nothing_but_tags_start_and_stop_goes_to_all(served: Any, name: str) -> None:
+    answer = served.ask("POST", f"/api/vehicles/commands/{name}", {})
+    assert answer.status == 404
+    assert "no command to all" in answer.json["error"]

@@ -59,7 +59,8 @@ def export_survey(
         pictures), ``gpx``,
         ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one; of a
         survey with a monopole the strength, and that of each layer of heights), ``motus``
-        (bursts of coded tags, where there are any). None: all.
+        (bursts and beeps as a SensorGnome and find_tags write them, where there are any).
+        None: all.
 
     Returns
     -------
@@ -170,7 +171,7 @@ def as_grid(surface: SignalSurface) -> PositionGrid:
 
 
 def _motus(survey: Survey, directory: Path) -> list[Path]:
-    """Write bursts of coded tags; of a flight without them nothing."""
+    """Write bursts and beeps; of a flight that heard none nothing."""
     if not bursts.has_bursts(survey):
         return []
     files = {

@@ -1,9 +1,10 @@
-"""Bursts of coded tags for the programs of automated telemetry: SensorGnome and Motus.
+"""Pulses and bursts for the programs of automated telemetry: SensorGnome and Motus.
 
 SensorGnome's pulse file has a line for each pulse, which ``find_tags`` looks for codes in: on
 each port for tags of the nominal frequency that is nearest to what the port is tuned to, and no
 others. So each nominal frequency has a port of its own. The detections have a row for each
 burst, with the columns of ``find_tags``' hits and the nominal frequency, as Motus tells it.
+A beep is a burst of one pulse: it has a row, and no gaps.
 """
 
 import csv
@@ -30,12 +31,13 @@ DETECTION_COLUMNS = (
 
 
 def has_bursts(survey: Survey) -> bool:
-    """Whether a coded tag was heard."""
-    return any(one.pulse.burst_starts_ns for one in survey.every_pulse)
+    """Whether any tag was heard, a coded one or one that beeps."""
+    return bool(_bursts(survey))
 
 
 def _bursts(survey: Survey) -> list[PulsePose]:
-    found = [one for one in survey.every_pulse if one.pulse.burst_starts_ns]
+    """Bursts and beeps; what is below the threshold a SensorGnome does not write."""
+    found = [one for one in survey.every_pulse if _written(one.pulse)]
     return sorted(found, key=lambda one: one.pulse.start_time_ns)
 
 
@@ -78,8 +80,21 @@ def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
     return [_Port(number=numbers[hz], tuned_hz=hz) for hz in all_hz]
 
 
+def _written(pulse: Pulse) -> bool:
+    if pulse.burst_starts_ns:
+        return True
+    return pulse.detection_status != "subthreshold" and math.isfinite(pulse.frequency_hz)
+
+
+def _levels(pulse: Pulse) -> list[tuple[int, float]]:
+    """Start [ns] and SNR [dB] of each pulse of a burst; a beep is one."""
+    if not pulse.burst_starts_ns:
+        return [(pulse.start_time_ns, pulse.snr_db)]
+    return list(zip(pulse.burst_starts_ns, pulse.burst_snrs_db, strict=True))
+
+
 def sensorgnome_text(survey: Survey) -> str:
-    """Pulses of all bursts, and where the drone was, as a SensorGnome writes them.
+    """Beeps, pulses of all bursts, and where the drone was, as a SensorGnome writes them.
 
     ``p<port>,<time>,<kHz from the tuned frequency>,<signal dB>,<noise dB>``; ``S`` tells the
     frequency in megahertz that a port is tuned to, ``G`` a place. Levels are over 1 unit² of
@@ -101,7 +116,7 @@ def sensorgnome_text(survey: Survey) -> str:
             rows.append((pulse.start_time_ns, _place_line(pulse.start_time_ns, one.pose)))
         away_khz = (pulse.frequency_hz - port.tuned_hz) / 1e3
         noise_db = _noise_db(pulse)
-        for start_ns, snr_db in zip(pulse.burst_starts_ns, pulse.burst_snrs_db, strict=True):
+        for start_ns, snr_db in _levels(pulse):
             begin = f"p{port.number},{_seconds(start_ns)},{away_khz:.3f}"
             rows.append((start_ns, f"{begin},{noise_db + snr_db:.2f},{noise_db:.2f}"))
     lines += [line for _, line in sorted(rows, key=lambda row: row[0])]
@@ -109,7 +124,7 @@ def sensorgnome_text(survey: Survey) -> str:
 
 
 def detections_csv(survey: Survey) -> str:
-    """Confirmed bursts with their runs, in the columns of ``find_tags``.
+    """Confirmed bursts and beeps with their runs, in the columns of ``find_tags``.
 
     ``freq`` is in kilohertz from ``nomFreq``, which is in megahertz. All pulses of a burst
     share one frequency here, so that nobody knows ``freqsd``.
@@ -161,7 +176,7 @@ def _noise_db(pulse: Pulse) -> float:
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
     """How much the gaps differ from those of the code, together [s]."""
     starts_ns: Sequence[int] = pulse.burst_starts_ns
-    if tag is None or len(starts_ns) != len(tag.gaps_s) + 1:
+    if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""
     pairs = zip(starts_ns, starts_ns[1:], tag.gaps_s, strict=False)
     off_s = (abs((b - a) / NANOSECONDS_PER_SECOND - gap_s) for a, b, gap_s in pairs)
@@ -173,7 +188,8 @@ def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND
-    interval_s = tag.pulse_intervals_s[0]
+    rate = min(max(pulse.rate, 1), len(tag.pulse_intervals_s))
+    interval_s = tag.pulse_intervals_s[rate - 1]
     return f"{passed_s - max(1, round(passed_s / interval_s)) * interval_s:.5f}"
 
 

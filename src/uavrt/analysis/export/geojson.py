@@ -30,6 +30,8 @@ def geojson_text(survey: Survey) -> str:
     """Write track, pulses, bearings with wedges, positions with regions and ways, and marks."""
     features = [*_track(survey), *_pulses(survey), *_bearings(survey), *_positions(survey)]
     features += [*_strongest(survey), *_integrated(survey), *_marks(survey)]
+    for one in features:
+        one["properties"]["vehicle"] = survey.vehicle
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
 
 

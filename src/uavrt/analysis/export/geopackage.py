@@ -105,9 +105,11 @@ def write_geopackage(survey: Survey, path: Path) -> None:
         database.executemany(
             "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _SYSTEMS
         )
+        vehicle = {"vehicle": survey.vehicle}
         for name, kind, features in _layers(survey):
             if features:
-                _layer(database, name, kind, features)
+                told = [(points, one | vehicle) for points, one in features]
+                _layer(database, name, kind, told)
 
 
 def geometry_blob(kind: str, points: Sequence[Point]) -> bytes:

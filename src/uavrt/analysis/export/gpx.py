@@ -18,6 +18,9 @@ def gpx_text(survey: Survey) -> str:
     root.set("xmlns", NAMESPACE)
     metadata = ET.SubElement(root, "metadata")
     ET.SubElement(metadata, "name").text = printable(survey.name)
+    vehicle = None if survey.vehicle is None else printable(f"vehicle {survey.vehicle}")
+    if vehicle is not None:
+        ET.SubElement(metadata, "desc").text = vehicle
     span = survey.span_ns
     if span is not None:
         ET.SubElement(metadata, "time").text = iso_utc(span[0])
@@ -33,6 +36,7 @@ def gpx_text(survey: Survey) -> str:
         told = [one.text for one in position.cautions]
         if position.radius95_m is not None:
             told.insert(0, f"within {position.radius95_m:.0f} m with 95 %")
+        told += [] if vehicle is None else [f"heard by {vehicle}"]
         if told:
             ET.SubElement(point, "desc").text = printable("; ".join(told))
         ET.SubElement(point, "type").text = "tag position"
@@ -45,6 +49,8 @@ def gpx_text(survey: Survey) -> str:
     if track:
         line = ET.SubElement(root, "trk")
         ET.SubElement(line, "name").text = printable(survey.name)
+        if vehicle is not None:
+            ET.SubElement(line, "desc").text = vehicle
         segment = ET.SubElement(line, "trkseg")
         for pose in track:
             point = _point(segment, "trkpt", pose.latitude_deg, pose.longitude_deg)

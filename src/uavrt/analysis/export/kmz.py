@@ -74,10 +74,16 @@ def _document(survey: Survey, files: dict[str, bytes]) -> ET.Element:
     root = ET.Element("kml", xmlns=NAMESPACE)
     document = ET.SubElement(root, "Document")
     _text(document, "name", survey.name)
+    vehicle = None if survey.vehicle is None else f"vehicle {survey.vehicle}"
+    if vehicle is not None:
+        _text(document, "description", vehicle)
     _styles(document)
     track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
     if len(track) > 1:
-        _geometry(_placemark(document, "track", "track"), "LineString", track)
+        flown = _placemark(document, "track", "track")
+        if vehicle is not None:
+            _text(flown, "description", vehicle, before="styleUrl")
+        _geometry(flown, "LineString", track)
     for tag_id in survey.tag_ids:
         _tag(document, survey, tag_id, files)
     for seen in survey.marks:
@@ -216,7 +222,8 @@ def _described(survey: Survey, tag_id: int) -> str:
         text += f"; from the strength of {position.pulses} pulses"
     else:
         text += f"; from {position.stations} bearings"
-    return "; ".join([text, *(one.text for one in position.cautions)])
+    heard = [] if survey.vehicle is None else [f"heard by vehicle {survey.vehicle}"]
+    return "; ".join([text, *heard, *(one.text for one in position.cautions)])
 
 
 def _bearings(folder: ET.Element, survey: Survey, tag_id: int) -> None:

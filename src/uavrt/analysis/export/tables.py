@@ -21,7 +21,7 @@ MOVEBANK_COLUMNS = (
     *("event-id", "timestamp", "location-long", "location-lat", "sensor-type"),
     *("individual-local-identifier", "tag-local-identifier", "tag-beacon-frequency"),
     *("location-error-numerical", "location-error-percentile", "location-error-text"),
-    "algorithm-marked-outlier",
+    *("algorithm-marked-outlier", "comments"),
 )
 REFERENCE_COLUMNS = (
     *("tag-id", "animal-id", "animal-nickname", "tag-beacon-frequency"),
@@ -50,14 +50,16 @@ def track_csv(survey: Survey) -> str:
     """Every pose of the vehicle."""
     header = (
         *("time_ns", "latitude_deg", "longitude_deg", "altitude_amsl_m"),
-        *("altitude_relative_m", "qw", "qx", "qy", "qz"),
+        *("altitude_relative_m", "qw", "qx", "qy", "qz", "vehicle"),
     )
+    vehicle = survey.vehicle or ""
     rows = (
         (
             pose.time_ns,
             *(f"{degrees:.9f}" for degrees in (pose.latitude_deg, pose.longitude_deg)),
             *map(_metres, (pose.altitude_amsl_m, pose.altitude_relative_m)),
             *(f"{part:.9f}" for part in pose.quaternion_wxyz),
+            vehicle,
         )
         for pose in survey.track
     )
@@ -98,21 +100,22 @@ def fixes_csv(survey: Survey) -> str:
     header = (
         *("tag_id", "name", "time_utc", "method", "latitude_deg", "longitude_deg"),
         *("radius50_m", "radius95_m", "bearings", "may_be_farther_out"),
-        *("cautions", "cautions_in_words", "reason"),
+        *("cautions", "cautions_in_words", "reason", "vehicle"),
     )
     rows = []
+    vehicle = survey.vehicle or ""
     for tag_id in survey.tag_ids:
         tag, found = survey.tag(tag_id), survey.position_of(tag_id)
         name = "" if tag is None else tag.name or ""
         if found is None or found.position is None:
             reason = "no bearing was taken" if found is None else found.reason
-            rows.append((tag_id, name, *[""] * 10, reason))
+            rows.append((tag_id, name, *[""] * 10, reason, vehicle))
             continue
         position = found.position
         place = (f"{position.latitude_deg:.9f}", f"{position.longitude_deg:.9f}")
         radii = (_metres(position.radius50_m), _metres(position.radius95_m))
         rest = (position.stations, str(position.at_edge).lower())
-        doubts = (*cautions_of(position).values(), "")
+        doubts = (*cautions_of(position).values(), "", vehicle)
         time_ns = survey.position_time_ns(tag_id)
         time = "" if time_ns is None else iso_utc(time_ns)
         rows.append((tag_id, name, time, position.method, *place, *radii, *rest, *doubts))
@@ -123,7 +126,7 @@ def ways_csv(survey: Survey) -> str:
     """Where each tag that moved was, at each time of its way."""
     header = (
         *("tag_id", "name", "time_utc", "latitude_deg", "longitude_deg"),
-        *("radius50_m", "radius95_m"),
+        *("radius50_m", "radius95_m", "vehicle"),
     )
     rows = []
     for each in survey.positions:
@@ -132,7 +135,8 @@ def ways_csv(survey: Survey) -> str:
             place = (f"{one.latitude_deg:.9f}", f"{one.longitude_deg:.9f}")
             radii = (_metres(one.radius50_m), _metres(one.radius95_m))
             name = "" if tag is None else tag.name or ""
-            rows.append((each.tag_id, name, iso_utc(one.time_ns), *place, *radii))
+            time = iso_utc(one.time_ns)
+            rows.append((each.tag_id, name, time, *place, *radii, survey.vehicle or ""))
     return _csv(header, rows)
 
 
@@ -202,6 +206,7 @@ def _movebank_row(
         # What says no more than a direction is no place, and bearings that contradict each
         # other tell none that can be trusted; Movebank hides such by default.
         str(position.at_edge or not radius or contradicted).lower(),
+        "" if survey.vehicle is None else f"vehicle {survey.vehicle}",
     )
     return dict(zip(MOVEBANK_COLUMNS, told, strict=True))
 

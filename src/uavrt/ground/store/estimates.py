@@ -7,7 +7,7 @@ the flight gives the position, by the function of the report and the command lin
 """
 
 import base64
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,6 +34,7 @@ from uavrt.localization import (
     PositionGrid,
     PulseColumns,
     Rhythm,
+    Strengths,
     TangentPlane,
     Turn,
     antenna_as_shown,
@@ -41,6 +42,7 @@ from uavrt.localization import (
     heard_in,
     position_of_bearings,
     region_outlines,
+    strengths_of,
     teaching,
     turns_in,
     yaws_deg,
@@ -91,6 +93,8 @@ class Estimates:
     positions: list[Record]
     found: Found = field(default_factory=dict)
     """The bearings of each tag as they are, for other vehicles' positions of it."""
+    strengths: dict[int, Strengths] = field(default_factory=dict)
+    """Of the tags that were heard and of which there is no bearing, likewise."""
 
     def record(self) -> dict[str, list[Record]]:
         """What a page is told."""
@@ -98,12 +102,43 @@ class Estimates:
 
     @property
     def told(self) -> tuple[tuple[int, int, int, float], ...]:
-        """What changes when more is found: tag, turn, pulses and bearing of each."""
-        return tuple(
+        """What changes when more is found: tag, turn, pulses and bearing of each.
+
+        Of strengths the number of places and, to a decibel, their sum.
+        """
+        bearings = tuple(
             (tag_id, turn.start_time_ns, bearing.pulses, bearing.bearing_deg)
             for tag_id, items in self.found.items()
             for turn, (bearing, _) in items
         )
+        return bearings + tuple(
+            (tag_id, -1, len(one.level_db), float(round(one.level_db.sum())))
+            for tag_id, one in self.strengths.items()
+        )
+
+
+_SURVEY_ALONE = "a survey by strength has a position of its own"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Others:
+    """What other vehicles know of the tags, and what this one is called among them."""
+
+    found: Sequence[Found]
+    strengths: Sequence[Mapping[int, Strengths]]
+    name: str
+
+    def together(
+        self, tag_id: int, own: list[tuple[Turn, tuple[Bearing, Record]]]
+    ) -> list[tuple[Turn, tuple[Bearing, Record]]]:
+        """All bearings of a tag, in order of time."""
+        theirs = [item for each in self.found for item in each.get(tag_id, [])]
+        return sorted(own + theirs, key=lambda item: item[0].start_time_ns)
+
+    def listeners(self, tag_id: int, own: Strengths | None) -> list[Strengths]:
+        """All that heard a tag without turning; one alone beside no others tells nothing."""
+        theirs = [each[tag_id] for each in self.strengths if tag_id in each]
+        return theirs if own is None else [own, *theirs]
 
 
 class Estimator:
@@ -147,11 +182,15 @@ class Estimator:
         tags: Sequence[Tag] = (),
         beside: Sequence[Found] = (),
         past: Sequence[HeardInTurn] = (),
+        strengths: Sequence[Mapping[int, Strengths]] = (),
+        name: str = "this vehicle",
     ) -> Estimates:
         """Estimate all bearings and positions of a flight as it is now.
 
-        What other vehicles have found `beside` goes into the positions, too; with a monopole
-        it does not. Turns of `past` flights teach the antenna's pattern with its own.
+        What other vehicles have found `beside`, and the `strengths` of those that did not turn,
+        go into the positions, too; a survey by strength with a monopole stands by itself. To
+        others this vehicle's own strengths are those of its `name`. Turns of `past` flights
+        teach the antenna's pattern with its own.
 
         Of the tags that are listed, pulses that must have come and were not heard count too.
         A bearing of the drone's own stands where it knows of more pulses of that turn than
@@ -159,7 +198,8 @@ class Estimator:
         """
         self._used_bearings, self._used_positions = {}, {}
         try:
-            return self._estimate(columns, antenna, from_drone, tags, beside, past)
+            others = _Others(found=beside, strengths=strengths, name=name)
+            return self._estimate(columns, antenna, from_drone, tags, others, past)
         finally:
             self._bearings, self._positions = self._used_bearings, self._used_positions
 
@@ -169,13 +209,13 @@ class Estimator:
         antenna: AntennaChoice,
         from_drone: Sequence[LiveBearing],
         tags: Sequence[Tag],
-        beside: Sequence[Found],
+        others: "_Others",
         past: Sequence[HeardInTurn],
     ) -> Estimates:
         poses = _pose_columns(columns)
         over = self._over_ground(columns, poses, antenna.dem)
         if antenna.pattern == MONOPOLE:
-            return self._of_strength(columns, poses, tags, antenna, over)
+            return self._of_strength(columns, poses, tags, antenna, over, others)
         turns = turns_in(poses)
         rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags}
         tag_ids = sorted({int(tag_id) for tag_id in np.unique(columns["tag_id"])})
@@ -192,7 +232,8 @@ class Estimator:
         bearings: list[Record] = []
         positions: list[Record] = []
         own: Found = {}
-        told = {tag_id for each in beside for tag_id in each}
+        levels: dict[int, Strengths] = {}
+        told = {tag_id for each in others.found for tag_id in each}
         for tag_id in sorted(set(tag_ids) | {one.tag_id for one in from_drone} | told):
             found = [
                 (one.turn, bearing)
@@ -207,13 +248,20 @@ class Estimator:
             found = _with_the_drones(found, theirs, len(turns))
             bearings += [record for _, (_, record) in found]
             own[tag_id] = found
-            theirs_too = [item for each in beside for item in each.get(tag_id, [])]
-            together = sorted(found + theirs_too, key=lambda item: item[0].start_time_ns)
-            position = self._position(tag_id, together, antenna, over)
+            if not found and tag_id in tag_ids:
+                pulses = _pulse_columns(columns, tag_id, antenna.offset_deg)
+                if len(pulses.time_ns):
+                    levels[tag_id] = strengths_of(
+                        *(others.name, pulses, poses, antenna.pattern), rhythms.get(tag_id)
+                    )
+            position = self._position(
+                *(tag_id, others.together(tag_id, found), antenna, over),
+                others.listeners(tag_id, levels.get(tag_id)),
+            )
             if position is not None:
                 positions.append(position)
         own = {tag_id: found for tag_id, found in own.items() if found}
-        return Estimates(bearings=bearings, positions=positions, found=own)
+        return Estimates(bearings=bearings, positions=positions, found=own, strengths=levels)
 
     def _of_strength(
         self,
@@ -222,13 +270,18 @@ class Estimator:
         tags: Sequence[Tag],
         antenna: AntennaChoice,
         over: OverGround | None,
+        others: "_Others",
     ) -> Estimates:
-        """Positions from a survey with a monopole."""
+        """Positions from a survey with a monopole; at one place, from others' bearings."""
         listed = {tag.tag_id: tag for tag in tags}
         positions = []
-        for tag_id in sorted({int(tag_id) for tag_id in np.unique(columns["tag_id"])}):
+        levels: dict[int, Strengths] = {}
+        own_ids = {int(tag_id) for tag_id in np.unique(columns["tag_id"])}
+        for tag_id in sorted(own_ids | {tag_id for each in others.found for tag_id in each}):
             heard = _strength(columns, tag_id)
             if not len(heard.time_ns):
+                position = self._of_others(tag_id, antenna, over, others, None)
+                positions += [] if position is None else [position]
                 continue
             ground = None if over is None else over.hills.name
             key = (
@@ -248,9 +301,31 @@ class Estimator:
                     else _position_record(tag_id, found.position, end_ns)
                 )
             position = self._used_positions[key] = self._positions[key]
+            tag = listed.get(tag_id)
+            levels[tag_id] = strengths_of(
+                *(others.name, _pulse_columns(columns, tag_id, 0.0), poses, MONOPOLE),
+                None if tag is None else Rhythm.of(tag),
+            )
+            if position is None:
+                position = self._of_others(tag_id, antenna, over, others, levels[tag_id])
+            else:
+                levels[tag_id] = replace(levels[tag_id], unused=_SURVEY_ALONE)
             if position is not None:
                 positions.append(position)
-        return Estimates(bearings=[], positions=positions)
+        return Estimates(bearings=[], positions=positions, strengths=levels)
+
+    def _of_others(
+        self,
+        tag_id: int,
+        antenna: AntennaChoice,
+        over: OverGround | None,
+        others: "_Others",
+        own: Strengths | None,
+    ) -> Record | None:
+        """The position of a tag by others' bearings, and all strengths."""
+        return self._position(
+            *(tag_id, others.together(tag_id, []), antenna, over), others.listeners(tag_id, own)
+        )
 
     def _over_ground(self, columns: Columns, poses: PoseColumns, dem: str) -> OverGround | None:
         """The ground of the flight; what was computed of it stays while the take-off does."""
@@ -300,6 +375,7 @@ class Estimator:
         found: Sequence[tuple[Turn, tuple[Bearing, Record]]],
         antenna: AntennaChoice,
         over: OverGround | None,
+        listeners: Sequence[Strengths],
     ) -> Record | None:
         if not any(bearing.accepted for _, (bearing, _) in found):
             return None
@@ -310,9 +386,10 @@ class Estimator:
             ),
             antenna.heading_sigma_deg,
             None if over is None else over.hills.name,
+            tuple((one.told, one.level_db.tobytes()) for one in listeners),
         )
         if key not in self._positions:
-            self._positions[key] = _position(tag_id, found, antenna, over)
+            self._positions[key] = _position(tag_id, found, antenna, over, listeners)
         self._used_positions[key] = self._positions[key]
         return self._positions[key]
 
@@ -493,6 +570,7 @@ def _position(
     found: Sequence[tuple[Turn, tuple[Bearing, Record]]],
     antenna: AntennaChoice,
     over: OverGround | None,
+    listeners: Sequence[Strengths],
 ) -> Record | None:
     records = [record for _, (_, record) in found]
     try:
@@ -503,6 +581,7 @@ def _position(
             [bearing for _, (bearing, _) in found],
             heading_sigma_deg=antenna.heading_sigma_deg,
             over=over,
+            listeners=listeners,
         )
     except UsageError:
         return None

@@ -1,13 +1,23 @@
-"""Routes by which a page lets further vehicles be served."""
+"""Routes by which a page lets further vehicles be served, and commands all at once."""
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 from starlette.requests import Request
 
-from uavrt.errors import UsageError
+from uavrt.errors import UavrtError, UsageError
 from uavrt.ground.fleet import Fleet
-from uavrt.ground.web.api import json_body
+from uavrt.ground.link import Commands
+from uavrt.ground.session import GroundSession
+from uavrt.ground.web.api import FOR_ALL, Answer, json_body
+
+TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
+    "send_tags": Commands.send_tags,
+    "start": Commands.start,
+    "stop": Commands.stop,
+}
+"""What may be asked of all vehicles at once; nothing that moves one."""
 
 
 class FleetApi:
@@ -28,6 +38,7 @@ class FleetApi:
             ("/vehicles", "GET", self.vehicles),
             ("/vehicles", "POST", self.serve),
             ("/vehicles/{number:int}", "DELETE", self.leave),
+            ("/vehicles/commands/{name}", "POST", self.command),
         ]
 
     async def vehicles(self, request: Request) -> Any:
@@ -49,3 +60,31 @@ class FleetApi:
         self._fleet.first.commander.check(request.headers.get("x-page"))
         await self._fleet.leave(int(request.path_params["number"]))
         return self._fleet.records()
+
+    async def command(self, request: Request) -> Any:
+        """Ask the same of all vehicles at once; each answers for itself.
+
+        What keeps one vehicle from it keeps no other: a page commands those that it may.
+        """
+        name, page = request.path_params["name"], request.headers.get("x-page")
+        if name not in TO_ALL:
+            known = ", ".join(TO_ALL)
+            return Answer(404, {"error": f"there is no command to all {name[:40]!r}: {known}"})
+        answers = await asyncio.gather(
+            *(_answer(session, name, page) for session in self._fleet.sessions)
+        )
+        return {"accepted": all(one["accepted"] for one in answers), "answers": answers}
+
+
+async def _answer(session: GroundSession, name: str, page: str | None) -> dict[str, Any]:
+    """One vehicle's answer, under the rules of a command to it alone."""
+    who = {
+        "system_id": session.identity.system_id,
+        "name": session.store.settings.vehicle_name,
+    }
+    try:
+        if name not in FOR_ALL:
+            session.commander.check(page)
+        return who | {"accepted": True, "message": await TO_ALL[name](session.commands)}
+    except UavrtError as error:
+        return who | {"accepted": False, "message": str(error)}

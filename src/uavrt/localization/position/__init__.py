@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         power_tables,
     )
     from uavrt.localization.position.stations import Stations
+    from uavrt.localization.position.strengths import Strengths
 
 __all__ = [
     "ADDED_METHODS",
@@ -71,6 +72,7 @@ __all__ = [
     "PowerTrack",
     "Propagation",
     "Stations",
+    "Strengths",
     "antenna_gain_db",
     "by_chance_density",
     "doubtful_db",
@@ -100,6 +102,7 @@ __getattr__ = lazily(
         "REFERENCE_M": "level_belief",
         "LossError": "loss_error",
         "Stations": "stations",
+        "Strengths": "strengths",
         "WALKING_M_S": "common_errors",
         "WALKING_SHARE": "common_errors",
         "WRONG_COMPASS_DEG": "common_errors",

@@ -1,7 +1,7 @@
 """Priors and likelihood of a place, given bearings and powers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from uavrt.localization.position.level_evidence import LevelEvidence, Propagatio
 from uavrt.localization.position.over_hills import OverHills
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.strengths import JoinedLevels, Levels, Strengths
 from uavrt.localization.survey_errors import SurveyErrors, SurveyEvidence
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain import HillLosses
@@ -62,10 +63,17 @@ class Model:
         self._surveyed = _area(self.tracks, 0.0)
         self.hills = self._hills_around()
         self.bearings: list[BearingEvidence] = []
-        self._levels = None
+        self._levels: LevelEvidence | JoinedLevels | None = None
+        self.listeners: tuple[Strengths, ...] = ()
         if stations is not None:
             self.bearings = _bearing_evidence(stations, self.plane, known)
-            self._levels = _level_evidence(stations, self, known.propagation)
+            self.listeners = _judged(stations, self)
+            usable = tuple(one for one in self.listeners if one.unused is None)
+            self._levels = (
+                _joined_levels(stations, usable, self, known.propagation)
+                if usable
+                else _level_evidence(stations, self, known.propagation)
+            )
         self.track = None if powers is None else _power_evidence(powers, self, known)
         self._near_track = _prior_near_track(
             self._surveyed, sum(_length_m(*one) for one in self.tracks)
@@ -154,6 +162,52 @@ def _level_evidence(
         propagation,
         OverHills.of(hills, east, north, height),
     )
+
+
+_HILLS_UNKNOWN = "what hills take from them is not reckoned with"
+_NO_LEVELS = "not every bearing tells how strong the tag was"
+
+
+def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
+    """The receivers that never turned, with the reason where one cannot be used here."""
+    why = None
+    if model.hills is not None:
+        why = _HILLS_UNKNOWN
+    elif stations.level_db is None:
+        why = _NO_LEVELS
+    return tuple(
+        one if why is None or one.unused is not None else replace(one, unused=why)
+        for one in stations.listeners
+    )
+
+
+def _joined_levels(
+    stations: Stations,
+    listeners: tuple[Strengths, ...],
+    model: Model,
+    propagation: Propagation,
+) -> JoinedLevels:
+    """Levels of the rotations and of receivers that never turned."""
+    assert stations.level_db is not None
+    east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
+    nothing = np.zeros(len(east))
+    places = [model.plane.to_local(one.latitude_deg, one.longitude_deg) for one in listeners]
+    sigma = nothing if stations.level_sigma_db is None else stations.level_sigma_db
+    height = nothing if stations.height_m is None else stations.height_m
+    levels = Levels(
+        east_m=np.concatenate([east, *(one for one, _ in places)]),
+        north_m=np.concatenate([north, *(one for _, one in places)]),
+        height_m=np.concatenate([height, *(one.height_m for one in listeners)]),
+        level_db=np.concatenate([stations.level_db, *(one.level_db for one in listeners)]),
+        sigma_db=np.concatenate([sigma, *(one.sigma_db for one in listeners)]),
+        group=np.concatenate(
+            [
+                np.full(len(east), -1),
+                *(np.full(len(one.level_db), n) for n, one in enumerate(listeners)),
+            ]
+        ),
+    )
+    return JoinedLevels(levels, listeners, propagation)
 
 
 def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floats:

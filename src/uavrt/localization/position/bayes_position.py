@@ -130,6 +130,7 @@ def bayes_position(
         + (() if model.track is None else cautions_of_survey(model.track))
         + _cautions_of_ground(known),
         foreign_pulses=0 if model.track is None else model.track.foreign,
+        listeners=tuple(one.told for one in model.listeners),
     )
     if widenings:
         position = replace(position, widenings=_widenings(model, solved, position))

@@ -16,6 +16,7 @@ Follow = Literal["never", "contradicted", "always"]
 """When a track is sought: not at all; where the tag cannot rest; whatever it does."""
 _CONTRADICTS = frozenset({"walk", "contradiction"})
 _RESTING_FADING_DB = 6.0
+_MOVES = "the tag moved, and its way is followed by bearings"
 """Fading that a way is sought with where the tag seems to rest: neighbours may fade alike."""
 _SURVEY_MARGIN = 0.25
 """Of a survey's extent: so far outside a tag that walks is looked for."""
@@ -67,7 +68,8 @@ def _by_bearings(position: Position, model: Model, follow: Follow) -> Position:
     )
     heading_sigma_deg = model.known.heading_sigma_deg
     way = way_by_bearings(stations, model.plane, around, heading_sigma_deg=heading_sigma_deg)
-    return replace(position, track=way)
+    left_out = tuple(one.because(_MOVES) for one in model.listeners)
+    return replace(position, track=way, listeners=left_out)
 
 
 def _by_powers(

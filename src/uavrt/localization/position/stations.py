@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavrt.localization.position.strengths import Strengths
 from uavrt.localization.results import Bearing, SharedError
 
 _Floats = NDArray[np.float64]
@@ -36,6 +37,8 @@ class Stations:
     without: tuple["StationsWithout", ...] = ()
     """The bearings without each prior of what a turn's pulses may share; empty where the
     bearings do not tell."""
+    listeners: tuple[Strengths, ...] = ()
+    """What receivers that never turned heard of the tag, to the method ``bayes``."""
 
     @classmethod
     def of(

@@ -1,0 +1,153 @@
+"""From one receiver's pulses outside of turns to levels at the places where it stood."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
+from uavrt.localization.flight_estimates import PoseColumns, PulseColumns, Rhythm
+from uavrt.localization.headings import yaws_deg
+from uavrt.localization.position.strengths import Strengths
+from uavrt.tangent_plane import plane_around
+from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180
+
+_Floats = NDArray[np.float64]
+
+_ONE_PLACE_M = 20.0
+_ONE_HEADING_DEG = 20.0
+_LEAST_PULSES = 3
+_MOST_PLACES = 24
+"""Of one receiver, those with the most pulses: all its places share one unknown gain."""
+_HEARD_SHARE = 0.5
+"""A receiver that missed more of a tag's pulses heard the strong ones alone."""
+
+
+def strengths_of(
+    listener: str,
+    pulses: PulseColumns,
+    poses: PoseColumns,
+    antenna: AntennaPattern | str,
+    rhythm: Rhythm | None = None,
+) -> Strengths:
+    """Put a tag's pulses into levels, one for each place and heading.
+
+    Parameters
+    ----------
+    listener : str
+        Whose they are, for the operator.
+    pulses : PulseColumns
+        Of one tag, in order of time.
+    poses : PoseColumns
+        Of the vehicle: what stood on the ground by its autopilot's word is left out.
+    antenna : AntennaPattern or str
+        The pattern; a monopole's name for an upright monopole.
+    rhythm : Rhythm, optional
+        With it, pulses that must have come and were not heard count as weaker than those that
+        were.
+    """
+    monopole = antenna == MONOPOLE
+    pattern = None if monopole else pattern_named(antenna)
+    flown = _off_ground(pulses.time_ns, poses.on_ground_ns)
+    yaw = yaws_deg(pulses.quaternion_wxyz)
+    stood = [
+        part
+        for part in _standing(pulses, yaw, flown, one_heading=not monopole)
+        if len(part) >= _LEAST_PULSES
+    ]
+    if not stood:
+        why = (
+            "they were heard on the ground, before or after a flight"
+            if len(flown) < len(pulses.time_ns)
+            else "there are no three of them at one place and heading"
+        )
+        return _levels(listener, pulses, yaw, poses, pattern, [], why)
+    told = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
+    told = sorted(sorted(told, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
+    missed = None if told else "it missed more of them than it heard"
+    return _levels(listener, pulses, yaw, poses, pattern, told, missed, rhythm)
+
+
+def _off_ground(
+    time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
+) -> NDArray[np.intp]:
+    """Which pulses were not heard on the ground, as an autopilot tells; a mast has none."""
+    down = np.zeros(len(time_ns), bool)
+    for first, last in on_ground_ns:
+        down |= (time_ns >= first) & (time_ns <= last)
+    return np.flatnonzero(~down)
+
+
+def _standing(
+    pulses: PulseColumns, yaw_deg: _Floats, chosen: NDArray[np.intp], *, one_heading: bool
+) -> list[NDArray[np.intp]]:
+    """Cut pulses where place or heading leave those of the first one since the last cut."""
+    if not len(chosen):
+        return []
+    plane = plane_around(pulses.latitude_deg, pulses.longitude_deg)
+    east, north = plane.to_local(pulses.latitude_deg, pulses.longitude_deg)
+    cuts, first = [0], int(chosen[0])
+    for at, number in enumerate(chosen):
+        away = float(np.hypot(east[number] - east[first], north[number] - north[first]))
+        turned = abs(wrap_degrees_180(float(yaw_deg[number] - yaw_deg[first])))
+        if away > _ONE_PLACE_M or (one_heading and turned > _ONE_HEADING_DEG):
+            cuts.append(at)
+            first = int(number)
+    return [chosen[low:high] for low, high in pairwise([*cuts, len(chosen)])]
+
+
+def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
+    """How many pulses a tag sent while these were heard; as many, where nobody knows."""
+    if rhythm is None:
+        return len(part)
+    interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND
+    span_ns = int(pulses.time_ns[part[-1]] - pulses.time_ns[part[0]])
+    return max(len(part), round(span_ns / interval_ns) + 1)
+
+
+def _heard_share(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> float:
+    return len(part) / _expected(pulses, part, rhythm)
+
+
+def _levels(
+    listener: str,
+    pulses: PulseColumns,
+    yaw_deg: _Floats,
+    poses: PoseColumns,
+    pattern: AntennaPattern | None,
+    parts: Sequence[NDArray[np.intp]],
+    why: str | None,
+    rhythm: Rhythm | None = None,
+) -> Strengths:
+    """Take the medians of each part, pulses that were missed being its weakest."""
+
+    def medians(values: _Floats) -> _Floats:
+        return np.array([float(np.median(values[part])) for part in parts], np.float64)
+
+    levels, sigmas, yaws = [], [], []
+    for part in parts:
+        heard = pulses.snr_db[part]
+        missed = _expected(pulses, part, rhythm) - len(part)
+        whole = np.concatenate([np.full(missed, heard.min()), heard])
+        levels.append(float(np.median(whole)))
+        spread = float(np.subtract(*np.quantile(heard, [0.84, 0.16]))) / 2.0
+        sigmas.append(max(1.0, 1.25 * spread / len(part) ** 0.5))
+        turned = np.exp(1j * np.radians(yaw_deg[part]))
+        yaws.append(float(np.angle(turned.mean(), deg=True)))
+    known = np.isfinite(poses.height_m)
+    height = np.zeros(len(pulses.time_ns))
+    if known.any():
+        height = np.interp(pulses.time_ns, poses.time_ns[known], poses.height_m[known])
+    return Strengths(
+        listener=listener,
+        pulses=sum(map(len, parts)) if parts else len(pulses.time_ns),
+        latitude_deg=medians(pulses.latitude_deg),
+        longitude_deg=medians(pulses.longitude_deg),
+        height_m=medians(height),
+        yaw_deg=np.array(yaws),
+        level_db=np.array(levels),
+        sigma_db=np.array(sigmas),
+        antenna=pattern,
+        unused=why,
+    )
