@@ -6,6 +6,7 @@ import pkgutil
 import re
 from collections.abc import Iterator
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from types import ModuleType
 
@@ -63,12 +64,21 @@ def texts_of(node: ast.expr, module: ModuleType | None = None) -> Iterator[str]:
         case ast.Constant(value=str() as text):
             yield text
         case ast.JoinedStr(values=values):
-            yield "".join(
-                str(one.value) if isinstance(one, ast.Constant) else "{}" for one in values
-            )
+            for one in product(*map(put_in, values)):
+                yield "".join(one)
         case ast.IfExp(body=body, orelse=other):
             yield from texts_of(body, module)
             yield from texts_of(other, module)
+
+
+def put_in(part: ast.expr) -> list[str]:
+    """A part of an f-string: its text, either of two texts, or a gap."""
+    match part:
+        case ast.Constant(value=value):
+            return [str(value)]
+        case ast.FormattedValue(value=ast.IfExp() as either):
+            return list(texts_of(either)) or ["{}"]
+    return ["{}"]
 
 
 def has_words(text: str) -> bool:
@@ -153,6 +163,71 @@ def test_errors_that_a_page_is_answered_with_have_words(name: str) -> None:
             said = [*node.args[:1], *(one.value for one in node.keywords)]
             texts |= {text for one in said for text in texts_of(one, module) if " " in text}
     assert {text for text in texts if any(parts(text)) and not has_words(text)} == set()
+
+
+REMARKS = {
+    "uavrt.analysis.coverage": ("map_around", "_above_ground"),
+    "uavrt.analysis.hindsight": ("_ambiguity",),
+    "uavrt.analysis.listening": ("missing_in_words", "limits_of"),
+    "uavrt.analysis.measure.shapes": ("straight_walk",),
+    "uavrt.analysis.silence": (
+        *("_NOT_JUDGED", "_NOT_TOLD", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
+    ),
+    "uavrt.analysis.whole_flight": ("assumed_in_words",),
+    "uavrt.localization.flight_estimates": ("apart_in_words",),
+    "uavrt.localization.position.common_errors": (
+        *("UNCHECKED", "UNKNOWN_SIGMAS", "cautions_of", "_cautions_of_odd", "_contradicting"),
+    ),
+    "uavrt.localization.position.survey_walk": ("caution",),
+    "uavrt.localization.survey_errors": ("cautions_of_survey",),
+    "uavrt.terrain.elevation": ("differing_datums",),
+    "uavrt.terrain.hill_losses": ("told",),
+}
+"""What says in words how far a place, a map or a verdict is to be trusted."""
+TOGETHER = {
+    "uavrt.analysis.hindsight",
+    "uavrt.analysis.whole_flight",
+    "uavrt.analysis.listening",
+}
+"""Their remarks come in one text, and the page divides it at semicolons."""
+
+
+def remarks_in(name: str, wanted: tuple[str, ...]) -> set[str]:
+    """Texts of several words in some functions and constants of a module, but docstrings."""
+    found = set()
+    seen = set()
+    for node in ast.walk(ast.parse(inspect.getsource(import_module(name)))):
+        match node:
+            case ast.FunctionDef(name=own, body=body) if own in wanted:
+                within = body[1:] if ast.get_docstring(node) is not None else body
+            case ast.Assign(targets=[ast.Name(id=own)], value=value) if own in wanted:
+                within = [ast.Expr(value)]
+            case _:
+                continue
+        seen.add(own)
+        whole = [one for part in within for one in ast.walk(part)]
+        inner = {
+            id(one)
+            for text in whole
+            if isinstance(text, ast.JoinedStr)
+            for one in ast.walk(text)
+            if one is not text
+        }
+        for one in whole:
+            if isinstance(one, ast.JoinedStr | ast.Constant) and id(one) not in inner:
+                found |= {text for text in texts_of(one) if " " in text.strip()}
+    assert seen == set(wanted)
+    return found
+
+
+@pytest.mark.parametrize("name", REMARKS)
+def test_what_says_how_far_to_trust_a_place_or_a_map_has_words(name: str) -> None:
+    texts = remarks_in(name, REMARKS[name])
+    assert texts
+    told = {
+        part for text in texts for part in (text.split("; ") if name in TOGETHER else [text])
+    }
+    assert {text for text in told if not has_words(text)} == set()
 
 
 def test_what_is_put_into_a_text_is_put_into_its_words() -> None:
