@@ -18,7 +18,7 @@ from uavrt.card import Card
 from uavrt.computer import bench, checks
 from uavrt.config import Settings
 from uavrt.ground import fetch, link, store, web
-from uavrt.ground.web import actions
+from uavrt.ground.web import actions, tag_table
 
 SOURCES = sorted(set(PAGE.glob("*.ts")) - {PAGE / "types.ts", PAGE / "i18n.ts"})
 NOT_FOR_PEOPLE = {
@@ -163,6 +163,78 @@ def test_errors_that_a_page_is_answered_with_have_words(name: str) -> None:
             said = [*node.args[:1], *(one.value for one in node.keywords)]
             texts |= {text for one in said for text in texts_of(one, module) if " " in text}
     assert {text for text in texts if any(parts(text)) and not has_words(text)} == set()
+
+
+GOOD = {
+    "id": 2,
+    "frequency_mhz": 148.7,
+    "interval_ms": 1200,
+    "pulse_width_ms": 20,
+    "interval_uncertainty_ms": 20,
+    "interval_jitter_ms": 20,
+    "k": 3,
+}
+CODED = {
+    "id": 4,
+    "kind": "coded",
+    "frequency_mhz": 149.1,
+    "interval_ms": 4000,
+    "gaps_ms": "26.2 52.4 39.3",
+}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"frequency_mhz": ""},
+        {"frequency_mhz": "soon"},
+        {"frequency_mhz": 148_700_000},
+        {"frequency_mhz": 148_700},
+        {"frequency_mhz": 1.5},
+        {"interval_ms": 0},
+        {"interval_ms": 1.2},
+        {"interval_ms": 0.5, "pulse_width_ms": 20},
+        {"interval_ms": 15, "pulse_width_ms": 20},
+        {"interval_ms": 200, "pulse_width_ms": 400},
+        {"second_interval_ms": 1200},
+        {"pulse_width_ms": 0.02},
+        {"pulse_width_ms": 4000},
+        {"pulse_width_ms": 590},
+        {"interval_uncertainty_ms": -1},
+        {"interval_uncertainty_ms": 700},
+        {"interval_uncertainty_ms": 500, "k": 90},
+        {"interval_uncertainty_ms": 590, "pulse_width_ms": 400},
+        {"id": 0},
+        {"id": 1.5},
+        {"k": 0},
+        {"false_alarm_percent": 0.01},
+        {"false_alarm_percent": 80},
+        {"name": "x" * 200},
+        {"kind": "singing"},
+        {"kind": "beeping", "gaps_ms": "20 30"},
+        {**CODED, "gaps_ms": "a b"},
+        {**CODED, "gaps_ms": ""},
+        {**CODED, "gaps_ms": "0.0262 0.0524"},
+        {**CODED, "gaps_ms": "26200 52400"},
+        {**CODED, "gaps_ms": "26.2 52400"},
+        {**CODED, "gaps_ms": "26.2 2"},
+        {**CODED, "gaps_ms": " ".join(["30"] * 40)},
+        {**CODED, "interval_ms": 100},
+        {**CODED, "second_interval_ms": 300},
+    ],
+    ids=str,
+)
+def test_what_is_wrong_with_a_tag_has_words(changed: dict[str, object]) -> None:
+    _, faults = tag_table.tags_from_rows([changed if "kind" in changed else GOOD | changed])
+    assert faults
+    assert {one.text for one in faults if not has_words(one.text)} == set()
+
+
+def test_what_is_wrong_between_tags_has_words() -> None:
+    for rows in ([GOOD, GOOD], [CODED, CODED | {"id": 6}]):
+        _, faults = tag_table.tags_from_rows(rows)
+        assert faults
+        assert {one.text for one in faults if not has_words(one.text)} == set()
 
 
 REMARKS = {
