@@ -147,6 +147,10 @@ ASKED_OF = [
     *("uavrt.recording.flight_reader", "uavrt.recording.integrated"),
     *("uavrt.terrain.elevation", "uavrt.terrain.elevation_files", "uavrt.terrain.geotiff"),
     *("uavrt.terrain.srtm", "uavrt.terrain.squares", "uavrt.terrain.viewshed"),
+    *("uavrt.guidance.area_text", "uavrt.guidance.way_text"),
+    *("uavrt.mavlink.address", "uavrt.mavlink.stream", "uavrt.mavlink.udp"),
+    *("uavrt.radio.program", "uavrt.radio.programs", "uavrt.radio.soapy"),
+    "uavrt.radio.udp_address",
 ]
 RAISED = {
     *(name for name, one in vars(errors).items() if isinstance(one, type)),
