@@ -144,7 +144,8 @@ function silent(one: Verdict): string {
 }
 
 function remarks(one: Verdict): HTMLElement | string {
-  return one.remarks ? h("p", { class: "note" }, one.remarks) : "";
+  // Each has its own words.
+  return one.remarks ? h("p", { class: "note" }, ...one.remarks.split("; ").flatMap((text, place) => (place ? ["; ", text] : [text]))) : "";
 }
 
 function often(probability: number): string {

@@ -49,9 +49,11 @@ async function ask(): Promise<void> {
     say(by("check-sum"), "The ground station does not answer.");
     return;
   }
-  const open = found.filter((one) => !one.ok).length;
-  say(by("check-sum"), verdict(open, found.length));
-  by("check-sum").classList.toggle("good", !open && !store.state?.armed);
+  const wrong = found.filter((one) => !one.ok && !one.open).length;
+  const open = found.filter((one) => one.open).length;
+  say(by("check-sum"), verdict(wrong, open, found.length));
+  by("check-sum").classList.toggle("good", !wrong && !open && !store.state?.armed);
+  by("check-sum").classList.toggle("open", !wrong && open > 0 && !store.state?.armed);
   const key = JSON.stringify(found);
   if (key === drawn) return;
   drawn = key;
@@ -59,18 +61,21 @@ async function ask(): Promise<void> {
 }
 
 /** In flight there is none: nobody shall put propellers on then. */
-function verdict(open: number, count: number): string {
+function verdict(wrong: number, open: number, count: number): string {
   if (store.state?.armed) return "The vehicle is armed: this list is for the bench.";
-  return open ? `${open} of ${count} to do` : "All is in order. Stop, put the propellers on, and fly.";
+  if (wrong) return `${wrong} of ${count} to do`;
+  if (open) return "Nothing is wrong, but not all can be judged yet: see “?”. Then stop, put the propellers on, and fly.";
+  return "All is in order. Stop, put the propellers on, and fly.";
 }
 
 function row(one: Finding): HTMLElement {
+  const [kind, mark, word] = one.ok ? ["good", "✓", "in order: "] : one.open ? ["open", "?", "open: "] : ["bad", "✗", "to do: "];
   return h(
     "li",
-    { class: one.ok ? "check-row good" : "check-row bad", "data-check": one.what, "data-ok": String(one.ok) },
-    h("span", { class: "check-mark", "aria-hidden": "true" }, one.ok ? "✓" : "✗"),
+    { class: `check-row ${kind}`, "data-check": one.what, "data-ok": String(one.ok) },
+    h("span", { class: "check-mark", "aria-hidden": "true" }, mark),
     h("span", { class: "check-name" }, NAMES[one.what] ?? one.what),
-    h("span", { class: "check-text" }, h("span", { class: "hidden-word" }, one.ok ? "in order: " : "to do: "), one.text),
+    h("span", { class: "check-text" }, h("span", { class: "hidden-word" }, word), one.text),
     one.remedy ? h("span", { class: "check-remedy" }, one.remedy) : null,
   );
 }

@@ -14,8 +14,26 @@ export const LANGUAGES: [string, string][] = [
 ];
 const CATALOGUES: Record<string, Record<string, string>> = { de: german };
 const KEPT_MOST = 5000;
+/** Two words beside each other: something said, no number, hardly a name. */
+const SAID = /\p{L}{2} \p{Ll}{2}/u;
+/** What no name has in it, whoever gave it; a path may. */
+const CLAUSE = /^(?![/']|[A-Z]:\\)(?:.*\s)?(?:the|this|that|there|is|are|be|has|have|cannot|of|from|and|or|it|its|each|than|with)(?:\s|$)/su;
+const SENTENCE_END = /\p{L}{3}[.!?] \p{Lu}/u;
 /** The same in all languages. */
 const UNITS = /\b(MHz|UTC|min|CSV|GEOJSON|KML|KMZ|GPX|MGRS|DMS|UTM)\b/g;
+
+interface Found {
+  words: string;
+  /** What of the text has no words, and is in it as it was. */
+  left: string[];
+}
+
+interface Pattern {
+  form: RegExp;
+  words: string;
+  /** Of each gap, whether it quotes: what follows a colon or a bracket may be in any language. */
+  quotes: boolean[];
+}
 
 export const language = chosen();
 const catalogue = CATALOGUES[language];
@@ -23,9 +41,9 @@ const whole = new Map(Object.entries(catalogue ?? {}).map(([text, words]) => [pl
 const patterns = Object.entries(catalogue ?? {})
   .filter(([text]) => text.includes("{}"))
   .sort(([a], [b]) => bare(b).length - bare(a).length)
-  .map(([text, words]): [RegExp, string] => [pattern(text), words]);
+  .map(([text, words]): Pattern => ({ form: pattern(text), words, quotes: quotes(text) }));
 const kept = new Map<string, string>();
-/** Texts with letters for which the catalogue has no words; a test looks at it. */
+/** What stayed as it was for want of words, a whole text or a part of one; a test looks at it. */
 export const missing = new Set<string>();
 
 function chosen(): string {
@@ -54,40 +72,64 @@ export function told(text: string): string {
   if (!catalogue) return text;
   const known = kept.get(text);
   if (known !== undefined) return known;
-  const found = find(text);
-  if (found === null && /\p{L}{3}/u.test(text.replace(UNITS, ""))) missing.add(text);
+  const found = find(text) ?? { words: text, left: remainder(text) };
+  for (const rest of found.left) missing.add(rest);
   if (kept.size > KEPT_MOST) kept.clear();
-  kept.set(text, found ?? text);
-  return found ?? text;
+  kept.set(text, found.words);
+  return found.words;
 }
 
-function find(text: string): string | null {
+function find(text: string): Found | null {
   const [, before, middle, after] = /^(\s*)(.*?)(\s*)$/su.exec(text)!;
-  const words = findBare(middle!);
-  return words === null ? null : before + words + after;
+  const found = findBare(middle!);
+  return found === null ? null : { words: before + found.words + after, left: found.left };
 }
 
-function findBare(text: string): string | null {
+/** The words for a text that leave the least of it as it is. */
+function findBare(text: string): Found | null {
   const one = whole.get(plain(text));
-  if (one !== undefined) return one;
-  if (text.includes(" · ")) return text.split(" · ").map(told).join(" · ");
-  const fault = faultAndRemedy(text);
-  if (fault !== null) return fault;
-  for (const [form, words] of patterns) {
-    const found = form.exec(plain(text));
-    if (found) return filled(words, found.slice(1).map((part) => find(part) ?? part));
+  if (one !== undefined) return { words: one, left: [] };
+  if (!/\p{L}/u.test(text)) return null;
+  if (text.includes(" · ")) return joined(text.split(" · "), " · ");
+  let best: Found | null = null;
+  for (const found of ways(text)) {
+    if (!found.left.length) return found;
+    if (best === null || found.left.join("").length < best.left.join("").length) best = found;
   }
-  return null;
+  return best;
 }
 
-/** Errors say what is wrong, then what to do: each has its own words. */
-function faultAndRemedy(text: string): string | null {
+/** Errors say what is wrong, then what to do: each sentence has words of its own. */
+function* ways(text: string): Generator<Found> {
   for (let at = text.indexOf(". "); at > 0; at = text.indexOf(". ", at + 1)) {
-    const fault = findBare(text.slice(0, at));
-    const remedy = fault === null ? null : findBare(text.slice(at + 2));
-    if (remedy !== null) return `${fault}. ${remedy}`;
+    const halves = [text.slice(0, at), text.slice(at + 2)];
+    if (halves.some((half) => findBare(half) !== null)) yield joined(halves, ". ");
   }
-  return null;
+  for (const one of patterns) {
+    const parts = one.form.exec(plain(text))?.slice(1);
+    const found = parts && gapsFilled(one, parts);
+    if (found) yield found;
+  }
+}
+
+function joined(parts: string[], between: string): Found {
+  const found = parts.map((part) => find(part) ?? { words: part, left: remainder(part) });
+  return { words: found.map((one) => one.words).join(between), left: found.flatMap((one) => one.left) };
+}
+
+/**
+ * A gap is for a name, a number, or what has words itself. Anything said stands only where it is
+ * quoted, and nowhere what goes beyond a sentence: such a text is another than the pattern's.
+ */
+function gapsFilled(one: Pattern, parts: string[]): Found | null {
+  const found = parts.map((part) => find(part) ?? { words: part, left: SAID.test(part) || SENTENCE_END.test(part) ? [part] : [] });
+  const strange = found.some(({ left }, place) => left.some((rest) => SENTENCE_END.test(rest) || (!one.quotes[place] && CLAUSE.test(rest))));
+  if (strange) return null;
+  return { words: filled(one.words, found.map(({ words }) => words)), left: found.flatMap(({ left }) => left) };
+}
+
+function remainder(text: string): string[] {
+  return /\p{L}{3}/u.test(text.replace(UNITS, "")) ? [text] : [];
 }
 
 /** Narrow spaces before units are as good as others. */
@@ -97,6 +139,10 @@ function plain(text: string): string {
 
 function bare(text: string): string {
   return text.replaceAll("{}", "");
+}
+
+function quotes(text: string): boolean[] {
+  return text.split("{}").slice(0, -1).map((before) => /[:(] ?$/.test(before));
 }
 
 /** What follows another at once is a remark, begun by a comma, or nothing. */

@@ -232,4 +232,4 @@ by("banner").hidden = false;
 store.connect();
 void offerSetUp();
 // For the tests, which look at the map's frames.
-(window as unknown as { uavrt: unknown }).uavrt = { store, missing, map: () => (mapView() as unknown as { map: unknown }).map };
+(window as unknown as { uavrt: unknown }).uavrt = { store, told, missing, map: () => (mapView() as unknown as { map: unknown }).map };

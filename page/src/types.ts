@@ -367,6 +367,8 @@ export interface Finding {
   text: string;
   /** What to do; empty where all is in order. */
   remedy: string;
+  /** Cannot be judged yet, and hinders nobody. */
+  open: boolean;
 }
 
 /** All flights in numbers (uavrt season). */

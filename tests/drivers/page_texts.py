@@ -9,6 +9,116 @@ PAGE = Path(__file__).parents[2] / "page/src"
 CATALOGUE: dict[str, str] = json.loads((PAGE / "texts.json").read_text(encoding="utf-8"))
 
 
+_SAID = re.compile(r"[^\W\d_]{2} [a-zäöüß]{2}")
+_CLAUSE = re.compile(
+    r"^(?![/']|[A-Z]:\\)(?:.*\s)?(?:the|this|that|there|is|are|be|has|have|cannot|of|from|and|or|it|its|each|than"
+    r"|with)(?:\s|$)",
+    re.DOTALL,
+)
+_SENTENCE_END = re.compile(r"[^\W\d_]{3}[.!?] [A-ZÄÖÜ]")
+_UNITS = re.compile(r"\b(?:MHz|UTC|min|CSV|GEOJSON|KML|KMZ|GPX|MGRS|DMS|UTM)\b")
+
+
+def _bare_length(text: str) -> int:
+    return len(text.replace("{}", ""))
+
+
+def _pattern(text: str) -> re.Pattern[str]:
+    form = re.escape(plain(text)).replace(r"\{\}", "{}")
+    form = form.replace("{}{}{}", "{}<><>").replace("{}{}", "{}<>")
+    return re.compile(form.replace("<>", "((?:, .*?)?)").replace("{}", "(.*?)"), re.DOTALL)
+
+
+def plain(text: str) -> str:
+    """Narrow spaces before units are as good as others."""
+    return text.replace("\u202f", " ")
+
+
+_WHOLE = {plain(text): words for text, words in CATALOGUE.items()}
+_PATTERNS = [
+    (
+        _pattern(text),
+        words,
+        [bool(re.search(r"[:(] ?$", before)) for before in text.split("{}")[:-1]],
+    )
+    for text, words in sorted(CATALOGUE.items(), key=lambda one: -_bare_length(one[0]))
+    if "{}" in text
+]
+Found = tuple[str, list[str]]
+"""Words, and what stayed English in them."""
+
+
+GOES_ON = "place that nobody has words for. Look for it elsewhere"
+"""What a gap is not made for."""
+
+
+def filled_forms(gap: str) -> list[str]:
+    """Each text of the catalogue that has gaps, with this in all of them."""
+    return [text.replace("{}", gap) for text in CATALOGUE if "{}" in text]
+
+
+def told(text: str) -> Found:
+    """Give a text in German as the page does (`i18n.ts`): a test compares the two."""
+    return _find(text) or (text, _remainder(text))
+
+
+def _find(text: str) -> Found | None:
+    middle = text.strip()
+    found = _find_bare(middle)
+    if found is None:
+        return None
+    before = text[: len(text) - len(text.lstrip())]
+    return before + found[0] + text[len(text.rstrip()) :] if middle else before, found[1]
+
+
+def _find_bare(text: str) -> Found | None:
+    if plain(text) in _WHOLE:
+        return _WHOLE[plain(text)], []
+    if not re.search(r"[^\W\d_]", text):
+        return None
+    if " · " in text:
+        return _joined(text.split(" · "), " · ")
+    best: Found | None = None
+    for found in _ways(text):
+        if not found[1]:
+            return found
+        if best is None or len("".join(found[1])) < len("".join(best[1])):
+            best = found
+    return best
+
+
+def _ways(text: str) -> Iterator[Found]:
+    for end in re.finditer(r"\. ", text):
+        halves = [text[: end.start()], text[end.end() :]]
+        if any(_find_bare(half) for half in halves):
+            yield _joined(halves, ". ")
+    for form, words, quotes in _PATTERNS:
+        if match := form.fullmatch(plain(text)):
+            found = [
+                _find(part)
+                or (part, [part] if _SAID.search(part) or _SENTENCE_END.search(part) else [])
+                for part in match.groups()
+            ]
+            strange = any(
+                _SENTENCE_END.search(rest) or (not quoted and _CLAUSE.search(rest))
+                for (_, left), quoted in zip(found, quotes, strict=True)
+                for rest in left
+            )
+            if not strange:
+                gaps = re.split(r"\{\}", words)
+                filled = zip(gaps, [*(one for one, _ in found), ""], strict=True)
+                yield "".join(map("".join, filled)), [rest for _, one in found for rest in one]
+
+
+def _joined(parts: list[str], between: str) -> Found:
+    found = [told(part) for part in parts]
+    return between.join(one for one, _ in found), [rest for _, one in found for rest in one]
+
+
+def _remainder(text: str) -> list[str]:
+    return [text] if re.search(r"[^\W\d_]{3}", _UNITS.sub("", text)) else []
+
+
 EXPRESSION = re.compile(r"/(?![*/ ])(?:\\.|\[[^\]\n]*\]|[^/\n\\])+/[a-z]*(?=[.,;) ])")
 """A regular expression of JavaScript."""
 

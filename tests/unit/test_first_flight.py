@@ -31,6 +31,7 @@ FACTS = FlightFacts(
     disk_needed_mb=500.0,
     battery_percent=96.0,
     battery_v=16.4,
+    usual_noise_db=-91.0,
 )
 POSE = Pose(
     time_ns=0,
@@ -143,6 +144,42 @@ def test_noise_that_rises_or_lies_on_one_frequency_is_named() -> None:
     dead.take(report(4, float("nan")), NOW_NS)
     dead.take(report(6, 0.0), NOW_NS)
     assert items(FACTS, dead)["noise"].text == "not measured yet"
+
+
+def one_tag(noise_psd: float) -> Bench:
+    """Even and steady from the first report on, as the noise of any one tag is."""
+    bench = Bench()
+    for second in range(30):
+        bench.take(report(4, noise_psd), NOW_NS - second * SECOND)
+    return bench
+
+
+def test_noise_that_is_loud_from_the_first_report_on_is_named_beside_past_flights() -> None:
+    facts = replace(FACTS, tags=TAGS[:1])
+    loud = items(facts, one_tag(1e-3))["noise"]
+    assert loud.text == "61 dB more than in past flights"
+    assert "gain" in loud.remedy
+    assert "switch off what is near" in loud.remedy
+    assert items(facts, one_tag(8e-10 * 5))["noise"].text == "7 dB more than in past flights"
+    assert items(facts, one_tag(8e-10 * 3))["noise"].ok
+    deaf = items(facts, one_tag(1e-11))["noise"]
+    assert deaf.text == "19 dB less than in past flights"
+    assert "antenna" in deaf.remedy
+
+
+def test_without_a_past_flight_nobody_says_that_the_noise_is_normal() -> None:
+    facts = replace(FACTS, tags=TAGS[:1], usual_noise_db=None)
+    for noise_psd in (1e-3, 1e-9):
+        found = items(facts, one_tag(noise_psd))["noise"]
+        assert (found.ok, found.open) == (False, True)
+        assert found.text.startswith("cannot be judged yet: even to 0 dB and steady")
+        assert "after the first flight" in found.remedy
+    # What is wrong is so without any flight.
+    risen = one_tag(1e-9)
+    risen.take(report(4, 1e-8), NOW_NS)
+    found = items(facts, risen)["noise"]
+    assert (found.ok, found.open) == (False, False)
+    assert not any(one.open for one in items(FACTS, heard()).values())
 
 
 def test_a_pulse_without_position_and_one_too_loud_are_named() -> None:

@@ -1,5 +1,7 @@
 """``uavrt doctor --flight``: the list before a first flight, on the drone's own computer."""
 
+from pathlib import Path
+
 from uavrt.clock import monotonic_s
 from uavrt.computer import (
     Bench,
@@ -15,6 +17,7 @@ from uavrt.config import Settings
 from uavrt.errors import UavrtError
 from uavrt.messages import SystemState, SystemStatus, VehicleReport
 from uavrt.monitor import StatusReader, status_socket_path
+from uavrt.recording import flights_in_order, read_usual_noise_db
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 LISTEN_NS = ns_from_s(30.0)
@@ -52,6 +55,8 @@ class _Ear:
         self._bench = Bench()
         self._status: SystemStatus | None = None
         self._battery_percent: float | None = None
+        self._usual_noise_db: float | None = None
+        self._compared = False
         self._here = (check_disk(settings), check_card(settings), check_kept_time())
 
     def take(self, record: object, now_ns: int) -> None:
@@ -66,7 +71,7 @@ class _Ear:
     def is_content(self) -> bool:
         """Whether all is in order; while nothing is searched for it is not."""
         detects = self._status is not None and self._status.state is SystemState.DETECTING
-        return detects and all(one.ok for one in self.findings())
+        return detects and all(one.ok or one.open for one in self.findings())
 
     def findings(self) -> list[Finding]:
         """Judge what was heard so far; the battery only where it is told here."""
@@ -80,11 +85,21 @@ class _Ear:
             time_known=link is not None and link.status in HEARS_AUTOPILOT,
             pose_age_s=None if pose_ns is None else (now_ns - pose_ns) / NANOSECONDS_PER_SECOND,
             battery_percent=self._battery_percent,
+            usual_noise_db=self._usual_noise(status),
             told=(check_radio(self._settings, status), *self._here),
         )
         found = first_flight(facts, self._bench, now_ns)
         told = self._battery_percent is not None
         return [one for one in found if told or one.what != "battery"]
+
+    def _usual_noise(self, status: SystemStatus | None) -> float | None:
+        """The noise of past flights, read once it is known which flight is not past."""
+        if status is not None and not self._compared:
+            now = Path(status.flight_directory).name if status.flight_directory else None
+            flights = flights_in_order(Path(self._settings.recording.directory))
+            past = (one for one in reversed(flights) if one.name != now)
+            self._usual_noise_db, self._compared = read_usual_noise_db(past), True
+        return self._usual_noise_db
 
 
 def _now_ns() -> int:

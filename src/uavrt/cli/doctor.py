@@ -76,8 +76,9 @@ def doctor(
     console = Console()
     good = True
     for finding in findings:
-        good = good and finding.ok
-        mark = Text("ok ", "green") if finding.ok else Text("!! ", "bold red")
+        good = good and (finding.ok or finding.open)
+        mark = Text("?  ", "yellow") if finding.open else Text("!! ", "bold red")
+        mark = Text("ok ", "green") if finding.ok else mark
         line = Text.assemble(mark, f"{finding.what:<12} ", finding.text)
         if finding.remedy:
             line.append(f". {finding.remedy}", "yellow")

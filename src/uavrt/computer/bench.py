@@ -7,6 +7,7 @@ what it has heard and what else is known, for ``uavrt doctor --flight`` and for 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import inf, isfinite, log10
+from statistics import median
 
 from uavrt.computer.finding import Finding
 from uavrt.messages import Poses, PulsePose, SearchReport, SystemState, Tag
@@ -22,6 +23,8 @@ NOISE_RISE_DB = 6.0
 """Over the quietest since the check began: four times the noise halves the range."""
 NOISE_APART_DB = 10.0
 """Between the tags' frequencies: a receiver alone is flat to some 3 dB over its band."""
+NOISE_LESS_DB = 10.0
+"""Below past flights: no place is so much quieter; an antenna that is off, or less gain, is."""
 CLOCK_OFF_S = 3.0
 """Between drone and ground station."""
 BATTERY_PERCENT = 50.0
@@ -29,6 +32,12 @@ BATTERY_PERCENT = 50.0
 NOISE_REMEDY = (
     "Switch off what is near, one thing after the other (camera, video link, chargers), and "
     "keep cables away from the antenna"
+)
+
+
+LEVEL_REMEDY = (
+    "If the gain is as it was then: switch off what is near, one thing after the other "
+    "(camera, video link, chargers), and keep cables away from the antenna"
 )
 
 
@@ -53,6 +62,8 @@ class FlightFacts:
     disk_needed_mb: float = 0.0
     battery_percent: float | None = None
     battery_v: float | None = None
+    usual_noise_db: float | None = None
+    """Of the receiver at rest in past flights; None: there is no flight that tells."""
 
 
 @dataclass(slots=True)
@@ -155,6 +166,10 @@ def _good(what: str, text: str) -> Finding:
     return Finding(what=what, ok=True, text=text)
 
 
+def _open(what: str, text: str, remedy: str) -> Finding:
+    return Finding(what=what, ok=False, open=True, text=text, remedy=remedy)
+
+
 def _bad(what: str, text: str, remedy: str) -> Finding:
     return Finding(what=what, ok=False, text=text, remedy=remedy)
 
@@ -201,7 +216,31 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
         at = names[loudest]
         text = f"{apart_db:.0f} dB more at {at} MHz than at the quietest tag's"
         return _bad(what, text, NOISE_REMEDY)
-    return _good(what, f"even to {apart_db:.0f} dB, and steady")
+    return _level(what, levels, apart_db, facts.usual_noise_db)
+
+
+def _level(
+    what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
+) -> Finding:
+    """Judge what is even and steady: that loud noise is, too, only past flights tell."""
+    even = f"even to {apart_db:.0f} dB and steady"
+    if usual_db is None:
+        return _open(
+            what,
+            f"cannot be judged yet: {even}, but there is no past flight to compare it with",
+            "Switch camera, video link and motors on, one after the other, and see that it "
+            "stays; after the first flight it is compared with that",
+        )
+    more_db = median(levels.values()) - usual_db
+    if more_db > NOISE_RISE_DB:
+        return _bad(what, f"{more_db:.0f} dB more than in past flights", LEVEL_REMEDY)
+    if more_db < -NOISE_LESS_DB:
+        return _bad(
+            what,
+            f"{-more_db:.0f} dB less than in past flights",
+            "Check the antenna and its cable, and that the gain is as it was then",
+        )
+    return _good(what, f"{even}, and within {abs(more_db):.0f} dB of past flights")
 
 
 def _time(facts: FlightFacts, bench: Bench) -> Finding:

@@ -11,3 +11,5 @@ class Finding:
     ok: bool
     text: str
     remedy: str = ""
+    open: bool = False
+    """Neither in order nor wrong: it cannot be judged yet, and hinders nobody."""

@@ -313,8 +313,13 @@ class GroundSession:
             foreign=self.identity.foreign(self.clock.now_ns()),
         )
 
-    def first_flight(self) -> list[Finding]:
-        """Judge whether all is ready for a first flight."""
+    def usual_noise_db(self) -> float | None:
+        """Read how loud this vehicle's receiver was at rest in past flights; takes a while."""
+        live = None if self.flight.ended else self.flight.flight_id
+        return self.library.usual_noise_db(self.identity.system_id, but=live)
+
+    def first_flight(self, usual_noise_db: float | None) -> list[Finding]:
+        """Judge whether all is ready for a first flight, with the noise of past ones."""
         now_ns, watch, situation = self.clock.now_ns(), self.vehicle, self.situation()
         pose = watch.pose if watch else None
         skew_ns = self.skew_ns
@@ -330,6 +335,7 @@ class GroundSession:
             disk_needed_mb=RecordingSettings().minimum_free_mb,
             battery_percent=watch.battery_percent if watch else None,
             battery_v=watch.battery_v if watch else None,
+            usual_noise_db=usual_noise_db,
         )
         return first_flight(facts, self._bench, now_ns)
 

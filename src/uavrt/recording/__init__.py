@@ -84,6 +84,11 @@ if TYPE_CHECKING:
         read_pulse_file,
     )
     from uavrt.recording.pulse_pose_log import read_pulse_pose_log
+    from uavrt.recording.quiet_noise import (
+        read_quiet_noise_db,
+        read_usual_noise_db,
+        usual_noise_db,
+    )
     from uavrt.recording.schema import (
         POSE_COLUMNS,
         TAG_COLUMNS,
@@ -156,13 +161,16 @@ __all__ = [
     "read_pulse_levels",
     "read_pulse_milliseconds",
     "read_pulse_pose_log",
+    "read_quiet_noise_db",
     "read_search_notes",
     "read_search_reports",
     "read_stops",
+    "read_usual_noise_db",
     "require_writable",
     "tag_from_row",
     "told_in",
     "undelivered",
+    "usual_noise_db",
     "vehicle_note",
     "vehicle_of",
     "watch",
@@ -238,7 +246,10 @@ __getattr__ = lazily(
         "read_pulse_file": "pulse_files",
         "read_pulse_pose_log": "pulse_pose_log",
         "read_search_notes": "flight_reader",
+        "read_quiet_noise_db": "quiet_noise",
         "read_search_reports": "flight_reader",
+        "read_usual_noise_db": "quiet_noise",
+        "usual_noise_db": "quiet_noise",
         "read_stops": "flight_reader",
         "told_in": "flight_reader",
         "require_writable": "layout",

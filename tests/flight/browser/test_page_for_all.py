@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from page_driver import Ground, Watched, axe_findings
+from page_texts import GOES_ON, filled_forms, told
 from past_flight import write_flight
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
@@ -117,6 +118,37 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_la
     bad = [one for one in found if one[1] in ("serious", "critical")]
     assert not bad, json.dumps(bad, indent=1)
     assert not missing, json.dumps(sorted(missing), indent=1, ensure_ascii=False)
+    watched.close()
+
+
+def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    watched = Watched(browser, start_ground(tmp_path, 0).address, locale="de-DE")
+    page = watched.page
+    page.click("#tab-flights")
+    page.click("#season-show")
+    note = page.locator("#season-note")
+    expect(note).to_contain_text("liegt kein lesbarer Flug. Den Ordner angeben, in dem sie")
+    assert page.evaluate("() => [...window.uavrt.missing]") == []
+    watched.close()
+
+
+def test_the_page_finds_the_words_that_the_tests_find(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    watched = Watched(browser, start_ground(tmp_path, 0).address, locale="de-DE")
+    texts = [*filled_forms("7"), *filled_forms(GOES_ON), *filled_forms("link. Try again")]
+    texts += ["no answer about x. Nobody has words for this", GOES_ON, "17 m · not heard · new"]
+    said = watched.page.evaluate(
+        """texts => texts.map((text) => {
+          window.uavrt.missing.clear();
+          return [window.uavrt.told(text), [...window.uavrt.missing]];
+        })""",
+        texts,
+    )
+    ours = [(words, list(dict.fromkeys(left))) for words, left in map(told, texts)]
+    assert [(words, left) for words, left in said] == ours
     watched.close()
 
 

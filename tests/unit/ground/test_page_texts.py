@@ -6,18 +6,19 @@ import pkgutil
 import re
 from collections.abc import Iterator
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from page_texts import CATALOGUE, PAGE, for_people, literals
+from page_texts import CATALOGUE, GOES_ON, PAGE, filled_forms, for_people, literals, plain, told
 
-from uavrt import card
+from uavrt import card, errors
 from uavrt.card import Card
 from uavrt.computer import bench, checks
 from uavrt.config import Settings
-from uavrt.ground import fetch, link, web
-from uavrt.ground.web import actions
+from uavrt.ground import fetch, link, store, web
+from uavrt.ground.web import actions, tag_table
 
 SOURCES = sorted(set(PAGE.glob("*.ts")) - {PAGE / "types.ts", PAGE / "i18n.ts"})
 NOT_FOR_PEOPLE = {
@@ -29,13 +30,9 @@ NOT_FOR_PEOPLE = {
 """Words of formats, keys and selectors that look like texts."""
 
 
-def plain(text: str) -> str:
-    return text.replace("\u202f", " ").strip()
-
-
 def parts(text: str) -> Iterator[str]:
     """As the page divides a text: at dots in the middle, each with its own words."""
-    for part in plain(text).split(" · "):
+    for part in plain(text).strip().split(" · "):
         if re.search(r"[A-Za-z]{2}", part.replace("{}", "")):
             yield part.strip()
 
@@ -60,30 +57,42 @@ def said(module: ModuleType, *functions: str) -> set[str]:
     return found
 
 
-def texts_of(node: ast.expr) -> Iterator[str]:
+def texts_of(node: ast.expr, module: ModuleType | None = None) -> Iterator[str]:
     match node:
+        case ast.Name(id=name) if isinstance(text := getattr(module, name, None), str):
+            yield text
         case ast.Constant(value=str() as text):
             yield text
         case ast.JoinedStr(values=values):
-            yield "".join(
-                str(one.value) if isinstance(one, ast.Constant) else "{}" for one in values
-            )
+            for one in product(*map(put_in, values)):
+                yield "".join(one)
         case ast.IfExp(body=body, orelse=other):
-            yield from texts_of(body)
-            yield from texts_of(other)
+            yield from texts_of(body, module)
+            yield from texts_of(other, module)
+
+
+def put_in(part: ast.expr) -> list[str]:
+    """A part of an f-string: its text, either of two texts, or a gap."""
+    match part:
+        case ast.Constant(value=value):
+            return [str(value)]
+        case ast.FormattedValue(value=ast.IfExp() as either):
+            return list(texts_of(either)) or ["{}"]
+    return ["{}"]
 
 
 def has_words(text: str) -> bool:
-    shown = text.replace("{}", "7")
-    return any(
-        re.fullmatch(re.escape(plain(known)).replace(r"\{\}", ".*"), shown)
-        for known in CATALOGUE
-    )
+    return not told(text.replace("{}", "7"))[1]
 
 
 def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
-    texts = {*actions.ACTIONS.values(), *actions.NOT_NOW.values(), bench.NOISE_REMEDY}
-    texts |= said(actions, "_reason") | said(bench, "_good", "_bad")
+    texts = {
+        *actions.ACTIONS.values(),
+        *actions.NOT_NOW.values(),
+        bench.NOISE_REMEDY,
+        bench.LEVEL_REMEDY,
+    }
+    texts |= said(actions, "_reason") | said(bench, "_good", "_open", "_bad")
     assert len(texts) > 50
     assert {text for text in texts if not has_words(text)} == set()
 
@@ -117,32 +126,228 @@ def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
 
 FOR_TERMINALS = {"page", "server", "keys"}
 """Modules whose errors end the program before there is a page."""
-ASKED_OF = [
-    *(one.name for one in pkgutil.iter_modules(web.__path__, f"{web.__name__}.")),
-    *(one.name for one in pkgutil.iter_modules(link.__path__, f"{link.__name__}.")),
-    *(one.name for one in pkgutil.iter_modules(fetch.__path__, f"{fetch.__name__}.")),
-    *("uavrt.ground.session", "uavrt.ground.fleet", "uavrt.computer.first_setup"),
+IN_GROUND = [
+    one.name
+    for package in (web, link, fetch, store)
+    for one in pkgutil.iter_modules(package.__path__, f"{package.__name__}.")
+    if one.name.rpartition(".")[2] not in FOR_TERMINALS
 ]
+ASKED_OF = [
+    *IN_GROUND,
+    *("uavrt.ground.session", "uavrt.ground.fleet", "uavrt.computer.first_setup"),
+    *("uavrt.analysis.coverage", "uavrt.analysis.fold_pictures", "uavrt.analysis.map_files"),
+    *("uavrt.analysis.facts", "uavrt.analysis.season", "uavrt.analysis.silence"),
+    *(
+        "uavrt.analysis.flight_noise",
+        "uavrt.analysis.flown_with",
+        "uavrt.analysis.kept_samples",
+    ),
+    *("uavrt.batch.questions", "uavrt.config.tag_files", "uavrt.config.text_files"),
+    *("uavrt.localization.antenna", "uavrt.localization.flight_estimates"),
+    *("uavrt.recording.flight_reader", "uavrt.recording.integrated"),
+    *("uavrt.terrain.elevation", "uavrt.terrain.elevation_files", "uavrt.terrain.geotiff"),
+    *("uavrt.terrain.srtm", "uavrt.terrain.squares", "uavrt.terrain.viewshed"),
+    *("uavrt.guidance.area_text", "uavrt.guidance.way_text"),
+    *("uavrt.mavlink.address", "uavrt.mavlink.stream", "uavrt.mavlink.udp"),
+    *("uavrt.radio.program", "uavrt.radio.programs", "uavrt.radio.soapy"),
+    "uavrt.radio.udp_address",
+]
+RAISED = {
+    *(name for name, one in vars(errors).items() if isinstance(one, type)),
+    *("StepFault", "SettingFault"),
+}
 
 
 @pytest.mark.parametrize("name", ASKED_OF)
 def test_errors_that_a_page_is_answered_with_have_words(name: str) -> None:
-    """But for those of values that only a script sends wrong (`FormatError`)."""
-    if name.rpartition(".")[2] in FOR_TERMINALS:
-        return
-    raised = ("UsageError", "LinkError", "CommandRefused", "ConfigError", "StepFault")
+    module = import_module(name)
     texts = set()
-    for node in ast.walk(ast.parse(inspect.getsource(import_module(name)))):
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in raised:
+    for node in ast.walk(ast.parse(inspect.getsource(module))):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in RAISED:
             said = [*node.args[:1], *(one.value for one in node.keywords)]
-            texts |= {text for one in said for text in texts_of(one) if " " in text}
-    assert {text for text in texts if not has_words(text)} == set()
+            texts |= {text for one in said for text in texts_of(one, module) if " " in text}
+    assert {text for text in texts if any(parts(text)) and not has_words(text)} == set()
+
+
+GOOD = {
+    "id": 2,
+    "frequency_mhz": 148.7,
+    "interval_ms": 1200,
+    "pulse_width_ms": 20,
+    "interval_uncertainty_ms": 20,
+    "interval_jitter_ms": 20,
+    "k": 3,
+}
+CODED = {
+    "id": 4,
+    "kind": "coded",
+    "frequency_mhz": 149.1,
+    "interval_ms": 4000,
+    "gaps_ms": "26.2 52.4 39.3",
+}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"frequency_mhz": ""},
+        {"frequency_mhz": "soon"},
+        {"frequency_mhz": 148_700_000},
+        {"frequency_mhz": 148_700},
+        {"frequency_mhz": 1.5},
+        {"interval_ms": 0},
+        {"interval_ms": 1.2},
+        {"interval_ms": 0.5, "pulse_width_ms": 20},
+        {"interval_ms": 15, "pulse_width_ms": 20},
+        {"interval_ms": 200, "pulse_width_ms": 400},
+        {"second_interval_ms": 1200},
+        {"pulse_width_ms": 0.02},
+        {"pulse_width_ms": 4000},
+        {"pulse_width_ms": 590},
+        {"interval_uncertainty_ms": -1},
+        {"interval_uncertainty_ms": 700},
+        {"interval_uncertainty_ms": 500, "k": 90},
+        {"interval_uncertainty_ms": 590, "pulse_width_ms": 400},
+        {"id": 0},
+        {"id": 1.5},
+        {"k": 0},
+        {"false_alarm_percent": 0.01},
+        {"false_alarm_percent": 80},
+        {"name": "x" * 200},
+        {"kind": "singing"},
+        {"kind": "beeping", "gaps_ms": "20 30"},
+        {**CODED, "gaps_ms": "a b"},
+        {**CODED, "gaps_ms": ""},
+        {**CODED, "gaps_ms": "0.0262 0.0524"},
+        {**CODED, "gaps_ms": "26200 52400"},
+        {**CODED, "gaps_ms": "26.2 52400"},
+        {**CODED, "gaps_ms": "26.2 2"},
+        {**CODED, "gaps_ms": " ".join(["30"] * 40)},
+        {**CODED, "interval_ms": 100},
+        {**CODED, "second_interval_ms": 300},
+    ],
+    ids=str,
+)
+def test_what_is_wrong_with_a_tag_has_words(changed: dict[str, object]) -> None:
+    _, faults = tag_table.tags_from_rows([changed if "kind" in changed else GOOD | changed])
+    assert faults
+    assert {one.text for one in faults if not has_words(one.text)} == set()
+
+
+def test_what_is_wrong_between_tags_has_words() -> None:
+    for rows in ([GOOD, GOOD], [CODED, CODED | {"id": 6}]):
+        _, faults = tag_table.tags_from_rows(rows)
+        assert faults
+        assert {one.text for one in faults if not has_words(one.text)} == set()
+
+
+REMARKS = {
+    "uavrt.analysis.coverage": ("map_around", "_above_ground"),
+    "uavrt.analysis.hindsight": ("_ambiguity",),
+    "uavrt.analysis.listening": ("missing_in_words", "limits_of"),
+    "uavrt.analysis.measure.shapes": ("straight_walk",),
+    "uavrt.analysis.silence": (
+        *("_NOT_JUDGED", "_NOT_TOLD", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
+    ),
+    "uavrt.analysis.whole_flight": ("assumed_in_words",),
+    "uavrt.localization.flight_estimates": ("apart_in_words",),
+    "uavrt.localization.position.common_errors": (
+        *("UNCHECKED", "UNKNOWN_SIGMAS", "cautions_of", "_cautions_of_odd", "_contradicting"),
+    ),
+    "uavrt.localization.position.survey_walk": ("caution",),
+    "uavrt.localization.survey_errors": ("cautions_of_survey",),
+    "uavrt.terrain.elevation": ("differing_datums",),
+    "uavrt.terrain.hill_losses": ("told",),
+}
+"""What says in words how far a place, a map or a verdict is to be trusted."""
+TOGETHER = {
+    "uavrt.analysis.hindsight",
+    "uavrt.analysis.whole_flight",
+    "uavrt.analysis.listening",
+}
+"""Their remarks come in one text, and the page divides it at semicolons."""
+
+
+def remarks_in(name: str, wanted: tuple[str, ...]) -> set[str]:
+    """Texts of several words in some functions and constants of a module, but docstrings."""
+    found = set()
+    seen = set()
+    for node in ast.walk(ast.parse(inspect.getsource(import_module(name)))):
+        match node:
+            case ast.FunctionDef(name=own, body=body) if own in wanted:
+                within = body[1:] if ast.get_docstring(node) is not None else body
+            case ast.Assign(targets=[ast.Name(id=own)], value=value) if own in wanted:
+                within = [ast.Expr(value)]
+            case _:
+                continue
+        seen.add(own)
+        whole = [one for part in within for one in ast.walk(part)]
+        inner = {
+            id(one)
+            for text in whole
+            if isinstance(text, ast.JoinedStr)
+            for one in ast.walk(text)
+            if one is not text
+        }
+        for one in whole:
+            if isinstance(one, ast.JoinedStr | ast.Constant) and id(one) not in inner:
+                found |= {text for text in texts_of(one) if " " in text.strip()}
+    assert seen == set(wanted)
+    return found
+
+
+@pytest.mark.parametrize("name", REMARKS)
+def test_what_says_how_far_to_trust_a_place_or_a_map_has_words(name: str) -> None:
+    texts = remarks_in(name, REMARKS[name])
+    assert texts
+    told = {
+        part for text in texts for part in (text.split("; ") if name in TOGETHER else [text])
+    }
+    assert {text for text in told if not has_words(text)} == set()
 
 
 def test_what_is_put_into_a_text_is_put_into_its_words() -> None:
     for text, words in CATALOGUE.items():
         assert words.strip(), text
         assert text.count("{}") == words.count("{}"), text
+
+
+def test_a_text_that_goes_on_in_english_is_noticed_whatever_it_begins_with() -> None:
+    unnoticed = {text for text in filled_forms(GOES_ON) if not told(text)[1]}
+    assert unnoticed == set()
+
+
+def test_a_longer_error_is_not_taken_for_a_shorter_one() -> None:
+    text = f"there is no {GOES_ON}"
+    assert told(text) == (text, [text])
+    assert told("there is no modem") == ("modem gibt es nicht", [])
+    fault = "there is no flight that can be read below /home/lynx and co"
+    lies = "unter /home/lynx and co liegt kein lesbarer Flug"
+    words, left = told(f"{fault}. Name the folder that holds them")
+    assert words == f"{lies}. Den Ordner angeben, in dem sie liegen"
+    assert left == ["/home/lynx and co"]
+
+
+def test_a_remedy_has_its_words_also_where_the_fault_has_none() -> None:
+    words, left = told("the moon is not up. Try again")
+    assert (words, left) == (
+        "the moon is not up. Noch einmal versuchen",
+        ["the moon is not up"],
+    )
+
+
+def test_what_is_quoted_may_be_in_any_language_and_is_noticed() -> None:
+    words, left = told("cannot change /x/starred: the disk is asleep")
+    assert words == "/x/starred ist nicht zu ändern: the disk is asleep"
+    assert left == ["the disk is asleep"]
+    assert told("cannot change /x/starred: Permission denied")[1] == []
+
+
+def test_names_of_people_fit_every_gap() -> None:
+    assert told("1 of 2 heard: alter Luchs") == ("1 von 2 gehört: alter Luchs", [])
+    assert told("Tag 7 junger luchs: strongest signal")[0] == (
+        "Sender 7 junger luchs: stärkstes Signal"
+    )
 
 
 def test_a_text_without_words_is_noticed() -> None:

@@ -4,16 +4,19 @@ import contextlib
 import json
 import os
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
 import urllib.request
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from past_flight import write_flight
 from pulses import pulse_at as heard_pulse
 
 from uavrt.demo.programs import free_udp_port
@@ -21,7 +24,7 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import Pose, PulsePose, SystemState
-from uavrt.recording import read_flight
+from uavrt.recording import read_flight, read_quiet_noise_db, vehicle_note
 from uavrt.tunnel import (
     BURST_TYPE,
     PAYLOAD_TYPE,
@@ -68,15 +71,15 @@ class Drone:
         )
         self.tunnel(heartbeat_to_wire(state, 51.5).encode())
 
-    def pulse(self, start_ns: int, snr_db: float = 20.0) -> None:
-        self.tunnel(pulse_to_wire(pulse_at(start_ns, snr_db)).encode())
+    def pulse(self, start_ns: int, snr_db: float = 20.0, noise_psd: float = 1e-9) -> None:
+        self.tunnel(pulse_to_wire(pulse_at(start_ns, snr_db, noise_psd)).encode())
 
     def close(self) -> None:
         self._sock.close()
 
 
-def pulse_at(start_ns: int, snr_db: float) -> PulsePose:
-    pulse = heard_pulse(start_ns, frequency_hz=148.7e6, snr_db=snr_db, noise_psd=1e-9)
+def pulse_at(start_ns: int, snr_db: float, noise_psd: float = 1e-9) -> PulsePose:
+    pulse = heard_pulse(start_ns, frequency_hz=148.7e6, snr_db=snr_db, noise_psd=noise_psd)
     pose = Pose(
         time_ns=start_ns,
         latitude_deg=46.5,
@@ -110,6 +113,35 @@ def test_a_drone_is_found_and_its_state_shown(served: Any, drone: Drone) -> None
     state = until(served, lambda state: state["drone"]["state"] == "idle")
     assert state["drone"]["cpu_temperature_c"] == 51.5
     assert state["actions"]["start"]["reason"] == "Send the tags first"
+
+
+def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Drone) -> None:
+    row = {"id": 2, "frequency_mhz": 148.7, "interval_ms": 1200, "pulse_width_ms": 20}
+    row |= {"interval_uncertainty_ms": 20, "interval_jitter_ms": 20, "k": 3}
+    assert served.ask("PUT", "/api/tags", [row]).status == 200
+
+    def noise(noise_psd: float, text: str) -> dict[str, Any]:
+        for _ in range(1000):
+            drone.heartbeat(SystemState.DETECTING)
+            drone.pulse(time.time_ns() - SECOND_NS, noise_psd=noise_psd)
+            found = served.ask("GET", "/api/first-flight").json
+            (one,) = [one for one in found if one["what"] == "noise"]
+            if text in one["text"]:
+                return dict(one)
+            time.sleep(0.03)
+        raise AssertionError(f"never told: {one}")
+
+    first = noise(1e-3, "cannot be judged yet")
+    assert (first["ok"], first["open"]) == (False, True)
+    past = write_flight(served.directory, 120.0, 300.0)
+    assert read_quiet_noise_db(served.directory / past) == pytest.approx(-90.0)
+    loud = noise(1e-3, "60 dB more than in past flights")
+    assert (loud["ok"], loud["open"]) == (False, False)
+    # Of another vehicle nobody knows what is normal for this one.
+    with closing(sqlite3.connect(served.directory / past / "flight.sqlite")) as database:
+        database.execute("INSERT INTO notes VALUES (1, ?)", [vehicle_note(7, "kite")])
+        database.commit()
+    noise(1e-3, "cannot be judged yet")
 
 
 def test_a_pulse_is_stored_once_however_often_it_comes(served: Any, drone: Drone) -> None:

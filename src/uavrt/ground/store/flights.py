@@ -39,8 +39,10 @@ from uavrt.recording import (
     places_of,
     pose_row,
     read_older,
+    read_quiet_noise_db,
     tag_from_row,
     told_in,
+    usual_noise_db,
     vehicle_of,
 )
 
@@ -144,6 +146,7 @@ class FlightLibrary:
         self._ready: dict[str, Stamp] = {}
         self._listed: list[FlightSummary] | None = None
         self._prepared_for: list[FlightSummary] | None = None
+        self._quiet: dict[str, tuple[Stamp, float | None]] = {}
 
     def summaries(self) -> list[FlightSummary]:
         """Get all flights, newest first; what cannot be read is left out.
@@ -238,6 +241,36 @@ class FlightLibrary:
             )
         self._known.put(summary, stamp)
         return _starred(summary, path)
+
+    def usual_noise_db(self, system_id: int | None, *, but: str | None) -> float | None:
+        """Read how loud a vehicle's receiver was at rest in its past flights [dB].
+
+        Flights that do not name their vehicle count for each.
+
+        Parameters
+        ----------
+        system_id : int, optional
+            Of the vehicle; None: all flights count.
+        but : str, optional
+            The flight that goes on.
+        """
+        flights = (
+            flight
+            for flight in self.summaries()
+            if flight.flight_id != but and _is_of(flight, system_id)
+        )
+        return usual_noise_db(self._quiet_noise_db(one.flight_id) for one in flights)
+
+    def _quiet_noise_db(self, flight_id: str) -> float | None:
+        path = self.directory / flight_id
+        stamp = stamp_of(str(path))
+        read = self._quiet.get(flight_id)
+        if read is None or read[0] != stamp:
+            level_db = None
+            with suppress(FormatError):
+                level_db = read_quiet_noise_db(path)
+            read = self._quiet[flight_id] = (stamp, level_db)
+        return read[1]
 
     def places(self, flight_id: str) -> Places:
         """Get where a flight took off, and its marks; raises as `summary`."""
@@ -435,6 +468,12 @@ def _mark(star: Path, starred: bool) -> None:
             f"cannot change {star}: {error.strerror}",
             remedy="Check who owns the flight's directory, and what is in it",
         ) from error
+
+
+def _is_of(flight: FlightSummary, system_id: int | None) -> bool:
+    """Whether a flight may be of this vehicle."""
+    told = None if flight.vehicle is None else flight.vehicle.partition(",")[0]
+    return None in (told, system_id) or told == str(system_id)
 
 
 def _starred(flight: FlightSummary, path: str) -> FlightSummary:

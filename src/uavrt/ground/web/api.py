@@ -115,7 +115,8 @@ class Api:
 
     async def first_flight(self, request: Request) -> Any:
         """The list before a first flight, each item with its remedy."""
-        findings = self._session.first_flight()
+        usual_noise_db = await asyncio.to_thread(self._session.usual_noise_db)
+        findings = self._session.first_flight(usual_noise_db)
         if self._drone_settings is not None:
             findings += await asyncio.to_thread(_card_and_clock, self._drone_settings)
         return [asdict(finding) for finding in findings]
