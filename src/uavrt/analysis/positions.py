@@ -19,6 +19,7 @@ from uavrt.analysis.power_survey import (
     signal_of,
 )
 from uavrt.analysis.season import SAME_PULSES
+from uavrt.analysis.standing import stands, strengths_without_bearing
 from uavrt.errors import UsageError
 from uavrt.localization import (
     HEIGHT_SIGMA_M,
@@ -29,18 +30,12 @@ from uavrt.localization import (
     Position,
     PositionMethod,
     PowerTrack,
-    PulseColumns,
-    Rhythm,
     Stations,
     Strengths,
     located,
     position_of_bearings,
-    strengths_of,
-    yaws_deg,
 )
-from uavrt.localization.flight_estimates import LEAST_TURN_DEG
 from uavrt.localization.position import ADDED_METHODS, HEADING_SIGMA_DEG
-from uavrt.localization.position.estimate import LEAST_EXTENT_M
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import FlightLayout, read_flight, vehicle_of
 from uavrt.recording.formats import (
@@ -59,7 +54,6 @@ from uavrt.recording.formats import (
     tag_numbers,
     with_commas,
 )
-from uavrt.tangent_plane import plane_around
 from uavrt.terrain import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -165,7 +159,7 @@ def read_positions(
         )
     whips = [one for one in logs if (antenna or antenna_of(*one)) == MONOPOLE]
     turned = [one for one in logs if one not in whips]
-    standing = [one for one in whips if turned and _stands(one[1])]
+    standing = [one for one in whips if turned and stands(one[1].pulse_poses)]
     whips = [one for one in whips if one not in standing]
     if whips and turned:
         warn(
@@ -242,22 +236,6 @@ _NEVER_TURNED = (
 )
 
 
-def _stands(log: PulseLog) -> bool:
-    """Whether all pulses were heard at one place: no survey by strength."""
-    places = [one.pose for one in log.pulse_poses if one.pose is not None]
-    if not places:
-        return False
-    plane = plane_around(
-        np.array([one.latitude_deg for one in places]),
-        np.array([one.longitude_deg for one in places]),
-    )
-    away = plane.to_local(
-        np.array([one.latitude_deg for one in places]),
-        np.array([one.longitude_deg for one in places]),
-    )
-    return float(np.quantile(np.hypot(*away), 0.95)) < LEAST_EXTENT_M
-
-
 def _strengths_in(
     log: _Log,
     bearings: Sequence[TagBearing],
@@ -266,39 +244,16 @@ def _strengths_in(
 ) -> dict[int, Strengths]:
     """Strengths of the tags of which a log gives no bearing."""
     path, pulses = log
-    rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags_of(path)}
-    posed = sorted(
-        (one for one in pulses.pulse_poses if one.pose and math.isfinite(one.pulse.snr_db)),
-        key=lambda one: one.pulse.start_time_ns,
-    )
-    own = {
-        tag_id: PulseColumns.of([one for one in posed if one.pulse.tag_id == tag_id]).turned(
-            offset_deg
-        )
-        for tag_id in {one.pulse.tag_id for one in posed}
-    }
-    turned = {one.tag_id for one in bearings if one.bearing.accepted}
-    turned |= {one.tag_id for one in bearings if one.tag_id in own and _turns(own[one.tag_id])}
     flight = read_flight(path) if FlightLayout(path).database.is_file() else None
-    poses = PoseColumns.of(
-        [*poses_of(path), *(one.pose for one in posed if one.pose)],
-        () if flight is None else flight.on_ground_ns,
-    )
     vehicle = None if flight is None else vehicle_of(flight.notes)
-    name = path.name if vehicle is None else f"{path.name} (vehicle {vehicle})"
-    return {
-        tag_id: strengths_of(
-            *(name, own[tag_id], poses, antenna or antenna_of(path, pulses)),
-            rhythms.get(tag_id),
-        )
-        for tag_id in sorted(own.keys() - turned)
-    }
-
-
-def _turns(pulses: PulseColumns) -> bool:
-    """Whether a bearing without a clear direction comes of a turn, not of one heading."""
-    yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
-    return float(np.ptp(yaw)) >= LEAST_TURN_DEG
+    return strengths_without_bearing(
+        path.name if vehicle is None else f"{path.name} (vehicle {vehicle})",
+        pulses.pulse_poses,
+        bearings,
+        antenna or antenna_of(path, pulses),
+        offset_deg,
+        flight,
+    )
 
 
 def _without_position(logs: Sequence[_Log], reason: str) -> list[TagPosition]:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         measure_switched_pulse,
     )
     from uavrt.localization.flight_estimates import (
+        LEAST_TURN_DEG,
         LEAST_TURNS,
         ONE_FLIGHT_S,
         HeardInTurn,
@@ -100,6 +101,7 @@ __all__ = [
     "FOREIGN_SHARE",
     "HEIGHT_SIGMA_M",
     "LEAST_TURNS",
+    "LEAST_TURN_DEG",
     "MONOPOLE",
     "ONE_FLIGHT_S",
     "PATTERNS",
@@ -191,6 +193,7 @@ __getattr__ = lazily(
         "HeardInTurn": "flight_estimates",
         "Hypotheses": "position.trackers",
         "LEAST_TURNS": "flight_estimates",
+        "LEAST_TURN_DEG": "flight_estimates",
         "Listening": "position.level_belief",
         "ONE_FLIGHT_S": "flight_estimates",
         "MONOPOLE": "antenna",

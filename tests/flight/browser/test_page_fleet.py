@@ -53,3 +53,45 @@ def test_a_second_vehicle_is_served_seen_and_stopped_without_touching_the_first(
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     assert watched.errors == []
     watched.close()
+
+
+def test_all_vehicles_are_started_and_stopped_at_once_and_each_answer_is_shown(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    first = willing(port)
+    watched = Watched(browser, ground.address, color_scheme="light")
+    page = watched.page
+    expect(page.locator("#chip-drone")).to_contain_text("40\u202fm")
+    expect(page.locator("#to-all")).to_be_hidden()
+    second = willing(port, system_id=2)
+    page.click('.serve-vehicle[data-vehicle="2"]')
+    expect(page.locator("#to-all")).to_be_visible()
+    first.state, second.state = SystemState.HAS_TAGS, SystemState.IDLE
+    expect(page.locator('.chip.vehicle[data-vehicle="2"]')).to_have_attribute(
+        "title", "vehicle 2: idle, 0 pulses"
+    )
+    page.click("#all-start")
+    answers = page.locator("#all-answers li")
+    expect(answers).to_have_count(2)
+    expect(page.locator('#all-answers li[data-vehicle="2"]')).to_contain_text(
+        "Send the tags first"
+    )
+    assert (first.state, second.state) == (SystemState.DETECTING, SystemState.IDLE)
+    watched.picture("fleet-to-all")
+    second.state = SystemState.DETECTING
+    expect(page.locator('.chip.vehicle[data-vehicle="2"]')).to_have_class("chip vehicle live")
+    page.click("#all-stop")
+    for number in (1, 2):
+        expect(page.locator(f'#all-answers li[data-vehicle="{number}"]')).to_contain_text(
+            "stopped"
+        )
+    assert (first.state, second.state) == (SystemState.HAS_TAGS, SystemState.HAS_TAGS)
+    page.click("#all-close")
+    expect(answers).to_have_count(0)
+    assert watched.errors == []
+    watched.close()

@@ -17,13 +17,17 @@ from uavrt.ground.store.flights import Columns
 from uavrt.localization import (
     MONOPOLE,
     PATTERNS,
+    PoseColumns,
+    PulseColumns,
     Stations,
     Strengths,
     TangentPlane,
     estimate_position,
+    strengths_of,
 )
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import vehicle_note
+from uavrt.terrain import open_elevation
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -246,6 +250,52 @@ def test_a_method_that_takes_bearings_alone_says_that_it_left_a_mast_out(
     (one,) = read_positions(mast.path, *flights, method=method)  # type: ignore[arg-type]
     assert one.position is not None
     assert f"not used: the method {method} takes bearings alone" in one.position.remarks[-1]
+
+
+def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) -> None:
+    """What the ground takes from its pulses is not known."""
+    rng = np.random.default_rng(2)
+    tiles = tmp_path / "tiles"
+    tiles.mkdir()
+    for name in ("N46E007", "N46E008"):
+        heights = rng.integers(900, 1300, (1201, 1201)).astype(">i2")
+        (tiles / f"{name}.hgt").write_bytes(heights.tobytes())
+    elevation = open_elevation(tiles)
+    mast = of_mast(tmp_path / "mast", Mast())
+    both = read_positions(drone.path, mast.path, elevation=elevation)
+    assert both[0].position is not None
+    (told,) = both[0].position.listeners
+    assert told.endswith("not used: what hills take from them is not reckoned with")
+
+
+def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:
+    """Its autopilot says so: down there it hears less, by nobody knows how much."""
+    times = START_NS + np.arange(20) * 10**9
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
+    place = np.full(20, 46.5), np.full(20, 8.0)
+    pulses = PulseColumns(
+        time_ns=times,
+        latitude_deg=place[0],
+        longitude_deg=place[1],
+        quaternion_wxyz=still,
+        snr_db=np.full(20, 20.0),
+        noise_psd=np.full(20, 1e-9),
+        rate=np.ones(20, np.int64),
+    )
+    poses = PoseColumns(
+        time_ns=times,
+        latitude_deg=place[0],
+        longitude_deg=place[1],
+        height_m=np.zeros(20),
+        quaternion_wxyz=still,
+        on_ground_ns=((START_NS, START_NS + 17 * 10**9 + 5),),
+    )
+    told = strengths_of("vehicle 2", pulses, poses, "RA-23K").told
+    assert "not used: they were heard on the ground, before or after a flight" in told
+    flown = strengths_of("vehicle 2", pulses, replace(poses, on_ground_ns=()), "RA-23K")
+    assert flown.unused is None
+    assert list(flown.level_db) == [20.0]
+    assert flown.pulses == 20
 
 
 def test_a_mast_alone_says_what_is_missing(tmp_path: Path) -> None:

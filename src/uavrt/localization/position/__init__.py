@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from uavrt.localization.position.estimate import (
         ADDED_METHODS,
         HEADING_SIGMA_DEG,
+        LEAST_EXTENT_M,
         estimate_position,
     )
     from uavrt.localization.position.level_belief import (
@@ -56,6 +57,7 @@ __all__ = [
     "FACTORS",
     "FADINGS_DB",
     "HEADING_SIGMA_DEG",
+    "LEAST_EXTENT_M",
     "LEVEL_STEP_DB",
     "OUTLIER_SHARE",
     "REFERENCE_M",
@@ -90,6 +92,7 @@ __getattr__ = lazily(
         "Area": "bayes_fix",
         "FADINGS_DB": "power_law",
         "HEADING_SIGMA_DEG": "estimate",
+        "LEAST_EXTENT_M": "estimate",
         "LEVEL_STEP_DB": "power_law",
         "OUTLIER_SHARE": "power_law",
         "FACTORS": "over_hills",
