@@ -36,6 +36,9 @@ class Row:
     at: float | None = None
     """Where the figure lies on the axis of its plot: ENR in dB, nominal share, K."""
     note: str = ""
+    shown: bool = True
+    """False: too little was measured to show that the bar is kept, though nothing speaks
+    against it; `note` says what it shows."""
 
     @classmethod
     def counted(
@@ -92,6 +95,8 @@ class Row:
         """In words; empty without a bar."""
         if not self.barred:
             return ""
+        if self.met and not self.shown:
+            return "not shown"
         if self.met:
             exact = self.most == self.figure == 0.0
             return "met" if self.sure or exact else "met, within error"

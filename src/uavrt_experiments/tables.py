@@ -81,12 +81,14 @@ def number(value: float) -> str:
 
 def bars_kept(rows: Sequence[Row]) -> str:
     """How many of the bars were met, in one sentence."""
-    barred = [row for row in rows if row.barred]
+    asked = [row for row in rows if row.barred]
+    barred = [row for row in asked if row.shown or not row.met]
     missed = [row for row in barred if not row.met]
     sure = sum(row.contradicted for row in missed)
     return (
         f"{len(barred) - len(missed)} of {len(barred)} bars met; of the {len(missed)} not met "
         f"{sure} beyond the 95 % interval"
+        + (f"; {unshown} more not shown" if (unshown := len(asked) - len(barred)) else "")
     )
 
 

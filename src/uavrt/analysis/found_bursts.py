@@ -139,12 +139,17 @@ def _confirmed(bursts: Sequence[PulsePose], tags: dict[int, Tag]) -> list[PulseP
 
 
 def _in_step(time_ns: int, times_ns: Sequence[int], tag: Tag) -> bool:
+    """Whether another burst lies whole intervals away, which are off by what is listed.
+
+    The times of two bursts may be off by as much as the gaps of one.
+    """
     interval_s = tag.pulse_intervals_s[0]
     for other_ns in times_ns:
         apart_s = abs(other_ns - time_ns) / NANOSECONDS_PER_SECOND
         count = round(apart_s / interval_s)
         if 1 <= count <= _MOST_APART and (
-            abs(apart_s - count * interval_s) <= count * tag.interval_uncertainty_s
+            abs(apart_s - count * interval_s)
+            <= count * tag.interval_uncertainty_s + GAP_TOLERANCE_S
         ):
             return True
     return False

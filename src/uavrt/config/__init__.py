@@ -6,6 +6,8 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.config.code_rules import (
+        BURST_TOLERANCE_MS,
+        CODED_K,
         GAP_TOLERANCE_S,
         near_codes,
         same_codes,
@@ -77,6 +79,8 @@ if TYPE_CHECKING:
     from uavrt.config.text_files import read_text, write_text_atomically
 
 __all__ = [
+    "BURST_TOLERANCE_MS",
+    "CODED_K",
     "GAP_TOLERANCE_S",
     "MAX_FALSE_ALARM_PROBABILITY",
     "MAX_FREQUENCY_HZ",
@@ -146,6 +150,8 @@ __getattr__ = lazily(
         "DetectionSettings": "settings",
         "Entry": "tag_rules",
         "Fault": "tag_rules",
+        "BURST_TOLERANCE_MS": "code_rules",
+        "CODED_K": "code_rules",
         "GAP_TOLERANCE_S": "code_rules",
         "GuidanceSettings": "settings",
         "MAX_FALSE_ALARM_PROBABILITY": "tag_rules",

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
-from uavrt.config import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
+from uavrt.config import BURST_TOLERANCE_MS, CODED_K, MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Pose, Tag
 from uavrt.simulation import geometry
 from uavrt.simulation.antenna import Antenna
@@ -68,9 +68,11 @@ class SimulatedTag(ScenarioRecord):
     frequency_hz: Carrier
     pulse_width_s: Annotated[float, Gt(0), Le(1)]
     pulse_intervals_s: Annotated[tuple[Positive, ...], Len(1, 2)]
-    interval_uncertainty_s: NonNegative = 0.0
+    interval_uncertainty_s: NonNegative | None = None
+    """None: 0, and for a coded tag what the trade allows, as in a tag file."""
     interval_jitter_s: NonNegative = 0.0
-    k: Annotated[int, Ge(1)] = 3
+    k: Annotated[int, Ge(1)] | None = None
+    """None: 3, and 10 bursts of a coded tag."""
     false_alarm_probability: Annotated[float, Gt(0), Le(1)] = DEFAULT_FALSE_ALARM_PROBABILITY
     name: str | None = None
     gaps_s: tuple[Positive, ...] = ()
@@ -114,14 +116,16 @@ class SimulatedTag(ScenarioRecord):
     @property
     def tag(self) -> Tag:
         """The tag as in the operator's list."""
+        usual_s, usual_k = (1e-3 * BURST_TOLERANCE_MS, CODED_K) if self.gaps_s else (0.0, 3)
+        slack_s = self.interval_uncertainty_s
         return Tag(
             tag_id=self.tag_id,
             frequency_hz=self.frequency_hz,
             pulse_width_s=self.pulse_width_s,
             pulse_intervals_s=self.pulse_intervals_s,
-            interval_uncertainty_s=self.interval_uncertainty_s,
+            interval_uncertainty_s=usual_s if slack_s is None else slack_s,
             interval_jitter_s=self.interval_jitter_s,
-            k=self.k,
+            k=usual_k if self.k is None else self.k,
             false_alarm_probability=self.false_alarm_probability,
             name=self.name,
             gaps_s=self.gaps_s,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.clock import iso_utc, parse_iso_utc
+from uavrt.config import faults_of_tags
 from uavrt.errors import ConfigError
 from uavrt.simulation.scenario import Scenario
 
@@ -121,6 +122,11 @@ def scenario_faults(scenario: Scenario) -> list[str]:
             faults.append(f"{place}.gaps_s: the burst is longer than its interval")
         if tag.gaps_s and min(tag.gaps_s) <= width_s:
             faults.append(f"{place}.gaps_s: a gap is not longer than the pulse")
+        if tag.gaps_s and tag.listed:
+            faults += [
+                f"{place}: no tag file may list it: {fault}"
+                for fault in faults_of_tags([tag.tag])
+            ]
         if list(tag.rate_switches_s) != sorted(set(tag.rate_switches_s)):
             faults.append(f"{place}.rate_switches_s: the times must rise")
         if tag.rate_switches_s and tag.rate_pattern:

@@ -14,7 +14,7 @@ from uavrt.analysis.export.bursts import DETECTION_COLUMNS
 from uavrt.analysis.found_bursts import bursts_of_pulses
 from uavrt.analysis.measure import detect
 from uavrt.analysis.report.words import code_table, methods
-from uavrt.config import parse_tags, write_tags
+from uavrt.config import parse_tags, read_tags, write_tags
 from uavrt.messages import FlightInfo, Poses, Pulse, PulsePose
 from uavrt.radio import open_recording
 from uavrt.recording import FlightRecorder, read_flight
@@ -34,8 +34,6 @@ pulse_width_s = 0.0025
 pulse_intervals_s = [2.3]
 gaps_s = [0.022, 0.0488, 0.0366]
 crystal_error_ppm = 40
-k = 10
-interval_uncertainty_s = 0.004
 north_m = 200
 east_m = 200
 erp_dbm = -55
@@ -178,7 +176,10 @@ def test_a_coded_tag_is_measured_as_one_not_as_several_that_beep(
     assert "this looks coded: " in told
     (tag,) = parse_tags(written.encode(), name="tags.toml")
     assert tag.gaps_s == pytest.approx((0.022, 0.0488, 0.0366), abs=5e-4)
-    assert tag.pulse_intervals_s[0] == pytest.approx(2.3, abs=1e-3)
+    crystal_ms = 2300.0 * 1.00004
+    every_ms = float(told.split("bursts     every ")[1].split()[0])
+    assert every_ms == pytest.approx(crystal_ms, abs=0.02)
+    assert tag.pulse_intervals_s[0] == pytest.approx(1e-3 * crystal_ms, abs=1e-4)
 
 
 def test_near_codes_of_a_list_are_named_wherever_it_is_given(
@@ -198,6 +199,19 @@ def test_near_codes_of_a_list_are_named_wherever_it_is_given(
     samples = ("--recording", str(recording), "--frequency-window", "120")
     uavrt("integrate", str(flight), "--tags", str(listed), *samples)
     assert said in capsys.readouterr().err
+
+
+def test_a_simulated_list_confirms_the_bursts_of_its_own_recording(
+    flight: Path, tmp_path: Path
+) -> None:
+    export_survey(read_survey(flight), tmp_path, ["motus"])
+    listed = read_tags(flight.parent / "simulated" / "tags.toml")
+    assert (listed[0].interval_uncertainty_s, listed[0].k) == (0.004, 10)
+    log = read_pulse_log(tmp_path / "sensorgnome.txt")
+    for tag in (listed[0], replace(listed[0], interval_uncertainty_s=0.0)):
+        found = [one.pulse for one in bursts_of_pulses(log.pulse_poses, [tag])]
+        assert len(found) > 20
+        assert sum(one.confirmed for one in found) > 0.9 * len(found)
 
 
 TWO_PLACES = """

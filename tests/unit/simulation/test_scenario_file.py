@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from uavrt.config import parse_tags
 from uavrt.errors import ConfigError
 from uavrt.simulation import (
     Scenario,
@@ -116,3 +117,43 @@ def test_the_reference_names_every_key() -> None:
         if " = " in line
     }
     assert not {key for key in keys if f"`{key}`" not in page}
+
+
+CODED = """
+[[tag]]
+tag_id = 12
+frequency_hz = 166370000
+pulse_width_s = 0.0025
+pulse_intervals_s = [2.3]
+gaps_s = [0.022, 0.0488, 0.0366]
+"""
+
+
+def test_a_coded_tag_is_listed_as_a_tag_file_lists_it(tmp_path: Path) -> None:
+    codes = "id,freq,g1,g2,g3,bi\n12,166.37,22,48.8,36.6,2.3\n"
+    assert parse_scenario(CODED).tags == parse_tags(codes.encode(), name="codes.csv")
+    told = CODED + "k = 3\ninterval_uncertainty_s = 0.0\n"
+    (tag,) = parse_scenario(told).tags
+    assert (tag.k, tag.interval_uncertainty_s) == (3, 0.0)
+    (beeping,) = parse_scenario(TAG).tags
+    assert (beeping.k, beeping.interval_uncertainty_s) == (3, 0.0)
+    write_scenario(parse_scenario(CODED), tmp_path / "again.toml")
+    assert load_scenario(tmp_path / "again.toml") == parse_scenario(CODED)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "fault"),
+    [
+        ("[0.004, 0.0488]", "they would overlap"),
+        ("[1.2, 0.0488]", "at most 1000 ms"),
+        ("[0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03]", "a burst has 1 to 7 gaps"),
+    ],
+)
+def test_codes_that_no_tag_file_may_list_are_refused_beforehand(gaps: str, fault: str) -> None:
+    text = CODED.replace("[0.022, 0.0488, 0.0366]", gaps)
+    with pytest.raises(ConfigError) as caught:
+        parse_scenario(text)
+    assert "tag[1]: no tag file may list it" in str(caught.value)
+    assert fault in str(caught.value)
+    (neighbour,) = parse_scenario(text + "listed = false\n").tag
+    assert neighbour.gaps_s

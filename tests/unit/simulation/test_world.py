@@ -154,3 +154,23 @@ def test_the_demo_fits_into_the_usable_span_of_the_decimator() -> None:
     assert max(frequencies) - min(frequencies) < 126e3
     assert all(tag.k == 3 for tag in tags)
     assert sorted(len(tag.pulse_intervals_s) for tag in tags) == [1, 1, 2]
+
+
+@pytest.mark.parametrize("error_ppm", [40.0, -25.0])
+def test_a_crystals_error_stretches_gaps_and_burst_intervals_alike(error_ppm: float) -> None:
+    tag = SimulatedTag(
+        tag_id=12,
+        frequency_hz=166_370_000.0,
+        pulse_width_s=0.0025,
+        pulse_intervals_s=(2.3,),
+        gaps_s=(0.022, 0.0488, 0.0366),
+        crystal_error_ppm=error_ppm,
+        north_m=100.0,
+    )
+    sent_ns = [one.transmit_time_ns for one in truth(Scenario(tag=(tag,)), 60.0)]
+    longer = 1.0 + 1e-6 * error_ppm
+    steps_s = np.diff(sent_ns[:4]) / SECOND_NS
+    assert steps_s == pytest.approx(longer * np.array(tag.gaps_s), abs=3e-9)
+    bursts_s = np.diff(sent_ns[::4]) / SECOND_NS
+    assert bursts_s == pytest.approx(np.full(len(bursts_s), 2.3 * longer), abs=3e-9)
+    assert abs(bursts_s[0] - 2.3) > 5e-5
