@@ -1,0 +1,177 @@
+"""100 TB on 50 machines, reckoned from what ``benchmarks/results.md`` says of archives.
+
+``python -m uavrt_experiments.archive_sum`` writes it into
+``docs/how-to/search-an-archive.md``; to be run again after ``python -m benchmarks archive``.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+_ROOT = Path(__file__).parents[2]
+RESULTS = _ROOT / "benchmarks/results.md"
+PAGE = _ROOT / "docs/how-to/search-an-archive.md"
+BEGIN, END = "<!-- begin archive sum -->", "<!-- end archive sum -->"
+BYTES_A_SAMPLE, HOUR_S = 4, 3600.0
+ARCHIVE_BYTES, MACHINES, CORES = 100e12, 50, 8
+DISK, LINE, STORE = 0.75e9, 1.25e9, 5e9
+"""Bytes a second of a machine's own disk, of 10 Gbit/s, of one store."""
+LEAD_IN_S, SHORT_CELL_S = 120.0, 900.0
+INTERVAL_S = 1.2
+WRITING_S, TASK_S = 16e-6, 1e-3
+"""To join and write a pulse, and Dask's scheduler for a task; measured apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way of doing the work of the benchmark."""
+
+    name: str
+    cpu_s: float
+    """For all of its recordings."""
+    worker_mb: float
+    """Most that a worker had."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What the benchmark found."""
+
+    machine: str
+    signal_s: float
+    """Length of all recordings."""
+    rate_hz: float
+    tags: int
+    ways: tuple[Way, ...]
+    """First one process, which writes too."""
+
+    @property
+    def bytes_a_second(self) -> float:
+        """Of a recording."""
+        return BYTES_A_SAMPLE * self.rate_hz
+
+    @property
+    def hour_cpu_s(self) -> float:
+        """CPU for an hour of recording."""
+        return HOUR_S * self.ways[0].cpu_s / self.signal_s
+
+    @property
+    def core_bytes_a_second(self) -> float:
+        """What one core goes through."""
+        return self.bytes_a_second * HOUR_S / self.hour_cpu_s
+
+
+def measured(results: str) -> Measured:
+    """Read the section of archives."""
+    section = results.partition("<!-- begin archive -->")[2].partition("<!-- end archive")[0]
+    machine = re.search(r"UTC; (.+?), Linux", section)
+    table = section.partition("### Cores side by side")[2]
+    rows = re.findall(r"^\| ([^|]+?) \| [\d.]+ × \| ([\d.]+) s .*\| (\d+) MB \|", table, re.M)
+    what = re.search(r"(\d+) recordings of (\d+) s at (\d+) MS/s, 16 bit, (\d+) tags", table)
+    if machine is None or what is None or not rows:
+        raise SystemExit("results.md does not say it: run python -m benchmarks archive")
+    files, length_s, rate, tags = map(int, what.groups())
+    return Measured(
+        machine=machine[1],
+        signal_s=files * length_s,
+        rate_hz=1e6 * rate,
+        tags=tags,
+        ways=tuple(Way(name, float(cpu), float(mb)) for name, cpu, mb in rows),
+    )
+
+
+def render(results: str) -> str:
+    """Write the tables, and what follows from them."""
+    found = measured(results)
+    return "\n\n".join([BEGIN, _measured_table(found), _sum_table(found), _so(found), END])
+
+
+def _measured_table(found: Measured) -> str:
+    one = found.ways[0]
+    lines = [
+        f"Measured on {found.machine}: {found.signal_s:.0f} s of {found.rate_hz / 1e6:.0f} "
+        f"MS/s as 16-bit integers, {found.tags} tags, in the page cache "
+        "(`python -m benchmarks archive`):",
+        "",
+        f"| | CPU for {found.signal_s:.0f} s | CPU of one process over that of all | most "
+        "memory of a worker (PSS) |",
+        "|---|---|---|---|",
+    ]
+    for way in found.ways:
+        name = f"{way.name}, which writes too" if way is one else way.name
+        share = "" if way is one else f"{100 * one.cpu_s / way.cpu_s:.0f} %"
+        lines.append(f"| {name} | {way.cpu_s} s | {share} | {way.worker_mb:.0f} MB |")
+    hour_bytes = found.bytes_a_second * HOUR_S
+    lines += [
+        "",
+        f"So an hour of recording ({hour_bytes / 1e9:.0f} GB) is {found.hour_cpu_s:.0f} s of "
+        f"one core: {found.core_bytes_a_second / 1e9:.2f} GB/s, or "
+        f"{HOUR_S / found.hour_cpu_s:.0f} times real time. More tags cost more, slowly.",
+    ]
+    return "\n".join(lines)
+
+
+def _sum_table(found: Measured) -> str:
+    hours = ARCHIVE_BYTES / found.bytes_a_second / HOUR_S
+    more, cores = 1.0 + LEAD_IN_S / HOUR_S, MACHINES * CORES
+    read_bytes, core_hours = ARCHIVE_BYTES * more, hours * more * found.hour_cpu_s / HOUR_S
+    pulses = found.tags * hours * HOUR_S / INTERVAL_S
+    lead_in, written = f"{100 * (more - 1.0):.0f} %", f"{WRITING_S * pulses / 60:.0f} min"
+    return "\n".join(
+        [
+            f"**100 TB on {MACHINES} machines**, on paper, from these figures "
+            "(`python -m uavrt_experiments.archive_sum`):",
+            "",
+            f"| | whole archive | {MACHINES} machines of {CORES} cores |",
+            "|---|---|---|",
+            f"| recordings | {hours:.0f} h | {hours * more:.0f} h with the lead-in of cells, "
+            f"{hours * more / cores:.1f} for each core |",
+            f"| detection, {found.hour_cpu_s:.0f} CPU s an hour and {lead_in} of lead-in | "
+            f"{core_hours:.0f} core-hours | {60 * core_hours / cores:.0f} min; "
+            f"{CORES * found.core_bytes_a_second / 1e9:.1f} GB/s for each machine |",
+            f"| reading from a disk in each machine, {DISK / 1e9:g} GB/s | | "
+            f"**{read_bytes / MACHINES / DISK / 60:.0f} min** |",
+            "| reading over 10 Gbit/s for each machine, if the store gives "
+            f"{MACHINES * LINE / 1e9:.1f} GB/s | | "
+            f"{read_bytes / MACHINES / LINE / 60:.0f} min |",
+            f"| reading from one store of {STORE / 1e9:g} GB/s | "
+            f"**{read_bytes / STORE / HOUR_S:.1f} h** | the same |",
+            f"| writing {pulses / 1e6:.0f} million pulses, {1e6 * WRITING_S:.0f} µs each, one "
+            f"process | {written} | {written}, beside the rest |",
+            f"| Dask's scheduler, about {1e3 * TASK_S:.0f} ms a task | {TASK_S * hours:.0f} s "
+            "| |",
+        ]
+    )
+
+
+def _so(found: Measured) -> str:
+    more, hour_s = LEAD_IN_S / HOUR_S, found.hour_cpu_s
+    by_disk_s = ARCHIVE_BYTES * (1.0 + more) / MACHINES / DISK
+    short_s = hour_s * (SHORT_CELL_S + LEAD_IN_S) / HOUR_S
+    return (
+        f"A disk of its own feeds {DISK / found.core_bytes_a_second:.1f} cores; more cores in "
+        "a machine wait for it. A common store is the limit long before cores are: buy "
+        "bandwidth, not processors. Twice the machines with twice the disks take "
+        f"{by_disk_s / 120:.0f} min, and there the next wall stands: the one process that "
+        f"joins cells and writes Parquet ({round(1.0 / WRITING_S, -4):.0f} pulses a second). "
+        f"The last cells leave cores idle for up to one cell's {hour_s * (1.0 + more):.0f} s; "
+        f"`--cell {SHORT_CELL_S:.0f}` makes that {short_s:.0f} s and costs "
+        f"{100 * LEAD_IN_S / SHORT_CELL_S:.0f} % in lead-in instead of {100 * more:.0f} %."
+    )
+
+
+def in_page(page: str, text: str) -> str:
+    """Put it in place of what stands between the marks."""
+    before, _, rest = page.partition(BEGIN)
+    return f"{before}{text}{rest.partition(END)[2]}"
+
+
+def main() -> None:
+    """Write it into the page."""
+    page = PAGE.read_text(encoding="utf-8")
+    text = render(RESULTS.read_text(encoding="utf-8"))
+    PAGE.write_text(in_page(page, text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
