@@ -12,7 +12,8 @@ _ROOT = Path(__file__).parents[2]
 RESULTS = _ROOT / "benchmarks/results.md"
 PAGE = _ROOT / "docs/how-to/search-an-archive.md"
 BEGIN, END = "<!-- begin archive sum -->", "<!-- end archive sum -->"
-BYTES_A_SAMPLE, HOUR_S = 4, 3600.0
+BYTES_A_SAMPLE, GB = 10**9
+HOUR_S = 4, 3600.0
 ARCHIVE_BYTES, MACHINES, CORES = 100e12, 50, 8
 DISK, LINE, STORE = 0.75e9, 1.25e9, 5e9
 """Bytes a second of a machine's own disk, of 10 Gbit/s, of one store."""
@@ -104,8 +105,8 @@ def _measured_table(found: Measured) -> str:
     hour_bytes = found.bytes_a_second * HOUR_S
     lines += [
         "",
-        f"So an hour of recording ({hour_bytes / 1e9:.0f} GB) is {found.hour_cpu_s:.0f} s of "
-        f"one core: {found.core_bytes_a_second / 1e9:.2f} GB/s, or "
+        f"So an hour of recording ({hour_bytes / GB:.0f} GB) is {found.hour_cpu_s:.0f} s of "
+        f"one core: {found.core_bytes_a_second / GB:.2f} GB/s, or "
         f"{HOUR_S / found.hour_cpu_s:.0f} times real time. More tags cost more, slowly.",
     ]
     return "\n".join(lines)
@@ -128,13 +129,13 @@ def _sum_table(found: Measured) -> str:
             f"{hours * more / cores:.1f} for each core |",
             f"| detection, {found.hour_cpu_s:.0f} CPU s an hour and {lead_in} of lead-in | "
             f"{core_hours:.0f} core-hours | {60 * core_hours / cores:.0f} min; "
-            f"{CORES * found.core_bytes_a_second / 1e9:.1f} GB/s for each machine |",
-            f"| reading from a disk in each machine, {DISK / 1e9:g} GB/s | | "
+            f"{CORES * found.core_bytes_a_second / GB:.1f} GB/s for each machine |",
+            f"| reading from a disk in each machine, {DISK / GB:g} GB/s | | "
             f"**{read_bytes / MACHINES / DISK / 60:.0f} min** |",
             "| reading over 10 Gbit/s for each machine, if the store gives "
-            f"{MACHINES * LINE / 1e9:.1f} GB/s | | "
+            f"{MACHINES * LINE / GB:.1f} GB/s | | "
             f"{read_bytes / MACHINES / LINE / 60:.0f} min |",
-            f"| reading from one store of {STORE / 1e9:g} GB/s | "
+            f"| reading from one store of {STORE / GB:g} GB/s | "
             f"**{read_bytes / STORE / HOUR_S:.1f} h** | the same |",
             f"| writing {pulses / 1e6:.0f} million pulses, {1e6 * WRITING_S:.0f} µs each, one "
             f"process | {written} | {written}, beside the rest |",

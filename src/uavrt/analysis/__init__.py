@@ -56,7 +56,13 @@ if TYPE_CHECKING:
         read_positions,
     )
     from uavrt.analysis.power_survey import HeardStrength
-    from uavrt.analysis.season import AnimalOfSeason, Season, read_season
+    from uavrt.analysis.season import (
+        SAME_PULSES,
+        AnimalOfSeason,
+        Season,
+        read_season,
+        without_copies,
+    )
     from uavrt.analysis.several_flights import (
         TagOfFlights,
         common_tags,
@@ -85,6 +91,7 @@ __all__ = [
     "NAME",
     "POSITION_M",
     "RASTERS",
+    "SAME_PULSES",
     "USUAL_ANTENNA",
     "AnimalOfSeason",
     "DetectionPlots",
@@ -153,6 +160,7 @@ __all__ = [
     "silent_maps",
     "slots_of",
     "verdict_of",
+    "without_copies",
     "write_facts",
     "write_fold_pictures",
     "write_maps",
@@ -175,6 +183,8 @@ __getattr__ = lazily(
         "AnimalOfSeason": "season",
         "Season": "season",
         "read_season": "season",
+        "SAME_PULSES": "season",
+        "without_copies": "season",
         "DetectionPlots": "plots",
         "FlightNoise": "flight_noise",
         "HeardStrength": "power_survey",

@@ -85,7 +85,7 @@ def read_season(directory: Path) -> Season:
             f"there is no flight that can be read below {directory}",
             remedy="Name the folder that holds them",
         )
-    flights = _without_copies(sorted(outlines, key=lambda one: one.info.start_time_ns))
+    flights = without_copies(sorted(outlines, key=lambda one: one.info.start_time_ns))
     minutes = sum(_minutes(one) for one in flights)
     hearings = sum(len(one[0].heard) for one in flights)
     batteries, used = _batteries(flights)
@@ -113,7 +113,8 @@ _Animal = tuple[int, int]
 """Id and frequency [kHz]: numbers are given again to other animals."""
 
 
-def _without_copies(outlines: Sequence[FlightOutline]) -> list[_Flight]:
+def without_copies(outlines: Sequence[FlightOutline]) -> list[_Flight]:
+    """Put copies of one flight together; what was noted in order of time comes in that order."""
     flights: list[list[FlightOutline]] = []
     for one in outlines:
         for flight in reversed(flights):

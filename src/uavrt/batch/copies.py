@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from uavrt.analysis.season import SAME_PULSES
-from uavrt.analysis.season import _without_copies as without_copies
+from uavrt.analysis import SAME_PULSES, without_copies
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.tables import FlightRow, RecordingRow
