@@ -70,9 +70,7 @@ def test_the_ground_needs_nothing_of_posix() -> None:
 
 
 def test_the_test_itself_would_notice() -> None:
-    program = PROGRAM.format(
-        hidden=tuple(HIDDEN), modules=("uavrt.recording.writer_lock",)
-    )
+    program = PROGRAM.format(hidden=tuple(HIDDEN), modules=("uavrt.recording.writer_lock",))
     finished = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
