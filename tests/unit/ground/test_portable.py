@@ -56,6 +56,7 @@ MODULES = (
     *("uavrt.ground.web.waterfalls", "uavrt.analysis.report", "uavrt.analysis.positions"),
     *("uavrt.analysis.tracks", "uavrt.cli.ground", "uavrt.cli.report", "uavrt.cli.localize"),
     *("uavrt.cli.fetch", "uavrt.cli.export", "uavrt.cli.bearing", "uavrt.cli.attach"),
+    "uavrt.ground.store.beside_drone",
     "uavrt.cli.app",
 )
 
@@ -69,9 +70,7 @@ def test_the_ground_needs_nothing_of_posix() -> None:
 
 
 def test_the_test_itself_would_notice() -> None:
-    program = PROGRAM.format(
-        hidden=tuple(HIDDEN), modules=("uavrt.supervisor.mission.saved_state",)
-    )
+    program = PROGRAM.format(hidden=tuple(HIDDEN), modules=("uavrt.recording.writer_lock",))
     finished = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )

@@ -30,7 +30,8 @@ SPRING_NS = 1_777_600_000 * 10**9
 """May 2026."""
 FREE_MB = 4.0
 FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "400"))
-"""On one card; ``UAVRT_FLIGHTS=2000`` takes some minutes."""
+"""On one card; ``UAVRT_FLIGHTS=1000 UAVRT_DAYS=30`` is a busy month."""
+STEP_NS = round(float(os.environ.get("UAVRT_DAYS", FLIGHTS / 40)) * DAY_NS) // FLIGHTS
 
 
 @pytest.fixture
@@ -54,7 +55,7 @@ def test_hundreds_of_flights_on_a_small_card_lose_nothing_that_was_promised(
     filled = refused = 0
     guard = DiskGuard(card.place, settings)
     for number in range(FLIGHTS):
-        clock_ns = rng.choice((0, SPRING_NS, SPRING_NS)) + number * DAY_NS // 40
+        clock_ns = rng.choice((0, SPRING_NS, SPRING_NS)) + number * STEP_NS
         flight = new_flight_directory(card.place, clock_ns)
         if rng.random() < 0.04:
             filled += 1

@@ -4,7 +4,6 @@ After a kill or a power cut the next supervisor resumes where this one was. A cl
 the file, so the next start begins afresh.
 """
 
-import fcntl
 import os
 from contextlib import suppress
 from dataclasses import dataclass
@@ -77,6 +76,8 @@ class StateStore:
         ConfigError
             Another one does.
         """
+        import fcntl  # not where Windows runs the page, which reads the state
+
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT, 0o644)
