@@ -12,8 +12,8 @@ _ROOT = Path(__file__).parents[2]
 RESULTS = _ROOT / "benchmarks/results.md"
 PAGE = _ROOT / "docs/how-to/search-an-archive.md"
 BEGIN, END = "<!-- begin archive sum -->", "<!-- end archive sum -->"
-BYTES_A_SAMPLE, GB = 10**9
-HOUR_S = 4, 3600.0
+GB = 10**9
+BYTES_A_SAMPLE, HOUR_S = 4, 3600.0
 ARCHIVE_BYTES, MACHINES, CORES = 100e12, 50, 8
 DISK, LINE, STORE = 0.75e9, 1.25e9, 5e9
 """Bytes a second of a machine's own disk, of 10 Gbit/s, of one store."""

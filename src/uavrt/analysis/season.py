@@ -114,7 +114,7 @@ _Animal = tuple[int, int]
 
 
 def without_copies(outlines: Sequence[FlightOutline]) -> list[_Flight]:
-    """Put copies of one flight together; what was noted in order of time comes in that order."""
+    """Put copies of one flight together, in the order in which they were noted."""
     flights: list[list[FlightOutline]] = []
     for one in outlines:
         for flight in reversed(flights):
