@@ -6,20 +6,40 @@
 # second stage would do slowly in the emulator; what uavrt needs of them is done here. Needs no
 # root. What is there already stays, unless other packages are wanted now. LIST names another list
 # than packages.txt, PACKAGES more of them, COMPONENTS where they are from (main).
+# make-root.sh --emulator DIRECTORY: the emulator alone.
 set -eu
 
+fail() { printf '%s\n' "make-root.sh: $*" >&2; exit 1; }
+emulator() {
+    [ ! -x "$work/qemu-aarch64-static" ] || return 0
+    found=$(command -v qemu-aarch64-static || true)
+    if [ -n "$found" ]; then
+        cp "$found" "$work/"
+    else
+        # Of this machine's own architecture, unpacked, not installed.
+        (cd "$work" && APT_CONFIG= apt-get download -qq qemu-user-static 2>/dev/null &&
+            dpkg-deb --fsys-tarfile qemu-user-static_*.deb | tar -x ./usr/bin/qemu-aarch64-static &&
+            mv usr/bin/qemu-aarch64-static . && rm -rf usr qemu-user-static_*.deb) ||
+            fail "no emulator: sudo apt install qemu-user-static"
+    fi
+}
+if [ "$1" = --emulator ]; then
+    work=$2
+    emulator
+    exit 0
+fi
 work=$1
 suite=${SUITE:-bookworm} components=${COMPONENTS:-main} mirror=${MIRROR:-http://deb.debian.org/debian}
 here=$(cd "$(dirname "$0")" && pwd)
 packages="$(sed 's/#.*//' "${LIST:-$here/packages.txt}" | tr '\n' ' ') ${PACKAGES:-}"
-fail() { printf '%s\n' "make-root.sh: $*" >&2; exit 1; }
 keys=/usr/share/keyrings/debian-archive-keyring.gpg
 [ -e $keys ] || fail "no $keys: sudo apt install debian-archive-keyring"
 wanted=$(printf '%s\n' "$suite" "$mirror" "$components" "$packages" | tr -s ' ' | sha256sum)
 is() { [ "$(cat "$1" 2>/dev/null)" = "$wanted" ]; }
-is "$work/apt/done" || rm -rf "$work/apt"
+is "$work/apt/wanted" || rm -rf "$work/apt"
 mkdir -p "$work/apt/lists/partial" "$work/apt/cache/archives/partial" "$work/apt/empty"
 : >"$work/apt/status"
+echo "$wanted" >"$work/apt/wanted"
 printf 'deb [arch=arm64 signed-by=%s] %s %s %s\n' "$keys" "$mirror" "$suite" "$components" >"$work/apt/sources"
 cat >"$work/apt/apt.conf" <<APT
 APT::Architecture "arm64";
@@ -42,18 +62,7 @@ if ! is "$work/apt/done"; then
         fail "no packages from $mirror: is the network there, and MIRROR right?"
     echo "$wanted" >"$work/apt/done"
 fi
-if [ ! -x "$work/qemu-aarch64-static" ]; then
-    found=$(command -v qemu-aarch64-static || true)
-    if [ -n "$found" ]; then
-        cp "$found" "$work/"
-    else
-        # Of this machine's own architecture, unpacked, not installed.
-        (cd "$work" && APT_CONFIG= apt-get download -qq qemu-user-static 2>/dev/null &&
-            dpkg-deb --fsys-tarfile qemu-user-static_*.deb | tar -x ./usr/bin/qemu-aarch64-static &&
-            mv usr/bin/qemu-aarch64-static . && rm -rf usr qemu-user-static_*.deb) ||
-            fail "no emulator: sudo apt install qemu-user-static"
-    fi
-fi
+emulator
 ! is "$work/root/.complete" || exit 0
 
 root=$work/root

@@ -43,6 +43,9 @@ begin /usr/share/libc-bin/nsswitch.conf /etc/nsswitch.conf
 begin /usr/share/openssh/sshd_config /etc/ssh/sshd_config
 begin /usr/share/base-files/profile /etc/profile
 begin /usr/share/base-files/dot.profile /root/.profile
+for file in /lib/firmware/regulatory.db /lib/firmware/regulatory.db.p7s; do # of wireless-regdb
+    [ ! -e $file-debian ] || [ -e $file ] || ln -s "${file##*/}-debian" $file
+done
 ln -sf /usr/share/zoneinfo/Etc/UTC /etc/localtime
 echo Etc/UTC >/etc/timezone
 # As pam-auth-update writes them where it can ask debconf.

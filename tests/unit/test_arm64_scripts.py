@@ -174,3 +174,33 @@ for name; do case $name in lynx | otter)
     assert kept.exists()
     assert make("lynx otter") == {"lynx", "otter"}
     assert not kept.exists()
+
+
+def test_what_the_installer_needs_is_fetched_again_when_a_lock_has_changed(
+    tmp_path: Path,
+) -> None:
+    """Also what only ROS 2 needs, when it is asked for after all else is there."""
+    source, work, told = tmp_path / "source", tmp_path / "work", tmp_path / "told"
+    shutil.copytree(ROOT / "deploy", source / "deploy")
+    script(source / "deploy/arm64/enter.sh", "exit 0")
+    script(tmp_path / "python", f'for word; do last=$word; done; basename "$last" >>{told}')
+    (source / "README.md").write_text("1")
+    subprocess.run(["git", "init", "-q", str(source)], check=True)
+    subprocess.run(["git", "-C", str(source), "add", "README.md"], check=True)
+    (work / "root").mkdir(parents=True)
+
+    def fetched(*words: str) -> list[str]:
+        told.write_text("")
+        subprocess.run(
+            [str(source / "deploy/arm64/install-uavrt.sh"), str(work), *words],
+            check=True,
+            env=os.environ | {"PYTHON": str(tmp_path / "python")},
+        )
+        return told.read_text().split()
+
+    assert fetched() == ["drone-page.txt", "build.txt"]
+    assert fetched("--ros2") == ["dds-build.txt", "dds.txt"]
+    assert fetched("--ros2") == []
+    with (source / "deploy/locks/build.txt").open("a") as lock:
+        lock.write("# other\n")
+    assert fetched() == ["drone-page.txt", "build.txt"]
