@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from uavrt.analysis.season import SAME_PULSES
-from uavrt.analysis.season import _without_copies as without_copies
+from uavrt.analysis import season
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.tables import FlightRow, RecordingRow
@@ -119,11 +118,11 @@ def _flights(outlines: Sequence[FlightOutline]) -> Iterator[tuple[FlightOutline,
     end_ns = 0
     for one in outlines:
         if together and one.info.start_time_ns > end_ns:
-            yield from _apart(without_copies(together))
+            yield from _apart(season._without_copies(together))  # noqa: SLF001
             together = []
         end_ns = max(end_ns, one.end_time_ns) if together else one.end_time_ns
         together.append(one)
-    yield from _apart(without_copies(together))
+    yield from _apart(season._without_copies(together))  # noqa: SLF001
 
 
 def _apart(
@@ -146,7 +145,7 @@ def _same_levels(one: FlightOutline, other: FlightOutline) -> bool:
     levels = [read_pulse_levels(each.directory) for each in (one, other)]
     common = levels[0].keys() & levels[1].keys()
     same = sum(abs(levels[0][key] - levels[1][key]) <= SAME_LEVEL_DB for key in common)
-    return same >= SAME_PULSES * len(common)
+    return same >= season.SAME_PULSES * len(common)
 
 
 def _kept_samples(directory: Path) -> bool:
