@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     )
     from uavrt.analysis.power_survey import HeardStrength
     from uavrt.analysis.season import (
-        SAME_PULSES,
         AnimalOfSeason,
         Season,
         read_season,
@@ -91,7 +90,6 @@ __all__ = [
     "NAME",
     "POSITION_M",
     "RASTERS",
-    "SAME_PULSES",
     "USUAL_ANTENNA",
     "AnimalOfSeason",
     "DetectionPlots",
@@ -183,7 +181,6 @@ __getattr__ = lazily(
         "AnimalOfSeason": "season",
         "Season": "season",
         "read_season": "season",
-        "SAME_PULSES": "season",
         "without_copies": "season",
         "DetectionPlots": "plots",
         "FlightNoise": "flight_noise",

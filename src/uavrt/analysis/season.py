@@ -11,12 +11,14 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.messages import Tag
-from uavrt.recording import FlightOutline, read_outline, read_pulse_milliseconds
+from uavrt.recording import FlightOutline, read_outline, read_pulse_levels
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 SAME_PULSES = 0.5
 """Share of the pulses of the shorter copy that the other has, too: the ground station may have
 come late."""
+SAME_LEVEL_DB = 0.1
+"""Of a pulse in two copies of a flight, at most; two drones differ by some 5 dB."""
 SAME_SPAN = 0.9
 """Of two flights without pulses, of the longer: they are the same, if they can be."""
 CHANGED_PERCENT = 10
@@ -137,8 +139,13 @@ def _is_same(one: FlightOutline, other: FlightOutline) -> bool:
     if overlap < 0 or not _may_be_one_vehicle(one.vehicle, other.vehicle):
         return False
     if _pulses(one) and _pulses(other):
-        pulses = [read_pulse_milliseconds(each.directory) for each in (one, other)]
-        return len(pulses[0] & pulses[1]) >= SAME_PULSES * min(map(len, pulses))
+        levels = [read_pulse_levels(each.directory) for each in (one, other)]
+        common = levels[0].keys() & levels[1].keys()
+        # Drones side by side hear the same pulses, each as strong as at its own place.
+        same = sum(abs(levels[0][key] - levels[1][key]) <= SAME_LEVEL_DB for key in common)
+        return len(common) >= SAME_PULSES * min(map(len, levels)) and same >= SAME_PULSES * len(
+            common
+        )
     longest = max(each.end_time_ns - each.info.start_time_ns for each in (one, other))
     return not _are_two(one, other) and overlap >= SAME_SPAN * longest
 

@@ -3,15 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from uavrt.analysis import SAME_PULSES, without_copies
+from uavrt.analysis import without_copies
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.tables import FlightRow, RecordingRow
 from uavrt.errors import FormatError
-from uavrt.recording import FlightLayout, FlightOutline, read_outline, read_pulse_levels
-
-SAME_LEVEL_DB = 0.1
-"""Of a pulse in two copies of a flight, at most; two drones differ by some 5 dB."""
+from uavrt.recording import FlightLayout, FlightOutline, read_outline
 
 
 def copies_of(
@@ -118,34 +115,11 @@ def _flights(outlines: Sequence[FlightOutline]) -> Iterator[tuple[FlightOutline,
     end_ns = 0
     for one in outlines:
         if together and one.info.start_time_ns > end_ns:
-            yield from _apart(without_copies(together))
+            yield from without_copies(together)
             together = []
         end_ns = max(end_ns, one.end_time_ns) if together else one.end_time_ns
         together.append(one)
-    yield from _apart(without_copies(together))
-
-
-def _apart(
-    flights: Sequence[tuple[FlightOutline, ...]],
-) -> Iterator[tuple[FlightOutline, ...]]:
-    """Part drones that flew side by side and heard the same pulses, each in its own place."""
-    for flight in flights:
-        alike: list[list[FlightOutline]] = []
-        for one in flight:
-            for others in alike:
-                if _same_levels(others[0], one):
-                    others.append(one)
-                    break
-            else:
-                alike.append([one])
-        yield from map(tuple, alike)
-
-
-def _same_levels(one: FlightOutline, other: FlightOutline) -> bool:
-    levels = [read_pulse_levels(each.directory) for each in (one, other)]
-    common = levels[0].keys() & levels[1].keys()
-    same = sum(abs(levels[0][key] - levels[1][key]) <= SAME_LEVEL_DB for key in common)
-    return same >= SAME_PULSES * len(common)
+    yield from without_copies(together)
 
 
 def _kept_samples(directory: Path) -> bool:

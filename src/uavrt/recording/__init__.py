@@ -60,7 +60,6 @@ if TYPE_CHECKING:
         battery_note,
         read_outline,
         read_pulse_levels,
-        read_pulse_milliseconds,
     )
     from uavrt.recording.places import (
         GROUND_NOTE,
@@ -159,7 +158,6 @@ __all__ = [
     "read_outline",
     "read_pulse_file",
     "read_pulse_levels",
-    "read_pulse_milliseconds",
     "read_pulse_pose_log",
     "read_quiet_noise_db",
     "read_search_notes",
@@ -186,7 +184,6 @@ __getattr__ = lazily(
         "battery_note": "outline",
         "read_outline": "outline",
         "read_pulse_levels": "outline",
-        "read_pulse_milliseconds": "outline",
         "ChannelRecorder": "channel_recorder",
         "DetectorConfig": "detector_configs",
         "Flight": "flight_reader",

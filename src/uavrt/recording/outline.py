@@ -15,12 +15,10 @@ _HEARD = (
     "SELECT tag_id, count(*), min(start_time_ns), max(start_time_ns) FROM pulses"
     " WHERE detection_status = 'confirmed' AND ghost_of_tag_id IS NULL GROUP BY tag_id"
 )
-_MILLISECONDS = (
-    "SELECT tag_id, (start_time_ns + 500000) / 1000000 FROM pulses"
+_LEVELS = (
+    "SELECT tag_id, (start_time_ns + 500000) / 1000000, snr_db FROM pulses"
     " WHERE detection_status = 'confirmed'"
 )
-
-_LEVELS = _MILLISECONDS.replace(" FROM", ", snr_db FROM")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,25 +86,11 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
     )
 
 
-def read_pulse_milliseconds(directory: Path) -> set[tuple[int, int]]:
-    """Read tag and start [ms] of each confirmed pulse: two copies of a flight share them.
-
-    Over the link a start keeps no nanoseconds.
-
-    Raises
-    ------
-    FormatError
-        As `read_outline`.
-    """
-    with flight_database(directory) as database:
-        return set(database.execute(_MILLISECONDS).fetchall())
-
-
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
     """Read how strong each confirmed pulse was [dB], by tag and start [ms].
 
     Copies of a flight share them to the last digit; two drones that hear the same pulse at the
-    same time, each from its own place, do not.
+    same time, each from its own place, do not. Over the link a start keeps no nanoseconds.
 
     Raises
     ------

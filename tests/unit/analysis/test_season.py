@@ -39,6 +39,7 @@ def fly(
     heard: dict[int, int] | None = None,
     notes: tuple[str, ...] = (),
     shift_ns: int = 0,
+    snr_db: float = 20.0,
 ) -> None:
     """Record a flight that heard each tag of `heard` from that second on, every 1.2 s."""
     start_ns = MAY_NS + start_s * SECOND
@@ -56,7 +57,9 @@ def fly(
         times = range(start_ns + from_s * SECOND, start_ns + (from_s + 60) * SECOND, 12 * 10**8)
         recorder.write_pulse_poses(
             [
-                PulsePose(pulse=pulse_at(time_ns + shift_ns, tag_id=tag_id), pose=None)
+                PulsePose(
+                    pulse=pulse_at(time_ns + shift_ns, tag_id=tag_id, snr_db=snr_db), pose=None
+                )
                 for time_ns in times
             ]
         )
@@ -118,6 +121,16 @@ def test_two_drones_at_the_same_time_are_two_flights(tmp_path: Path) -> None:
     # Without a word whose it is the pulses decide.
     fly(tmp_path / "3", 0, LYNX, heard={2: 61}, shift_ns=SECOND // 2)
     assert read_season(tmp_path).flights == 3
+
+
+def test_two_drones_side_by_side_that_hear_the_same_pulses_are_two_flights(
+    tmp_path: Path,
+) -> None:
+    for number, snr_db in enumerate((20.0, 15.0)):
+        for copy in "ab":
+            fly(tmp_path / copy / f"{number}", 0, LYNX, heard={2: 60}, snr_db=snr_db)
+    found = read_season(tmp_path)
+    assert (found.flights, found.copies) == (2, 2)
 
 
 def test_a_battery_that_two_stations_noted_is_one(tmp_path: Path) -> None:
