@@ -63,9 +63,9 @@ if ! is "$work/apt/done"; then
     echo "$wanted" >"$work/apt/done"
 fi
 emulator
-! is "$work/root/.complete" || exit 0
-
 root=$work/root
+! is "$root/.complete" || exit 0
+
 rm -rf "$root"
 mkdir -p "$root/usr/bin" "$root/usr/sbin" "$root/usr/lib" "$root/var/lib/dpkg/info"
 for name in bin sbin lib; do ln -s "usr/$name" "$root/$name"; done

@@ -115,7 +115,7 @@ given_root() {
         tar -xp --no-same-owner "$@" -C "$work/root" -f "$from" || fail "$from is no tar of a root"
     fi
     check_root
-    mkdir -p "$work/root/dev" "$work/root/proc" "$work/root/sys" "$work/root/run" "$work/root/tmp"
+    (cd "$work/root" && mkdir -p dev proc sys run tmp)
 }
 installed() {
     set -- $ros2

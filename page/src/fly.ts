@@ -3,6 +3,7 @@
 import { afterPanel, openAfter } from "./after";
 import { ApiError, get, send } from "./api";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
+import { mayCommand } from "./commands";
 import { append, by, describe, fill, h, say } from "./dom";
 import { ago, fixed, UNKNOWN } from "./format";
 import { told } from "./i18n";
@@ -12,7 +13,6 @@ import { MapView } from "./map";
 import { motionPanel, openMotion } from "./motion";
 import { toast } from "./notice";
 import { drawReplay, replayBar } from "./replay";
-import { save, unsaved } from "./setup";
 import { store } from "./store";
 import type { Choices, TagRow } from "./types";
 import { tapBox } from "./tap";
@@ -133,20 +133,7 @@ export async function act(name: string): Promise<void> {
   const button = buttons.get(name);
   const action = store.state?.actions[name];
   if (!button || !action) return;
-  // What runs can always be stopped, whatever is looked at.
-  if (store.looksOn() && name !== "stop" && name !== "mark") {
-    toast("Another page commands: take command first", 5);
-    return;
-  }
-  if (store.review && name !== "stop") {
-    toast("This is a past flight: go back to the live one first", 5);
-    return;
-  }
-  if (name === "send_tags" && unsaved() && !(await save())) {
-    toast("The typed tags are not saved, so nothing was sent: see Set-up", 4);
-    openView("setup");
-    return;
-  }
+  if (!(await mayCommand(name, () => openView("setup")))) return;
   if (!store.state?.actions[name]?.enabled && !(name === "send_tags" && action.reason?.startsWith("No tags"))) {
     toast(action.reason ?? "Not now", 5);
     return;

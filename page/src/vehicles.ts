@@ -1,9 +1,9 @@
 /** Several vehicles of one station: who they are, the way to the page of each, letting another be served. */
 
 import { ApiError, BASE, send } from "./api";
+import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
 import { toast } from "./notice";
-import { save, unsaved } from "./setup";
 import { store } from "./store";
 import type { FleetRecord } from "./types";
 
@@ -101,20 +101,8 @@ export function toAllBox(): HTMLElement {
   return box;
 }
 
-/** The rules of a command to one: who looks on stops, and does nothing else; typed tags are saved first. */
 async function askAll(name: string): Promise<void> {
-  if (store.looksOn() && name !== "stop") {
-    toast("Another page commands: take command first", 5);
-    return;
-  }
-  if (store.review && name !== "stop") {
-    toast("This is a past flight: go back to the live one first", 5);
-    return;
-  }
-  if (name === "send_tags" && unsaved() && !(await save())) {
-    toast("The typed tags are not saved, so nothing was sent: see Set-up", 4);
-    return;
-  }
+  if (!(await mayCommand(name, () => undefined))) return;
   try {
     const said = await send<Answers>("POST", `/vehicles/commands/${name}`, {}, {}, "");
     const rows = said.answers.map((one) =>

@@ -5,6 +5,7 @@
 """
 
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -172,6 +173,7 @@ def main() -> None:
     page = PAGE.read_text(encoding="utf-8")
     text = render(RESULTS.read_text(encoding="utf-8"))
     PAGE.write_text(in_page(page, text), encoding="utf-8")
+    sys.stdout.write(f"Written: {PAGE.relative_to(_ROOT)}\n")
 
 
 if __name__ == "__main__":

@@ -125,11 +125,7 @@ def without_copies(outlines: Sequence[FlightOutline]) -> list[_Flight]:
                 break
         else:
             flights.append([one])
-    return [tuple(sorted(one, key=_pulses, reverse=True)) for one in flights]
-
-
-def _pulses(outline: FlightOutline) -> int:
-    return sum(one.pulses for one in outline.heard.values())
+    return [tuple(sorted(one, key=lambda one: one.pulses, reverse=True)) for one in flights]
 
 
 def _is_same(one: FlightOutline, other: FlightOutline) -> bool:
@@ -138,7 +134,7 @@ def _is_same(one: FlightOutline, other: FlightOutline) -> bool:
     overlap = min(one.end_time_ns, other.end_time_ns) - begin
     if overlap < 0 or not _may_be_one_vehicle(one.vehicle, other.vehicle):
         return False
-    if _pulses(one) and _pulses(other):
+    if one.pulses and other.pulses:
         levels = [read_pulse_levels(each.directory) for each in (one, other)]
         common = levels[0].keys() & levels[1].keys()
         # Drones side by side hear the same pulses, each as strong as at its own place.
@@ -157,7 +153,7 @@ def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
     Stations are told apart by the folder: two of them begin when they hear of a flight. So
     flights of a clock that begins anew in 1970 at each start are not taken for one.
     """
-    if (_pulses(one) and _pulses(other)) or one.info.start_time_ns == other.info.start_time_ns:
+    if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False
     beside = one.directory.parent == other.directory.parent
     return one.of_ground == other.of_ground and (beside or not one.of_ground)

@@ -53,7 +53,7 @@ def copies_of(
         place = one.directory
         return (
             *(place in searched, place in recorded, _kept_samples(place)),
-            *(_pulses(one), str(place) in known),
+            *(one.pulses, str(place) in known),
         )
 
     for flight in _flights(outlines):
@@ -63,7 +63,7 @@ def copies_of(
         copies |= {
             one.directory: counting.directory
             for one in flight
-            if one is not counting and (_pulses(one) or not any(worth(one)[:3]))
+            if one is not counting and (one.pulses or not any(worth(one)[:3]))
         }
     return copies
 
@@ -124,7 +124,3 @@ def _flights(outlines: Sequence[FlightOutline]) -> Iterator[tuple[FlightOutline,
 
 def _kept_samples(directory: Path) -> bool:
     return any(FlightLayout(directory).channels_directory.glob("*"))
-
-
-def _pulses(outline: FlightOutline) -> int:
-    return sum(one.pulses for one in outline.heard.values())

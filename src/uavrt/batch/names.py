@@ -43,17 +43,14 @@ def name_flights(
     places = _places(found)
     of_recording = {one.name: _place(one) for one in found.recordings}
     directories = {*found.flights, *passed_over}
+    free = {str(one) for one in passed_over}
 
     def place_of(path: str) -> str:
         directory = flight_of(path, directories)
         return of_recording.get(path) or (path if directory is None else str(directory))
 
     known: list[RecordingRow | FlightRow] = [*recordings.rows, *flights.rows]
-    rows = [
-        (place, row)
-        for row in known
-        if (place := place_of(row.path)) not in map(str, passed_over)
-    ]
+    rows = [(place, row) for row in known if (place := place_of(row.path)) not in free]
     owners: dict[str, set[str]] = defaultdict(set)
     for place, row in rows:
         owners[row.flight].add(place)

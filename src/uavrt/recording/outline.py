@@ -46,6 +46,11 @@ class FlightOutline:
     """As the ground station noted it, in order of time."""
 
     @property
+    def pulses(self) -> int:
+        """How many were confirmed, of all tags."""
+        return sum(one.pulses for one in self.heard.values())
+
+    @property
     def directory(self) -> Path:
         """Where it lies."""
         return Path(self.info.directory)

@@ -1,0 +1,25 @@
+/** When this page may command, one vehicle or all: who looks on stops, and does nothing else. */
+
+import { toast } from "./notice";
+import { save, unsaved } from "./setup";
+import { store } from "./store";
+
+/** Whether a command may go out; says why it may not. Typed tags are saved before they are sent. */
+export async function mayCommand(name: string, showTags: () => void): Promise<boolean> {
+  // What runs can always be stopped, whatever is looked at.
+  if (name === "stop") return true;
+  if (store.looksOn() && name !== "mark") {
+    toast("Another page commands: take command first", 5);
+    return false;
+  }
+  if (store.review) {
+    toast("This is a past flight: go back to the live one first", 5);
+    return false;
+  }
+  if (name === "send_tags" && unsaved() && !(await save())) {
+    toast("The typed tags are not saved, so nothing was sent: see Set-up", 4);
+    showTags();
+    return false;
+  }
+  return true;
+}
