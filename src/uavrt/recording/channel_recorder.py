@@ -426,16 +426,19 @@ def _scale_by_noise(samples: NDArray[np.complex64], bits: int) -> float:
     """Full scale at which the noise has the steps it should have; 0 if there is none.
 
     The noise is the median over the middle of the channel's spectrum: neither pulses nor
-    carriers count for it.
+    carriers count for it, nor the zeros in place of lost samples.
     """
-    rows = len(samples) // WINDOW
-    if rows:
+    rows = samples[: len(samples) // WINDOW * WINDOW].reshape(-1, WINDOW)
+    rows = rows[rows.all(axis=1)]
+    if len(rows):
         window = np.hanning(WINDOW).astype(np.float32)
-        spectrum = np.fft.fft(samples[: rows * WINDOW].reshape(rows, WINDOW) * window, axis=1)
+        spectrum = np.fft.fft(rows * window, axis=1)
         middle = np.concatenate((spectrum[:, : WINDOW // 4], spectrum[:, -WINDOW // 4 :]))
         power = middle / np.sqrt(np.sum(window**2))
     else:
-        power = samples
+        power = samples[samples != 0]
+        if not len(power):
+            return 0.0
     # The median of an exponential distribution is its mean times log 2; half of it is I's.
     mean = float(np.median(power.real**2 + power.imag**2)) / math.log(2.0)
     wanted = math.sqrt(mean / 2.0) * FULL_SCALE[bits] / NOISE_STEPS[bits]

@@ -199,6 +199,28 @@ def test_a_radio_that_gives_nothing_but_zeros_ends_nothing(tmp_path: Path) -> No
     assert np.abs(back[-15_000:] - sent[15_000:]).max() < np.std(sent[15_000:].real) / 4.0
 
 
+@pytest.mark.parametrize("lost", [0.3, 0.55, 0.9, 0.99])
+def test_samples_lost_in_between_do_not_count_as_silence(tmp_path: Path, lost: float) -> None:
+    """Zeros stand for them: if they were noise, all that comes beside would be loud."""
+    sent = noise(30_000)
+    rng = np.random.default_rng(5)
+    for begin in range(7_500, 22_500, 3_750):
+        length = int(lost * 3_750)
+        at = begin + int(rng.integers(0, 3_750 - length))
+        sent[at : at + length] = 0.0
+    for name, first_s in (("begins whole", 0), ("begins with a loss", 7_500)):
+        flight = tmp_path / name
+        keeping = recorder(flight)
+        for first in range(first_s, len(sent), 3_750):
+            for some in blocks(sent[first : first + 3_750], first=first):
+                keeping.put([some])
+            while keeping._waiting_bytes:
+                time.sleep(0.01)
+        keeping.close()
+        formats = [json.loads(path.read_text()) for path in pieces(flight)]
+        assert [one["global"]["core:datatype"] for one in formats] == ["ci8"]
+
+
 def test_lost_samples_and_a_moved_clock_are_stretches_with_their_own_times(
     tmp_path: Path,
 ) -> None:
