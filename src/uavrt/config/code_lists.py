@@ -10,9 +10,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from uavrt.config.small_yaml import Node, parse_small_yaml
 from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
 from uavrt.config.tags_toml import read_burst_interval, read_gaps
+from uavrt.config.yaml_nodes import Node, read_yaml
 
 _NAMES: dict[str, Quantity | str] = {
     "id": "id",
@@ -98,7 +98,7 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
 def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
     """Read a YAML list of codes; add what is not understood to `faults`."""
     drafts: list[TagDraft] = []
-    for node in parse_small_yaml(text, faults):
+    for node in read_yaml(text, faults):
         for tag, name in _tags_of(node, faults):
             before = len(faults)
             table = _table(tag, name, faults)

@@ -1,5 +1,6 @@
 """Coded tags in tag files: TOML as ours, lists in CSV and YAML, and all faults at once."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 import yaml
 
 from uavrt.config import near_codes, parse_tags, read_tags, words_of_near_codes, write_tags
-from uavrt.errors import ConfigError, TagFileError
+from uavrt.errors import ConfigError, TagFileError, UsageError
 from uavrt.messages import Tag
 
 TOML = """\
@@ -219,10 +220,8 @@ def test_faults_of_yaml_are_told_at_once_each_with_its_line() -> None:
         "- id: 1\n  freq: 166.38\n  gaps_ms:\n  - 22.0\n  - x\n  bi: 5.3\n"
         "- {id: 2, freq: 166380, gaps_ms: [30, 40], bi: 5.3}\n"
         "- {id: 3, freq: 166.38, gaps_ms: [31,\n    y], bi: 5.3}\n"
-        "- id: &four 4\n  freq: 166.38\n  g1: 22\n"
+        "- id: &four 4\n  freq: 166.38\n  g1: 22\n  freq: 166.38\n  ? [a]\n  : b\n"
         "- just words\n"
-        "- {id: 6, freq: 166.38, gaps_ms: [32, 40], bi: 5.3\n"
-        "- id: 7\n\tfreq: 166.38\n"
     )
     with pytest.raises(TagFileError) as caught:
         parse_tags(text.encode(), name="codes.yaml")
@@ -230,16 +229,41 @@ def test_faults_of_yaml_are_told_at_once_each_with_its_line() -> None:
         "line 5: gaps_ms is 'x', not a number",
         "line 7: freq 166380 looks like kHz",
         "line 9: gaps_ms is 'y', not a number",
-        "line 10: '&four 4' is not read here",
-        "line 10: this tag has no id",
         "line 10: this tag has no burst_interval_s",
-        "line 13: not a list of tags",
-        "line 14: a bracket is opened and not closed",
-        "line 16: YAML is indented with spaces, not tabs",
+        "line 13: freq is given twice",
+        "line 14: a name that is a list or a mapping",
+        "line 16: not a list of tags",
     ]
     for words in told:
         assert any(fault.startswith(words) for fault in caught.value.faults), words
-    assert all(fault.startswith("line ") for fault in caught.value.faults)
+    assert len(caught.value.faults) == len(told)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("- {id: 6, freq: 166.38\n- id: 7\n", "line 2: this is no YAML: while parsing a flow"),
+        ("- id: 7\n\tfreq: 166.38\n", "line 2: this is no YAML: while scanning"),
+        ("- id: 7\n- \x00\n", "line 2: this is no YAML: a character that no text has"),
+        ("- &a [1, 2]\n- [*a, *a]\n", "line 2: this is no YAML: aliases"),
+        ("- id: 1\n- " + 3_000 * "[", "line 2: this is no YAML: nested too deeply"),
+        ("- " + 50_000 * "\n- ", "line 40000: this is no YAML: more values"),
+        ("\n- !!python/object:os.system x\n", "line 2: not a list of tags"),
+    ],
+)
+def test_what_is_no_yaml_is_told_with_its_line(text: str, told: str) -> None:
+    with pytest.raises(TagFileError) as caught:
+        parse_tags(text.encode(), name="codes.yaml")
+    assert caught.value.faults[-1].startswith(told)
+
+
+def test_without_pyyaml_a_list_in_yaml_names_the_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    with pytest.raises(UsageError) as caught:
+        parse_tags(DUMPED.encode(), name="codes.yaml")
+    assert "uavrt[ground]" in str(caught.value.remedy)
 
 
 def test_all_faults_within_one_tag_are_told_at_once() -> None:

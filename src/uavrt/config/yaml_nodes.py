@@ -1,0 +1,99 @@
+"""YAML lists of tags as nodes that know their lines; PyYAML reads them.
+
+Numbers stay text, as typed: a list of tags says what they mean. Aliases (``*``) are faults: a
+few bytes of them can stand for gigabytes.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from uavrt.config.tag_drafts import Fault
+from uavrt.errors import needs_extra
+
+_DEEPEST = 20
+_MOST_NODES = 40_000
+"""80 values for each of the 500 codes that a list may have; 2 s of reading."""
+_NULL = "tag:yaml.org,2002:null"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """A value and its line; null is None."""
+
+    line: int
+    value: "str | list[Node] | dict[str, Node] | None"
+
+
+def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
+    """Read the documents of a text, mostly one; add what is not understood to `faults`.
+
+    Reading ends at the first line that is no YAML: what comes after it cannot be told from it.
+    Documents before it are given.
+
+    Raises
+    ------
+    UsageError
+        PyYAML is not installed, as on a drone without a page.
+    """
+    with needs_extra(
+        "ground", "a list in YAML", otherwise=", or make it a tags.toml: uavrt tags convert"
+    ):
+        import yaml
+    found: list[Node] = []
+    try:
+        found.extend(_node(document, faults) for document in _documents(yaml, text))
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        told = " ".join(part for part in (error.context, error.problem) if part)
+        line = mark.line + 1 if mark is not None else 1
+        faults.append(Fault(line=line, text=f"this is no YAML: {told}"))
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        faults.append(Fault(line=line, text="this is no YAML: a character that no text has"))
+    return found
+
+
+def _documents(yaml: Any, text: str) -> Iterator[Any]:
+    """Compose each document; the depth is known before a node is made."""
+
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]  # it has no types
+        depth = nodes = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            told = None
+            if self.check_event(yaml.AliasEvent):
+                told = "aliases (*) are not read here: write the value itself"
+            elif self.depth > _DEEPEST:
+                told = "nested too deeply for a list of tags"
+            elif self.nodes >= _MOST_NODES:
+                told = "more values than a list of tags has"
+            if told is not None:
+                mark = self.peek_event().start_mark
+                raise yaml.composer.ComposerError(None, None, told, mark)
+            self.nodes += 1
+            self.depth += 1
+            node = super().compose_node(parent, index)
+            self.depth -= 1
+            return node
+
+    yield from yaml.compose_all(text, Loader=Loader)
+
+
+def _node(found: Any, faults: list[Fault]) -> Node:
+    line = found.start_mark.line + 1
+    if found.id == "scalar":
+        return Node(line=line, value=None if found.tag == _NULL else found.value)
+    if found.id == "sequence":
+        items = [_node(one, faults) for one in found.value]
+        return Node(line=line, value=items)
+    pairs: dict[str, Node] = {}
+    for key, value in found.value:
+        at = key.start_mark.line + 1
+        if key.id != "scalar":
+            faults.append(Fault(line=at, text="a name that is a list or a mapping"))
+            continue
+        if key.value in pairs:
+            faults.append(Fault(line=at, text=f"{key.value[:40]} is given twice"))
+        pairs[key.value] = _node(value, faults)
+    return Node(line=line, value=pairs)
