@@ -26,8 +26,10 @@ _REACH: Final = 0.3
 _MOST_S: Final = 600.0
 """So much of each channel is looked at."""
 _MISSED: Final = 4
-_AT_ONCE_S: Final = 1.0
-"""So much of a channel is transformed at once: a hundred channels in pieces of 0.1 s are ten
+_HOP_S: Final = 0.008
+"""Half a window: every burst fills one, but for half a decibel."""
+_AT_ONCE_S: Final = 2.0
+"""So much of a channel is transformed at once: a hundred channels in pieces of 0.1 s are twenty
 times as many calls."""
 
 
@@ -76,7 +78,13 @@ class OutsideSearch:
         rate_hz = block.sample_rate_hz
         if block.channel not in self._channels:
             reach_hz = _REACH * rate_hz
-            search = BurstSearch(sample_rate_hz=rate_hz, low_hz=-reach_hz, high_hz=reach_hz)
+            search = BurstSearch(
+                sample_rate_hz=rate_hz,
+                low_hz=-reach_hz,
+                high_hz=reach_hz,
+                least_db=LEAST_DB,
+                hop_s=_HOP_S,
+            )
             self._channels[block.channel] = (block.center_frequency_hz, rate_hz, search)
         taken = self._taken.get(block.channel, 0)
         if taken < _MOST_S * rate_hz:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from uavrt.dsp import medians, transform_columns
@@ -54,12 +55,24 @@ class BurstSearch:
         Of the band.
     low_hz, high_hz : float
         What to search, relative to the band's centre.
+    least_db : float
+        Weaker bursts are passed over.
+    hop_s : float
+        From one window to the next: of what is found, times are known to half of it.
     """
 
-    def __init__(self, *, sample_rate_hz: float, low_hz: float, high_hz: float) -> None:
+    def __init__(
+        self,
+        *,
+        sample_rate_hz: float,
+        low_hz: float,
+        high_hz: float,
+        least_db: float = 0.0,
+        hop_s: float = HOP_S,
+    ) -> None:
         self._rate_hz = sample_rate_hz
         length = max(16, round(WINDOW_S * sample_rate_hz))
-        self._hop = max(4, round(HOP_S * sample_rate_hz))
+        self._hop = max(4, round(hop_s * sample_rate_hz))
         self._size = _fast_length(length)
         self._window = np.hanning(length + 2)[1:-1].astype(np.float32)
         frequencies = np.fft.fftfreq(self._size, 1.0 / sample_rate_hz)
@@ -67,11 +80,12 @@ class BurstSearch:
         self._bins = inside[np.argsort(frequencies[inside])]
         self._low_hz = float(frequencies[self._bins[0]]) if self._bins.size else 0.0
         self._step_hz = sample_rate_hz / self._size
-        batch = min(BATCH_S / HOP_S, MOST_CELLS_AT_ONCE / max(self._bins.size, 1))
+        batch = min(BATCH_S / hop_s, MOST_CELLS_AT_ONCE / max(self._bins.size, 1))
         self._batch = max(64, round(batch))
-        cells_per_s = self._bins.size / HOP_S
+        cells_per_s = self._bins.size / hop_s
         # Exponential noise: P(level > x times the mean) = exp(-x); its median is ln 2.
-        self._factor = np.log(max(cells_per_s / FALSE_CELLS_PER_S, np.e)) / np.log(2.0)
+        by_noise = np.log(max(cells_per_s / FALSE_CELLS_PER_S, np.e))
+        self._factor = max(by_noise, 10.0 ** (least_db / 10.0)) / np.log(2.0)
         self._tail = np.zeros(0, np.complex64)
         self._frames: list[NDArray[np.float32]] = []
         self._count = 0
@@ -87,9 +101,9 @@ class BurstSearch:
         step = max(1, (1 << 19) // length)
         for first in range(0, frames, step):
             count = min(step, frames - first)
-            at = (first + np.arange(count)[:, None]) * hop + np.arange(length)
+            windows = sliding_window_view(data[first * hop :], length)[: count * hop : hop]
             framed = np.zeros((count, self._size), np.complex64)
-            np.multiply(data[at], self._window, out=framed[:, :length])
+            np.multiply(windows, self._window, out=framed[:, :length])
             part = transform_columns(framed.T)[self._bins].T
             self._frames.append(part.real**2 + part.imag**2)
             self._count += count
@@ -120,8 +134,9 @@ class BurstSearch:
         # A bin whose level is next to nothing (a filter's stop band, zeros) is never up.
         usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
         up = power > (usual * np.float32(self._factor))
-        up[up.mean(axis=1) > WIDE_FRACTION] = False
-        at, column = np.nonzero(up)
+        up[np.count_nonzero(up, axis=1) > WIDE_FRACTION * up.shape[1]] = False
+        # Some times faster than np.nonzero, where next to nothing is up.
+        at, column = np.divmod(np.flatnonzero(up), up.shape[1])
         if not at.size:
             return
         level = power[at, column] / usual[column]
