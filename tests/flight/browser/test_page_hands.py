@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, Page, expect
 from willing_drone import WillingDrone
 
 from uavrt.demo.programs import free_udp_port
+from uavrt.messages import SystemState
 from uavrt.simulation import demo_scenario
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
@@ -27,11 +28,28 @@ NO_WEBGL = """() => {
     return kind.startsWith("webgl") ? null : real.call(this, kind, ...more);
   };
 }"""
-TARGETS = """() => [...document.querySelectorAll("button,select,summary,a.export,label.file")]
+TARGETS = """() => [...document.querySelectorAll("button,select,summary,input,a.export,a.chip")]
   .filter((one) => one.checkVisibility() && !one.closest(".maplibregl-ctrl-attrib"))
-  .map((one) => [one.id || one.className || one.textContent, one.getBoundingClientRect()])
+  .map((one) => [one, one.matches("[type=checkbox],[type=file]") && one.closest("label") || one])
+  .map(([one, box]) => [one.id || one.className || one.textContent, box.getBoundingClientRect()])
   .filter(([, box]) => box.width && (box.width < 47.5 || box.height < 47.5))
   .map(([name, box]) => `${name}: ${Math.round(box.width)} × ${Math.round(box.height)}`)"""
+OVERLAPS = """() => {
+  const all = [...document.querySelectorAll("#top .tab, #top .chip, #top .tool")];
+  const seen = all.filter((one) => one.checkVisibility());
+  const boxes = seen.map((one) => [one.id || one.textContent, one.getBoundingClientRect()]);
+  const cut = seen.filter((one) => one.scrollWidth > one.clientWidth + 1)
+    .map((one) => `${one.id || one.textContent} is cut off`);
+  const top = document.querySelector("#top").getBoundingClientRect();
+  const out = boxes.filter(([, one]) => one.left < 0 || one.right > innerWidth ||
+                                        one.bottom > top.bottom || top.height > 80)
+    .map(([name]) => `${name} is outside`);
+  const over = boxes.flatMap(([name, one], place) => boxes.slice(place + 1)
+    .filter(([, two]) => one.right > two.left + 1 && two.right > one.left + 1 &&
+                         one.bottom > two.top + 1 && two.bottom > one.top + 1)
+    .map(([other]) => `${name} lies over ${other}`));
+  return [...cut, ...out, ...over];
+}"""
 
 
 MOVING = (
@@ -249,6 +267,7 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
     expect(page.locator("#cards .card .fresh").first).to_have_text("heard")
     expect(page.locator("#cards .card .facts").first).not_to_contain_text("ago")
     page.click(".layers summary")
+    assert page.evaluate(TARGETS) == [], "layers"
     layers, bar = (page.locator(one).bounding_box() for one in (".layers", ".replay"))
     assert layers is not None
     assert bar is not None
@@ -256,6 +275,12 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
     page.click(".layers summary")
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
     pins_are_seen(page)
+    page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
+    tap, bar = (page.locator(one).bounding_box() for one in ("#tap", ".replay"))
+    assert tap is not None
+    assert bar is not None
+    assert tap["y"] + tap["height"] <= bar["y"]
+    page.click("#tap [aria-label=Close]")
     for view in ("fly", "setup", "flights", "log"):
         page.click(f"#tab-{view}")
         assert page.evaluate(TARGETS) == [], view
@@ -405,6 +430,37 @@ def test_two_pages_one_commander_and_no_lost_tags(
     expect(first.page.locator(frequency)).to_have_value("148.71")
     second.page.click("#tag-mine")
     expect(first.page.locator(frequency)).to_have_value("148.72")
+    for watched in (first, second):
+        assert watched.errors == []
+        watched.close()
+
+
+
+
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_the_header_of_a_second_screen_with_two_vehicles_can_be_read(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+    language: str,
+) -> None:
+    port = free_udp_port()
+    ground = start_ground(
+        tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}", "--vehicle", "2"
+    )
+    for number in (1, 2):
+        willing(port, system_id=number).state = SystemState.DETECTING
+    first, second = (Watched(browser, ground.address, locale=language) for _ in range(2))
+    page = second.page
+    expect(page.locator("#take-command")).to_be_visible()
+    expect(page.locator(".chip.vehicle")).to_have_count(2)
+    expect(page.locator("#chip-drone")).to_contain_text("40\u202fm")
+    page.wait_for_timeout(1200)
+    second.picture(f"onlooker-{language}")
+    assert page.evaluate(OVERLAPS) == []
     for watched in (first, second):
         assert watched.errors == []
         watched.close()
