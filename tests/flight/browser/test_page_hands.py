@@ -435,8 +435,88 @@ def test_two_pages_one_commander_and_no_lost_tags(
         watched.close()
 
 
+def write_two_tags(directory: Path) -> None:
+    """A station's table of two tags."""
+    (directory / "ground").mkdir()
+    rows = "".join(
+        f"[[tag]]\nid = {number}\nfrequency_mhz = {148.7 + number / 100}\n"
+        "interval_ms = 1254\npulse_width_ms = 20\n"
+        for number in (2, 4)
+    )
+    (directory / "ground" / "tags.toml").write_text(rows, encoding="utf-8")
 
 
+def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    write_two_tags(tmp_path)
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = willing(port)
+    watched = Watched(browser, ground.address)
+    page = watched.page
+    page.click("#act-send_tags")
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+    page.click("#tab-setup")
+    interval = page.locator('input[data-row="0"][data-key="interval_ms"]')
+    interval.fill("1333")
+    page.click("#tab-fly")
+    page.click("#act-start")
+    expect(page.locator(".toast").last).to_contain_text("send the tags first")
+    expect(page.locator("#view-setup")).to_be_visible()
+    assert drone.state == drone.state.HAS_TAGS
+    assert watched.errors == []
+
+    page.evaluate("() => location.reload()")
+    page.wait_for_timeout(500)
+    assert watched.errors == ["dialog: "], "the browser asks, and the test stays"
+    expect(interval).to_have_value("1333")
+    page.click("#tab-fly")
+    page.click("#act-send_tags")
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+    page.click("#act-start")
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    page.reload()
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    watched.close()
+
+
+
+def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    write_two_tags(tmp_path)
+    ground = start_ground(tmp_path)
+    first, second = (Watched(browser, ground.address) for _ in range(2))
+    for watched in (first, second):
+        watched.page.click("#tab-setup")
+    held: list[Any] = []
+    first.page.route("**/api/settings", lambda route: held.append(route))
+    boxes = first.page.locator(".fly-tag")
+    boxes.nth(0).uncheck()
+    boxes.nth(1).uncheck()
+    for _ in range(2):  # answers that come late
+        while not held:
+            first.page.wait_for_timeout(50)
+        held.pop(0).continue_()
+        first.page.wait_for_timeout(300)
+    seen = "all => all.map((one) => one.checked)"
+    for watched in (first, second):
+        watched.page.wait_for_function(
+            "() => window.uavrt.store.settings.left_out.join() === '2,4'"
+        )
+        watched.page.wait_for_timeout(200)
+        assert watched.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
+    # A page that looks on changes nothing, and does not look as if it had.
+    second.page.locator(".fly-tag").nth(0).click()
+    expect(second.page.locator(".toast").last).to_contain_text("take command first")
+    assert second.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
+    for watched in (first, second):
+        assert watched.errors == []
+        watched.close()
 
 
 @pytest.mark.parametrize("language", ["en", "de"])
