@@ -484,6 +484,42 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     watched.close()
 
 
+def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    flight, drone, watched = with_a_past_flight(browser, start_ground, willing, tmp_path)
+    page = watched.page
+    drone.state = drone.state.DETECTING
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    theme = page.locator("html").get_attribute("data-theme")
+    # With Caps Lock on a browser tells "X" for a bare x, and "x" for one with Shift.
+    press = """([key, shiftKey]) => document.body.dispatchEvent(
+      new KeyboardEvent("keydown", { key, shiftKey, bubbles: true }))"""
+    page.evaluate(press, ["X", False])
+    page.evaluate(press, ["D", False])
+    assert page.locator("html").get_attribute("data-theme") != theme
+    page.wait_for_timeout(1000)
+    assert drone.state == drone.state.DETECTING
+    page.evaluate(press, ["x", True])
+    expect(page.locator("#chip-state")).to_have_text("Ready")
+
+    # What cannot be done is said: a mark in the past, and copying where browsers forbid it.
+    drone.state = drone.state.DETECTING
+    page.click("#tab-flights")
+    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    page.wait_for_selector(".fix")
+    page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
+    page.click("#tap-mark")
+    expect(page.locator(".toast").last).to_contain_text("This is a past flight")
+    page.evaluate("() => Object.defineProperty(navigator, 'clipboard', { value: undefined })")
+    page.click("#walk-copy")
+    expect(page.locator(".toast").last).to_contain_text("does not let the page copy")
+    assert watched.errors == []
+    watched.close()
+
 
 def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(
     browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
