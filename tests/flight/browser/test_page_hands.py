@@ -30,8 +30,8 @@ NO_WEBGL = """() => {
 }"""
 TARGETS = """() => [...document.querySelectorAll("button,select,summary,input,a.export,a.chip")]
   .filter((one) => one.checkVisibility() && !one.closest(".maplibregl-ctrl-attrib"))
-  .map((one) => [one, one.matches("[type=checkbox],[type=file]") && one.closest("label") || one])
-  .map(([one, box]) => [one.id || one.className || one.textContent, box.getBoundingClientRect()])
+  .map((one) => [one, one.matches("[type=checkbox],[type=file]") && one.closest("label")])
+  .map(([one, label]) => [one.id || one.textContent, (label || one).getBoundingClientRect()])
   .filter(([, box]) => box.width && (box.width < 47.5 || box.height < 47.5))
   .map(([name, box]) => `${name}: ${Math.round(box.width)} × ${Math.round(box.height)}`)"""
 OVERLAPS = """() => {
