@@ -408,6 +408,11 @@ def test_two_pages_one_commander_and_no_lost_tags(
     first, second = (Watched(browser, ground.address) for _ in range(2))
     expect(second.page.locator("#take-command")).to_be_visible()
     expect(first.page.locator("#take-command")).to_be_hidden()
+    expect(second.page.locator("#act-reason")).to_have_text(
+        "Another page commands: take command first"
+    )
+    expect(second.page.locator(".act.next")).to_have_count(0)
+    expect(first.page.locator("#act-reason")).not_to_contain_text("Another page")
     for watched in (first, second):
         watched.page.click("#tab-setup")
         watched.page.click("#tag-add")
