@@ -4,7 +4,7 @@ import { toast } from "./notice";
 import { save, unsaved } from "./setup";
 import { store } from "./store";
 
-/** Whether a command may go out; says why it may not. Typed tags are saved before they are sent. */
+/** Whether a command may go out; says why it may not. Typed tags are saved before they are sent, and none is started without them. */
 export async function mayCommand(name: string, showTags: () => void): Promise<boolean> {
   // What runs can always be stopped, whatever is looked at.
   if (name === "stop") return true;
@@ -14,6 +14,11 @@ export async function mayCommand(name: string, showTags: () => void): Promise<bo
   }
   if (store.review) {
     toast("This is a past flight: go back to the live one first", 5);
+    return false;
+  }
+  if (name === "start" && unsaved()) {
+    toast("The typed tags are not saved and not sent: send the tags first", 4);
+    showTags();
     return false;
   }
   if (name === "send_tags" && unsaved() && !(await save())) {

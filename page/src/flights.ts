@@ -122,7 +122,7 @@ function draw(flights: FlightSummary[]): void {
     return h(
       "tr",
       { "data-flight": flight.flight_id },
-      h("td", {}, h("input", { type: "checkbox", class: "tick", "aria-label": "Compare this flight", checked: ticked.includes(flight.flight_id), onchange: () => tick(flight.flight_id) })),
+      h("td", {}, h("label", { class: "touch" }, h("input", { type: "checkbox", class: "tick", "aria-label": "Compare this flight", checked: ticked.includes(flight.flight_id), onchange: () => tick(flight.flight_id) }))),
       h("td", {}, dateTime(flight.start_time_ns), live ? h("span", { class: "chip live" }, "now") : null),
       h("td", { class: "number" }, span((flight.end_time_ns - flight.start_time_ns) / 1e9)),
       h("td", { class: "number" }, flight.pulses.toLocaleString("en")),

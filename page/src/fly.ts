@@ -181,7 +181,7 @@ function drawActions(): void {
 function nextStep(): string | null {
   const actions = store.state?.actions;
   if (!actions) return null;
-  if (store.review) return actions.stop?.enabled && store.state?.drone.state === "detecting" ? "stop" : null;
+  if (store.review || store.looksOn()) return actions.stop?.enabled && store.state?.drone.state === "detecting" ? "stop" : null;
   if (actions.send_tags?.enabled && !store.state?.tags_sent) return "send_tags";
   if (actions.start?.enabled) return "start";
   if (actions.stop?.enabled && store.state?.drone.state === "detecting") return "stop";
@@ -193,6 +193,7 @@ function hint(): string {
   if (!actions) return "";
   if (store.review) return "A past flight is shown.";
   if (store.state?.drone.state === "detecting") return "Detecting. Turn slowly on the spot, then fly on.";
+  if (store.looksOn()) return "Another page commands: take command first";
   return actions.start?.reason ?? actions.send_tags?.reason ?? "Ready to start.";
 }
 

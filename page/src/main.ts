@@ -66,11 +66,15 @@ function buildHeader(): void {
       { class: "chips", role: "group", "aria-label": "State" },
       h("nav", { id: "vehicles", class: "vehicles", "aria-label": "Vehicles", hidden: true }),
       h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, "Looking on: take command"),
-      h("span", { id: "chip-state", class: "chip" }),
-      h("span", { id: "chip-computer", class: "chip", title: "Processor of the computer on board" }),
-      h("span", { id: "chip-link", class: "chip" }),
-      h("span", { id: "chip-drone", class: "chip" }),
-      h("span", { id: "chip-flight", class: "chip" }),
+      h(
+        "div",
+        { class: "states" },
+        h("span", { id: "chip-state", class: "chip" }),
+        h("span", { id: "chip-computer", class: "chip", title: "Processor of the computer on board" }),
+        h("span", { id: "chip-link", class: "chip" }),
+        h("span", { id: "chip-drone", class: "chip" }),
+        h("span", { id: "chip-flight", class: "chip" }),
+      ),
     ),
     h(
       "div",
@@ -188,18 +192,21 @@ function toggleVoice(): void {
   by("voice").setAttribute("aria-pressed", String(speaking()));
 }
 
-/** With Shift, but for a mark, which harms nothing. */
-const ACTION_KEYS: Record<string, string> = { T: "send_tags", S: "start", X: "stop", C: "capture", m: "mark" };
+/** With Shift held, which Caps Lock is not; but for a mark, which harms nothing. */
+const ACTION_KEYS: Record<string, string> = { T: "send_tags", S: "start", X: "stop", C: "capture" };
 
 function keys(event: KeyboardEvent): void {
   const target = event.target as HTMLElement;
   if (event.ctrlKey || event.metaKey || event.altKey || target.matches("input, select, textarea")) return;
   const place = Number(event.key);
+  // Caps Lock changes the letter that is told, not the key that is meant.
+  const key = event.key.length === 1 ? (event.shiftKey ? event.key.toUpperCase() : event.key.toLowerCase()) : event.key;
   if (place >= 1 && place <= VIEWS.length) show(VIEWS[place - 1]![0]);
-  else if (event.key in ACTION_KEYS) void act(ACTION_KEYS[event.key]!);
-  else if (event.key === "d") toggleTheme();
-  else if (event.key === "v") toggleVoice();
-  else if (event.key === "f") mapView().fit();
+  else if (event.shiftKey && key in ACTION_KEYS) void act(ACTION_KEYS[key]!);
+  else if (key === "m") void act("mark");
+  else if (key === "d") toggleTheme();
+  else if (key === "v") toggleVoice();
+  else if (key === "f") mapView().fit();
   else return;
   event.preventDefault();
 }

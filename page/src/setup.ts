@@ -102,6 +102,10 @@ export function buildSetup(): void {
     void check();
   });
   store.on(["settings"], drawSettings);
+  store.on(["settings"], drawFlown);
+  addEventListener("beforeunload", (event) => {
+    if (changed) event.preventDefault();
+  });
   store.on(["state", "online"], drawConnection);
   void get<Choices>("/choices").then((found) => {
     choices = found;
@@ -200,20 +204,30 @@ function kindChoice(field: Field, row: TagRow, place: number): HTMLElement {
 
 /** Whether a tag is searched for in the next flight; the table keeps it in any case. */
 function flyBox(row: TagRow): HTMLElement {
-  const id = Number(row.id);
   const box = h("input", {
     type: "checkbox",
     class: "fly-tag",
     "aria-label": `Search for tag ${row.id}`,
-    checked: !notFlown().includes(id),
+    checked: !notFlown().includes(Number(row.id)),
     onchange: () => {
-      const others = notFlown().filter((one) => one !== id);
-      const out = box.checked ? others : [...others, id];
-      if (leftOut) leftOut = out;
-      else void keepLeftOut(out);
+      // Its number as it is now: it may have been typed meanwhile.
+      const [id, fly] = [Number(row.id), box.checked];
+      const without = () => [...notFlown().filter((one) => one !== id), ...(fly ? [] : [id])];
+      if (leftOut) leftOut = without();
+      // One after the other: each begins with what the one before has left.
+      else keeping = keeping.then(() => keepLeftOut(without()));
     },
   });
-  return box;
+  return h("label", { class: "touch" }, box);
+}
+
+let keeping: Promise<void> = Promise.resolve();
+
+/** The boxes as the tags are flown: another page may have changed that, or refused this one. */
+function drawFlown(): void {
+  document.querySelectorAll<HTMLInputElement>(".fly-tag").forEach((box, place) => {
+    box.checked = !notFlown().includes(Number(rows[place]?.id));
+  });
 }
 
 function notFlown(): number[] {
@@ -225,6 +239,7 @@ async function keepLeftOut(out: number[]): Promise<void> {
     store.settings = await send<Settings>("PUT", "/settings", { left_out: out });
   } catch (error) {
     toast(error instanceof Error ? error.message : "the server cannot be reached", 3);
+    drawFlown();
   }
 }
 

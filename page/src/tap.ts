@@ -2,6 +2,7 @@
 
 import { told } from "./i18n";
 import { get, send } from "./api";
+import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
 import { metres } from "./format";
 import { bearingDeg, distanceM, type LonLat } from "./geo";
@@ -85,6 +86,8 @@ function say(at: LonLat, measured: string): void {
 }
 
 async function mark([longitude, latitude]: LonLat, close: () => void): Promise<void> {
+  // It would go into the flight that goes on, not into the past one that is shown.
+  if (!(await mayCommand("mark", () => undefined))) return;
   const text = prompt(told("Remark (may stay empty)"));
   if (text === null) return;
   try {

@@ -148,8 +148,8 @@ function spelled(): string {
 
 function copyPlace(): void {
   const text = by("walk-place").textContent ?? "";
-  void navigator.clipboard?.writeText(text).then(
-    () => toast("Copied", 6),
-    () => toast("This browser does not let the page copy", 5),
-  );
+  const refused = () => toast("This browser does not let the page copy", 5);
+  // Over plain HTTP from another computer there is no clipboard.
+  if (!navigator.clipboard) refused();
+  else void navigator.clipboard.writeText(text).then(() => toast("Copied", 6), refused);
 }

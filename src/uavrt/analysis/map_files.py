@@ -24,6 +24,7 @@ RASTERS = ("png", "jpg", "webp")
 MOST_TILE = 2_000_000
 _MOST_DIRECTORY = 4_000_000
 _MOST_ZOOM = 30
+_MOST_LONGITUDE = 180.1
 _HEADER = 127
 _LEAF_LEVELS = 4
 _DAMAGED = (
@@ -186,7 +187,10 @@ def _pmtiles(path: Path) -> MapFile:
     with suppress(ValueError, OSError, EOFError, zlib.error):
         facts = json.loads(_unpacked(_part(path, place, length), header[97]))
     said = facts.get("attribution") if isinstance(facts, dict) else None
+    _check_parts(header, path.stat().st_size)
     west, south, east, north = (value / 1e7 for value in struct.unpack_from("<4i", header, 102))
+    if max(abs(south), abs(north)) > 90.0 or max(abs(west), abs(east)) > _MOST_LONGITUDE:
+        raise ValueError("its edges are no place on earth")
     return MapFile(
         path=path,
         format="pmtiles",
@@ -204,6 +208,16 @@ def _header(path: Path) -> bytes:
     if header[:8] != b"PMTiles\x03" or len(header) < _HEADER:
         raise ValueError("not a PMTiles file of version 3")
     return header
+
+
+def _check_parts(header: bytes, size: int) -> None:
+    """Raise `ValueError` where directories, facts or tiles go on beyond the end of the file."""
+    parts = struct.unpack_from("<8Q", header, 8)
+    if (
+        max(place + length for place, length in zip(parts[::2], parts[1::2], strict=True))
+        > size
+    ):
+        raise ValueError("it was copied in part, or damaged")
 
 
 def _part(path: Path, place: int, length: int, most: int = _MOST_DIRECTORY) -> bytes:

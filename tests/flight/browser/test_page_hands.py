@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, Page, expect
 from willing_drone import WillingDrone
 
 from uavrt.demo.programs import free_udp_port
+from uavrt.messages import SystemState
 from uavrt.simulation import demo_scenario
 
 pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
@@ -27,11 +28,28 @@ NO_WEBGL = """() => {
     return kind.startsWith("webgl") ? null : real.call(this, kind, ...more);
   };
 }"""
-TARGETS = """() => [...document.querySelectorAll("button,select,summary,a.export,label.file")]
+TARGETS = """() => [...document.querySelectorAll("button,select,summary,input,a.export,a.chip")]
   .filter((one) => one.checkVisibility() && !one.closest(".maplibregl-ctrl-attrib"))
-  .map((one) => [one.id || one.className || one.textContent, one.getBoundingClientRect()])
+  .map((one) => [one, one.matches("[type=checkbox],[type=file]") && one.closest("label")])
+  .map(([one, label]) => [one.id || one.textContent, (label || one).getBoundingClientRect()])
   .filter(([, box]) => box.width && (box.width < 47.5 || box.height < 47.5))
   .map(([name, box]) => `${name}: ${Math.round(box.width)} × ${Math.round(box.height)}`)"""
+OVERLAPS = """() => {
+  const all = [...document.querySelectorAll("#top .tab, #top .chip, #top .tool")];
+  const seen = all.filter((one) => one.checkVisibility());
+  const boxes = seen.map((one) => [one.id || one.textContent, one.getBoundingClientRect()]);
+  const cut = seen.filter((one) => one.scrollWidth > one.clientWidth + 1)
+    .map((one) => `${one.id || one.textContent} is cut off`);
+  const top = document.querySelector("#top").getBoundingClientRect();
+  const out = boxes.filter(([, one]) => one.left < 0 || one.right > innerWidth ||
+                                        one.bottom > top.bottom || top.height > 80)
+    .map(([name]) => `${name} is outside`);
+  const over = boxes.flatMap(([name, one], place) => boxes.slice(place + 1)
+    .filter(([, two]) => one.right > two.left + 1 && two.right > one.left + 1 &&
+                         one.bottom > two.top + 1 && two.bottom > one.top + 1)
+    .map(([other]) => `${name} lies over ${other}`));
+  return [...cut, ...out, ...over];
+}"""
 
 
 MOVING = (
@@ -249,6 +267,7 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
     expect(page.locator("#cards .card .fresh").first).to_have_text("heard")
     expect(page.locator("#cards .card .facts").first).not_to_contain_text("ago")
     page.click(".layers summary")
+    assert page.evaluate(TARGETS) == [], "layers"
     layers, bar = (page.locator(one).bounding_box() for one in (".layers", ".replay"))
     assert layers is not None
     assert bar is not None
@@ -256,6 +275,12 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
     page.click(".layers summary")
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
     pins_are_seen(page)
+    page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
+    tap, bar = (page.locator(one).bounding_box() for one in ("#tap", ".replay"))
+    assert tap is not None
+    assert bar is not None
+    assert tap["y"] + tap["height"] <= bar["y"]
+    page.click("#tap [aria-label=Close]")
     for view in ("fly", "setup", "flights", "log"):
         page.click(f"#tab-{view}")
         assert page.evaluate(TARGETS) == [], view
@@ -383,6 +408,11 @@ def test_two_pages_one_commander_and_no_lost_tags(
     first, second = (Watched(browser, ground.address) for _ in range(2))
     expect(second.page.locator("#take-command")).to_be_visible()
     expect(first.page.locator("#take-command")).to_be_hidden()
+    expect(second.page.locator("#act-reason")).to_have_text(
+        "Another page commands: take command first"
+    )
+    expect(second.page.locator(".act.next")).to_have_count(0)
+    expect(first.page.locator("#act-reason")).not_to_contain_text("Another page")
     for watched in (first, second):
         watched.page.click("#tab-setup")
         watched.page.click("#tag-add")
@@ -405,6 +435,153 @@ def test_two_pages_one_commander_and_no_lost_tags(
     expect(first.page.locator(frequency)).to_have_value("148.71")
     second.page.click("#tag-mine")
     expect(first.page.locator(frequency)).to_have_value("148.72")
+    for watched in (first, second):
+        assert watched.errors == []
+        watched.close()
+
+
+def write_two_tags(directory: Path) -> None:
+    """A station's table of two tags."""
+    (directory / "ground").mkdir()
+    rows = "".join(
+        f"[[tag]]\nid = {number}\nfrequency_mhz = {148.7 + number / 100}\n"
+        "interval_ms = 1254\npulse_width_ms = 20\n"
+        for number in (2, 4)
+    )
+    (directory / "ground" / "tags.toml").write_text(rows, encoding="utf-8")
+
+
+def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    write_two_tags(tmp_path)
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = willing(port)
+    watched = Watched(browser, ground.address)
+    page = watched.page
+    page.click("#act-send_tags")
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+    page.click("#tab-setup")
+    interval = page.locator('input[data-row="0"][data-key="interval_ms"]')
+    interval.fill("1333")
+    page.click("#tab-fly")
+    page.click("#act-start")
+    expect(page.locator(".toast").last).to_contain_text("send the tags first")
+    expect(page.locator("#view-setup")).to_be_visible()
+    assert drone.state == drone.state.HAS_TAGS
+    assert watched.errors == []
+
+    page.evaluate("() => location.reload()")
+    page.wait_for_timeout(500)
+    assert watched.errors == ["dialog: "], "the browser asks, and the test stays"
+    expect(interval).to_have_value("1333")
+    page.click("#tab-fly")
+    page.click("#act-send_tags")
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+    page.click("#act-start")
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    page.reload()
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    watched.close()
+
+
+def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    flight, drone, watched = with_a_past_flight(browser, start_ground, willing, tmp_path)
+    page = watched.page
+    drone.state = drone.state.DETECTING
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    theme = page.locator("html").get_attribute("data-theme")
+    # With Caps Lock on a browser tells "X" for a bare x, and "x" for one with Shift.
+    press = """([key, shiftKey]) => document.body.dispatchEvent(
+      new KeyboardEvent("keydown", { key, shiftKey, bubbles: true }))"""
+    page.evaluate(press, ["X", False])
+    page.evaluate(press, ["D", False])
+    assert page.locator("html").get_attribute("data-theme") != theme
+    page.wait_for_timeout(1000)
+    assert drone.state == drone.state.DETECTING
+    page.evaluate(press, ["x", True])
+    expect(page.locator("#chip-state")).to_have_text("Ready")
+
+    # What cannot be done is said: a mark in the past, and copying where browsers forbid it.
+    drone.state = drone.state.DETECTING
+    page.click("#tab-flights")
+    page.click(f'tr[data-flight="{flight}"] .open-flight')
+    page.wait_for_selector(".fix")
+    page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
+    page.click("#tap-mark")
+    expect(page.locator(".toast").last).to_contain_text("This is a past flight")
+    page.evaluate("() => Object.defineProperty(navigator, 'clipboard', { value: undefined })")
+    page.click("#walk-copy")
+    expect(page.locator(".toast").last).to_contain_text("does not let the page copy")
+    assert watched.errors == []
+    watched.close()
+
+
+def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    write_two_tags(tmp_path)
+    ground = start_ground(tmp_path)
+    first, second = (Watched(browser, ground.address) for _ in range(2))
+    for watched in (first, second):
+        watched.page.click("#tab-setup")
+    held: list[Any] = []
+    first.page.route("**/api/settings", lambda route: held.append(route))
+    boxes = first.page.locator(".fly-tag")
+    boxes.nth(0).uncheck()
+    boxes.nth(1).uncheck()
+    for _ in range(2):  # answers that come late
+        while not held:
+            first.page.wait_for_timeout(50)
+        held.pop(0).continue_()
+        first.page.wait_for_timeout(300)
+    seen = "all => all.map((one) => one.checked)"
+    for watched in (first, second):
+        watched.page.wait_for_function(
+            "() => window.uavrt.store.settings.left_out.join() === '2,4'"
+        )
+        watched.page.wait_for_timeout(200)
+        assert watched.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
+    # A page that looks on changes nothing, and does not look as if it had.
+    second.page.locator(".fly-tag").nth(0).click()
+    expect(second.page.locator(".toast").last).to_contain_text("take command first")
+    assert second.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
+    for watched in (first, second):
+        assert watched.errors == []
+        watched.close()
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_the_header_of_a_second_screen_with_two_vehicles_can_be_read(
+    browser: Browser,
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+    language: str,
+) -> None:
+    port = free_udp_port()
+    ground = start_ground(
+        tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}", "--vehicle", "2"
+    )
+    for number in (1, 2):
+        willing(port, system_id=number).state = SystemState.DETECTING
+    first, second = (Watched(browser, ground.address, locale=language) for _ in range(2))
+    page = second.page
+    expect(page.locator("#take-command")).to_be_visible()
+    expect(page.locator(".chip.vehicle")).to_have_count(2)
+    expect(page.locator("#chip-drone")).to_contain_text("40\u202fm")
+    page.wait_for_timeout(1200)
+    second.picture(f"onlooker-{language}")
+    assert page.evaluate(OVERLAPS) == []
     for watched in (first, second):
         assert watched.errors == []
         watched.close()

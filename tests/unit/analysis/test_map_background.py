@@ -202,6 +202,14 @@ def test_what_is_no_map_and_what_was_damaged_is_named(tmp_path: Path) -> None:
         read_map(broken)
     made = write_pmtiles(tmp_path / "valley.pmtiles", *PLACE)
     content = bytearray(made.path.read_bytes())
+    made.path.write_bytes(content[:-1])
+    with pytest.raises(FormatError, match="copied in part"):
+        read_map(made.path)
+    far = bytearray(content)
+    far[106:110] = struct.pack("<i", 2_000_000_000)
+    made.path.write_bytes(far)
+    with pytest.raises(FormatError, match="no place on earth"):
+        read_map(made.path)
     rng = np.random.default_rng(4)
     for _ in range(300):
         damaged = bytearray(content)

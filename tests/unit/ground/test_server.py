@@ -272,7 +272,12 @@ def test_a_map_is_brought_by_the_page_whole_or_not_at_all(served: Any, tmp_path:
     assert (brought.status, brought.json["max_zoom"]) == (200, 3)
     big = b"SQLite format 3\0" + bytes(5_000_000)
     for name, content in (("big.mbtiles", big), ("no.pmtiles", b"x"), ("a.txt", b"x")):
-        assert served.ask("PUT", f"/api/maps/{name}", content, plain).status == 422
+        refused = served.ask("PUT", f"/api/maps/{name}", content, plain)
+        assert refused.status == 422
+        assert name in refused.json["error"]
+        assert ".part" not in refused.json["error"], "it is told by the name that was given"
+    odd = served.ask("PUT", "/api/maps/d%27Anniviers.mbtiles", path.read_bytes(), plain)
+    assert "letters, digits" in odd.json["error"]
     assert [one["name"] for one in served.ask("GET", "/api/choices").json["maps"]] == [
         "valley.mbtiles"
     ]
@@ -303,6 +308,16 @@ def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> None:
             assert await of(put, first) == 200
             assert await of(put, second) == 409
             assert await of(put, {}) == 200, "a script names no page"
+            for path, wanted in (
+                ("/api/drone/flights", {}),
+                ("/api/drone/download", {"flight_id": "flight_log_2026-05-01_10-00-00"}),
+                ("/api/parameters", {}),
+                ("/api/waterfall", {"address": ""}),
+            ):
+                refused = await of(ask, path, wanted, second)
+                assert (refused.status, "another page" in refused.json["error"]) == (409, True)
+            ended = await of(served.ask, "DELETE", "/api/drone/download", {}, second)
+            assert ended.status == 409, "the download is of the page that commands"
             stop = await of(ask, "/api/commands/stop", {}, second)
             assert "another page" not in stop.json["message"], "anybody may stop"
             assert (await of(ask, "/api/commander", {}, second)).status == 200
@@ -365,6 +380,7 @@ def test_near_codes_of_a_list_are_named_when_it_is_imported_and_when_it_is_typed
 def test_settings_are_checked_and_kept(served: Any) -> None:
     changed = served.ask("PUT", "/api/settings", {"antenna": "H", "gain": "14"})
     assert changed.json["gain"] == 14
+    assert served.ask("PUT", "/api/settings", {"antenna": ["H"]}).status == 422
     wrong = served.ask("PUT", "/api/settings", {"antenna": "H9"})
     assert wrong.status == 422
     assert served.ask("GET", "/api/settings").json["antenna"] == "H"
@@ -448,6 +464,11 @@ def test_guesses_are_counted_by_address_and_all_together() -> None:
     for number in range(TRIES_OF_ALL - TRIES):
         guesses.wrong(f"192.0.2.{number}")
     assert guesses.wait_s("198.51.100.1") == 60.0
+    now[0] += 61.0
+    for _ in range(TRIES):
+        guesses.wrong("::ffff:192.0.2.1")
+    assert guesses.wait_s("192.0.2.1") == 60.0, "the same address"
+    assert guesses.wait_s("::ffff:198.51.100.1") == 0.0, "another one, no household of it"
     now[0] += 61.0
     assert guesses.wait_s("2001:db8::1") == 0.0
     assert guesses.wait_s("198.51.100.1") == 0.0

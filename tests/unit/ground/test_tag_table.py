@@ -174,6 +174,15 @@ def test_tags_that_tagtracker_has_not_selected_are_left_out_of_the_flight() -> N
     assert not_selected({"tags.csv": export_text(tags_from_rows([ROW])[0], "tags.csv")}) is None
 
 
+def test_a_maker_without_a_name_is_a_maker() -> None:
+    files = {
+        "TagInfo.db": "1, 2, otter, 0, 148.7\n",
+        "TagManufacturer.db": "0, , 1333, 2000, Moving, Resting, 15, 60, 20\n",
+    }
+    (row,) = import_rows(files)
+    assert (row["interval_ms"], row["second_interval_ms"]) == ("1333", "2000")
+
+
 def test_a_comma_in_tagtrackers_name_breaks_no_column() -> None:
     files = {
         "TagInfo.db": "1, 2, otter, the second, 1, 146.123456\n",

@@ -247,7 +247,7 @@ def _judged(name: str, value: Any) -> Any:
             return " ".join(value.split())
         case "generation" if value in get_args(Generation):
             return value
-        case "antenna" if value in PATTERNS or value == MONOPOLE:
+        case "antenna" if isinstance(value, str) and (value in PATTERNS or value == MONOPOLE):
             return value
         case "antenna_offset_deg":
             return _number(name, value, -360.0, 360.0)

@@ -302,6 +302,7 @@ class Api:
 
     async def parameters(self, request: Request) -> Any:
         """The drone's parameters, requested from it now over the radio."""
+        self._check_commander(request)
         return await self._session.commands.parameters()
 
     async def readout(self, request: Request) -> Any:

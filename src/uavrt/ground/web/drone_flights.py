@@ -40,6 +40,7 @@ class ExtraApi:
 
     async def drone_flights(self, request: Request) -> Any:
         """The flights on the drone, requested from it now over the radio."""
+        self._check_commander(request)
         return await self._session.downloads.flights()
 
     async def download(self, request: Request) -> Any:
@@ -48,6 +49,7 @@ class ExtraApi:
 
     async def start_download(self, request: Request) -> Any:
         """Fetch a flight: ``{"flight_id": …, "everything": false}``."""
+        self._check_commander(request)
         wanted = await json_body(request)
         if not isinstance(wanted, dict):
             raise UsageError("a download must be an object with a flight_id")
@@ -59,8 +61,12 @@ class ExtraApi:
 
     async def stop_download(self, request: Request) -> Any:
         """End the download that is under way."""
+        self._check_commander(request)
         await self._session.downloads.stop()
         return self._session.downloads.record()
+
+    def _check_commander(self, request: Request) -> None:
+        self._session.commander.check(request.headers.get("x-page"))
 
     async def recordings(self, request: Request) -> Any:
         """Recordings of samples of a flight that lie here."""
@@ -84,6 +90,7 @@ class ExtraApi:
 
     async def live_waterfall(self, request: Request) -> Any:
         """Listen to a channel: ``{"address": "udp://127.0.0.1:20000"}``; empty ends it."""
+        self._check_commander(request)
         wanted = await json_body(request)
         address = wanted.get("address", "") if isinstance(wanted, dict) else ""
         await self._live.listen(str(address))

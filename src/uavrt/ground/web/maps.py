@@ -4,6 +4,7 @@ import re
 from collections.abc import AsyncIterator
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from uavrt.analysis import MapFile, read_map
@@ -61,23 +62,23 @@ async def store_map(directory: Path, name: str, chunks: AsyncIterator[bytes]) ->
     if not _NAME.fullmatch(name):
         raise UsageError(
             f"{name[:80]!r} cannot be a map's name",
-            remedy="A map file ends in .pmtiles or .mbtiles",
+            remedy="Take letters, digits, spaces and . ( ) - _, then .pmtiles or .mbtiles",
         )
-    part = directory / f".{name}.part{Path(name).suffix}"
     taken = 0
     try:
-        with part.open("wb") as file:
-            async for chunk in chunks:
-                taken += len(chunk)
-                if taken > MAX_MAP:
-                    raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
-                file.write(chunk)
-        facts = _facts(read_map(part))
-        part.replace(directory / name)
+        # A folder of its own: faults are told by the file's name, and two may come at once.
+        with TemporaryDirectory(prefix=".coming-", dir=directory) as coming:
+            part = Path(coming) / name
+            with part.open("wb") as file:
+                async for chunk in chunks:
+                    taken += len(chunk)
+                    if taken > MAX_MAP:
+                        raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
+                    file.write(chunk)
+            facts = _facts(read_map(part))
+            part.replace(directory / name)
     except OSError as error:
         raise RecordingError(f"{name} cannot be kept: {error.strerror}") from error
-    finally:
-        part.unlink(missing_ok=True)
     return {"name": name, "fault": None, **facts}
 
 

@@ -70,7 +70,7 @@ def _is_maker(cells: Sequence[str]) -> bool:
     numbers = (*cells[:1], *cells[2:4], *cells[6:])
     meanings = cells[4], cells[5]
     return (
-        bool(cells[1])
+        (bool(cells[1]) or all(meanings))
         and all(_number(cell) is not None for cell in numbers)
         and any(_number(word) is None for word in meanings)
     )
