@@ -25,6 +25,7 @@ from uavrt.errors import UsageError
 from uavrt.localization import (
     HEIGHT_SIGMA_M,
     MONOPOLE,
+    ONE_FLIGHT_S,
     AntennaPattern,
     OverGround,
     PoseColumns,
@@ -611,15 +612,23 @@ def positions_of_bearings(
 
 def _stations_of_rows(rows: Sequence[BearingRow]) -> Stations:
     sigmas = [row.sigma_deg for row in rows if row.sigma_deg is not None]
-    times = [row.start_time_s for row in rows if row.start_time_s is not None]
+    times = [time_s for time_s in map(_middle_s, rows) if time_s is not None]
+    of_one_flight = len(times) == len(rows) and max(times) - min(times) <= ONE_FLIGHT_S
     return Stations(
         latitude_deg=np.array([row.latitude_deg for row in rows]),
         longitude_deg=np.array([row.longitude_deg for row in rows]),
         bearing_deg=np.array([row.bearing_deg for row in rows]),
         sigma_deg=np.array(sigmas) if len(sigmas) == len(rows) else None,
-        time_s=np.array(times) - min(times) if len(times) == len(rows) else None,
+        time_s=np.array(times) - min(times) if of_one_flight else None,
         origin_ns=round(min(times, default=0.0) * NANOSECONDS_PER_SECOND),
     )
+
+
+def _middle_s(row: BearingRow) -> float | None:
+    """When a bearing held best; a turn takes a minute, in which an animal walks on."""
+    if row.start_time_s is None or row.end_time_s is None:
+        return row.start_time_s
+    return 0.5 * (row.start_time_s + row.end_time_s)
 
 
 def _positioned(
