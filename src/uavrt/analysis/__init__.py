@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from uavrt.analysis.positions import (
         TagPosition,
         check_position_method,
-        names_of_tags,
         over_ground,
         position_of_strength,
         positions_of_bearings,
@@ -135,7 +134,6 @@ __all__ = [
     "learnt_antenna",
     "map_around",
     "maps_in",
-    "names_of_tags",
     "over_ground",
     "past_turns",
     "pattern_of",
@@ -224,7 +222,6 @@ __getattr__ = lazily(
         "corners_over_area": "coverage",
         "pulses_on": "coverage",
         "position_of_strength": "positions",
-        "names_of_tags": "positions",
         "positions_of_bearings": "positions",
         "over_ground": "positions",
         "positions_of_powers": "positions",

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import get_args
@@ -18,12 +18,14 @@ from uavrt.analysis.power_survey import (
     power_track,
     signal_of,
 )
+from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
 from uavrt.analysis.season import SAME_PULSES
 from uavrt.analysis.standing import stands, strengths_without_bearing
 from uavrt.errors import UsageError
 from uavrt.localization import (
     HEIGHT_SIGMA_M,
     MONOPOLE,
+    ONE_FLIGHT_S,
     AntennaPattern,
     OverGround,
     PoseColumns,
@@ -69,6 +71,10 @@ class TagPosition:
     position: Position | None
     reason: str | None = None
     """Why there is no position."""
+    frequency_hz: float | None = None
+    """Median of what was heard, where logs with pulses were read."""
+    name: str | None = None
+    """In the list of the flights."""
 
 
 def read_positions(
@@ -147,19 +153,83 @@ def read_positions(
     for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    poses = sorted(
-        (pose for path, _ in logs for pose in poses_of(path)), key=lambda pose: pose.time_ns
+    same = same_tags([log for _, log in logs], [tags_of(path) for path, _ in logs])
+    for text in same.warnings:
+        warn(text)
+    keyed = [
+        _Log(
+            path=path,
+            log=replace(log, pulse_poses=same.keyed(number, log.pulse_poses)),
+            keys=same.keys[number],
+        )
+        for number, (path, log) in enumerate(logs)
+    ]
+    found = _positions_of_logs(
+        keyed,
+        method=method,
+        antenna=antenna,
+        offset_deg=offset_deg,
+        height_m=height_m,
+        heading_sigma_deg=heading_sigma_deg,
+        height_sigma_m=height_sigma_m,
+        elevation=elevation,
+        warn=warn,
     )
-    pulses = [one for _, log in logs for one in log.pulse_poses]
+    return _as_told(found, same)
+
+
+def _as_told(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
+    """Positions under the numbers and names of the tags, in their order."""
+    named = []
+    for one in found:
+        unknown = ToldTag(tag_id=one.tag_id, frequency_hz=None, name=None)
+        tag = same.told.get(one.tag_id, unknown)
+        named.append(
+            replace(one, tag_id=tag.tag_id, frequency_hz=tag.frequency_hz, name=tag.name)
+        )
+    return sorted(named, key=lambda one: (one.tag_id, one.frequency_hz or 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Log:
+    """A flight or log."""
+
+    path: Path
+    log: PulseLog
+    """Its pulses have the keys of their tags."""
+    keys: Mapping[int, int]
+    """Its numbers of the tags, and the keys."""
+
+    def key(self, tag_id: int) -> int:
+        """Key of a tag by its number in the log."""
+        return self.keys.get(tag_id, tag_id)
+
+
+def _positions_of_logs(
+    logs: Sequence[_Log],
+    *,
+    method: PositionMethod,
+    antenna: AntennaPattern | str | None,
+    offset_deg: float,
+    height_m: float | None,
+    heading_sigma_deg: float,
+    height_sigma_m: float,
+    elevation: Elevation | None,
+    warn: Callable[[str], None],
+) -> list[TagPosition]:
+    poses = sorted(
+        (pose for one in logs for pose in poses_of(one.path)), key=lambda pose: pose.time_ns
+    )
+    pulses = [one for log in logs for one in log.log.pulse_poses]
     over = None if elevation is None else over_ground(elevation, poses, pulses)
     if over is not None and len(logs) > 1:
         over = over.noting(
             "heights of several flights are counted from the first one's take-off: the flights "
             "must have begun at one place"
         )
-    whips = [one for one in logs if (antenna or antenna_of(*one)) == MONOPOLE]
+    whips = [one for one in logs if (antenna or antenna_of(one.path, one.log)) == MONOPOLE]
     turned = [one for one in logs if one not in whips]
-    standing = [one for one in whips if turned and stands(one[1].pulse_poses)]
+    standing = [one for one in whips if turned and stands(one.log.pulse_poses)]
     whips = [one for one in whips if one not in standing]
     if whips and turned:
         warn(
@@ -172,11 +242,16 @@ def read_positions(
             turned, standing, antenna, method, offset_deg, heading_sigma_deg, over, warn
         )
     if whips:
+        listed = {
+            one.key(tag.tag_id): replace(tag, tag_id=one.key(tag.tag_id))
+            for one in whips
+            for tag in tags_of(one.path)
+        }
         try:
             found += positions_of_powers(
-                [one for _, log in whips for one in log.pulse_poses],
-                list({tag.tag_id: tag for path, _ in whips for tag in tags_of(path)}.values()),
-                [one for path, _ in whips for one in poses_of(path)],
+                [one for log in whips for one in log.log.pulse_poses],
+                list(listed.values()),
+                [one for log in whips for one in poses_of(log.path)],
                 method=method,
                 height_m=height_m,
                 height_sigma_m=height_sigma_m,
@@ -186,10 +261,7 @@ def read_positions(
             if not turned:
                 raise
             found += _without_position(whips, str(error))
-    return sorted(found, key=lambda one: one.tag_id)
-
-
-_Log = tuple[Path, PulseLog]
+    return found
 
 
 def _positions_of_turns(
@@ -206,12 +278,15 @@ def _positions_of_turns(
 
     `standing` are logs of whips at one place, which give no bearing.
     """
-    usable = [one for one in logs if ORIGINAL_POSES not in one[1].warnings]
+    usable = [one for one in logs if ORIGINAL_POSES not in one.log.warnings]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
-    bearings = read_bearings_together(
-        [path for path, _ in usable], antenna=antenna, offset_deg=offset_deg, warn=warn
-    )
+    bearings = [
+        replace(one, tag_id=usable[one.flight].key(one.tag_id))
+        for one in read_bearings_together(
+            [one.path for one in usable], antenna=antenna, offset_deg=offset_deg, warn=warn
+        )
+    ]
     listeners: dict[int, list[Strengths]] = {}
     if len(usable) + len(standing) > 1:
         for number, log in enumerate((*usable, *standing)):
@@ -243,14 +318,17 @@ def _strengths_in(
     offset_deg: float,
 ) -> dict[int, Strengths]:
     """Strengths of the tags of which a log gives no bearing."""
-    path, pulses = log
+    path = log.path
     flight = read_flight(path) if FlightLayout(path).database.is_file() else None
     vehicle = None if flight is None else vehicle_of(flight.notes)
+    if flight is not None:
+        listed = [replace(tag, tag_id=log.key(tag.tag_id)) for tag in flight.info.tags]
+        flight = replace(flight, info=replace(flight.info, tags=tuple(listed)))
     return strengths_without_bearing(
         path.name if vehicle is None else f"{path.name} (vehicle {vehicle})",
-        pulses.pulse_poses,
+        log.log.pulse_poses,
         bearings,
-        antenna or antenna_of(path, pulses),
+        antenna or antenna_of(path, log.log),
         offset_deg,
         flight,
     )
@@ -258,7 +336,7 @@ def _strengths_in(
 
 def _without_position(logs: Sequence[_Log], reason: str) -> list[TagPosition]:
     """Every tag that was heard, with the reason why it has no position."""
-    heard = {one.pulse.tag_id for _, log in logs for one in log.pulse_poses}
+    heard = {one.pulse.tag_id for log in logs for one in log.log.pulse_poses}
     return [TagPosition(tag_id=tag, position=None, reason=reason) for tag in sorted(heard)]
 
 
@@ -398,14 +476,6 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
     return found
 
 
-def names_of_tags(paths: Sequence[str | os.PathLike[str]]) -> dict[int, str | None]:
-    """Names that flights, those in folders too, list of their tags; none of logs and tables."""
-    flights = [
-        one for given in paths for one in (pulse_logs_in(given) if Path(given).is_dir() else ())
-    ]
-    return {tag.tag_id: tag.name for path in flights for tag in tags_of(path) if tag.name}
-
-
 def tags_of(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
     """The tags that a flight directory lists; none for a log."""
     inside = FlightLayout(Path(path)).database.is_file()
@@ -542,15 +612,23 @@ def positions_of_bearings(
 
 def _stations_of_rows(rows: Sequence[BearingRow]) -> Stations:
     sigmas = [row.sigma_deg for row in rows if row.sigma_deg is not None]
-    times = [row.start_time_s for row in rows if row.start_time_s is not None]
+    times = [time_s for time_s in map(_middle_s, rows) if time_s is not None]
+    of_one_flight = len(times) == len(rows) and max(times) - min(times) <= ONE_FLIGHT_S
     return Stations(
         latitude_deg=np.array([row.latitude_deg for row in rows]),
         longitude_deg=np.array([row.longitude_deg for row in rows]),
         bearing_deg=np.array([row.bearing_deg for row in rows]),
         sigma_deg=np.array(sigmas) if len(sigmas) == len(rows) else None,
-        time_s=np.array(times) - min(times) if len(times) == len(rows) else None,
+        time_s=np.array(times) - min(times) if of_one_flight else None,
         origin_ns=round(min(times, default=0.0) * NANOSECONDS_PER_SECOND),
     )
+
+
+def _middle_s(row: BearingRow) -> float | None:
+    """When a bearing held best; a turn takes a minute, in which an animal walks on."""
+    if row.start_time_s is None or row.end_time_s is None:
+        return row.start_time_s
+    return 0.5 * (row.start_time_s + row.end_time_s)
 
 
 def _positioned(

@@ -2,6 +2,8 @@
 
 import json
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,7 +76,7 @@ def localize(
     as_json
         Print a list of objects.
     """
-    from uavrt.analysis import names_of_tags, read_positions
+    from uavrt.analysis import read_positions
     from uavrt.analysis.measure import antenna_named
     from uavrt.config import read_tags
 
@@ -93,26 +95,35 @@ def localize(
         height_sigma_m=height_error,
         elevation=elevation_of(dem, sea=sea),
     )
-    names = names_of_tags(flights) | names
+    found = [replace(one, name=names.get(one.tag_id) or one.name) for one in found]
+    several = _of_several_frequencies(found)
     if as_json:
         for one in found:
             if one.position is None:
-                print(f"uavrt: {_sentence(one, names)}", file=sys.stderr)
-        print(json.dumps([_record(one, names) for one in found if one.position], indent=2))
+                print(f"uavrt: {_sentence(one, several)}", file=sys.stderr)
+        print(json.dumps([_record(one) for one in found if one.position], indent=2))
         return
     for one in found:
-        print(_sentence(one, names))
+        print(_sentence(one, several))
     if not found:
         print(f"{', '.join(map(str, flights))}: no bearings")
 
 
-def _record(one: "TagPosition", names: dict[int, str | None]) -> dict[str, Any]:
+def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
+    """Numbers that stand for more than one tag."""
+    known = {(one.tag_id, one.frequency_hz) for one in found}
+    numbers = [tag_id for tag_id, _ in known]
+    return frozenset(one for one in numbers if numbers.count(one) > 1)
+
+
+def _record(one: "TagPosition") -> dict[str, Any]:
     found = one.position
     assert found is not None
     ellipse = found.ellipse95
     return {
         "tag_id": one.tag_id,
-        "name": names.get(one.tag_id),
+        "name": one.name,
+        "frequency_hz": one.frequency_hz,
         "method": found.method,
         "latitude_deg": found.latitude_deg,
         "longitude_deg": found.longitude_deg,
@@ -151,9 +162,12 @@ def _record(one: "TagPosition", names: dict[int, str | None]) -> dict[str, Any]:
     }
 
 
-def _sentence(one: "TagPosition", names: dict[int, str | None]) -> str:
-    found, name = one.position, names.get(one.tag_id)
-    tag = f"tag {one.tag_id} ({name})" if name else f"tag {one.tag_id}"
+def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
+    """What is known of a tag; with its frequency where its number stands for several."""
+    found = one.position
+    tag = f"tag {one.tag_id} ({one.name})" if one.name else f"tag {one.tag_id}"
+    if one.tag_id in several and one.frequency_hz is not None:
+        tag += f" at {one.frequency_hz / 1e6:.4f} MHz"
     if found is None:
         return f"{tag}: no position: {one.reason}"
     text = f"{tag}: {found.latitude_deg:.5f}, {found.longitude_deg:.5f}"

@@ -511,6 +511,22 @@ def test_a_flight_of_any_name_is_exported_in_each_format(
         assert "飛行".encode() in inside
 
 
+def test_a_turn_without_a_clear_direction_is_no_bearing_of_the_original_s_file(
+    survey: Survey, tmp_path: Path
+) -> None:
+    """Its lines have no verdict: localize of an export took noise for a bearing ± 13°."""
+    first, *others = survey.bearings
+    unclear = replace(first, bearing=replace(first.bearing, evidence=-5.0))
+    assert not unclear.bearing.accepted
+    files = exported(replace(survey, bearings=(unclear, *others)), tmp_path)
+    lines = files["bearings.csv"].decode().splitlines()
+    assert len(lines) == len(others)
+    assert not any(f"{first.bearing.bearing_deg:.6f}" in line for line in lines)
+    features = json.loads(files["flight.geojson"])["features"]
+    told = [one["properties"] for one in features if one["properties"]["layer"] == "bearing"]
+    assert [one["accepted"] for one in told] == [False, *[True] * len(others)]
+
+
 def test_positions_carry_the_time_of_their_last_bearing(survey: Survey, tmp_path: Path) -> None:
     files = exported(survey, tmp_path)
     time = iso_utc(max(one.end_time_ns for one in survey.bearings_of(2)))

@@ -5,6 +5,7 @@ import io
 import json
 import sqlite3
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -16,7 +17,7 @@ from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.export.gpx import NAMESPACE, gpx_text
 from uavrt.analysis.export.kmz import kml_text
-from uavrt.analysis.export.tables import movebank_csv, ways_csv
+from uavrt.analysis.export.tables import bearing_rows, movebank_csv, ways_csv
 from uavrt.analysis.positions import read_positions
 from uavrt.analysis.report import words
 from uavrt.analysis.survey import Survey, read_survey
@@ -24,6 +25,7 @@ from uavrt.clock import iso_utc
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization import Position, TangentPlane
+from uavrt.recording.formats import write_bearing_file
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 
 WriteFlight = Callable[..., Path]
@@ -100,6 +102,42 @@ def test_the_walker_is_followed_and_the_resting_tag_keeps_its_place(survey: Surv
     assert resting.track == ()
     east, north = plane.to_local(resting.latitude_deg, resting.longitude_deg)
     assert np.hypot(east - 50.0, north + 60.0) < 25.0
+
+
+def test_bearings_of_a_file_are_of_the_middle_of_their_turns(
+    survey: Survey, tmp_path: Path
+) -> None:
+    """They were taken for those of the turns' beginnings: half a turn's walk apart."""
+    path = tmp_path / "bearings.csv"
+    write_bearing_file(path, bearing_rows(survey, "flight.csv"))
+    told = {one.tag_id: one.position for one in read_positions(path)}
+    walker, own = told[WALKER], way_of(survey, WALKER)
+    assert walker is not None
+    assert abs(walker.track[0].time_ns - own.track[0].time_ns) < 1e9
+    assert abs(walker.track[-1].time_ns - own.track[-1].time_ns) < 1e9
+
+
+def test_bearings_of_a_file_from_several_days_tell_no_walk(
+    survey: Survey, tmp_path: Path
+) -> None:
+    path = tmp_path / "bearings.csv"
+    rows = [one for one in bearing_rows(survey, "flight.csv") if one.tag_id == WALKER]
+    days = [
+        replace(
+            one,
+            start_time_s=(one.start_time_s or 0.0) + 86_400.0 * number,
+            end_time_s=(one.end_time_s or 0.0) + 86_400.0 * number,
+        )
+        for number, one in enumerate(rows)
+    ]
+    write_bearing_file(path, days)
+    (walker,) = read_positions(path)
+    assert walker.position is not None
+    assert walker.position.track == ()
+    assert "walk" not in {one.name for one in walker.position.cautions}
+    (followed,) = read_positions(path, method="track")
+    assert followed.position is None
+    assert "of one flight" in (followed.reason or "")
 
 
 def test_command_line_and_report_give_the_same_way(place: Path, survey: Survey) -> None:

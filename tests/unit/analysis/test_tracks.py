@@ -11,6 +11,7 @@ import pytest
 from command_line import uavrt
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pulses import pulse_at
 
 from uavrt.analysis.bearings import bearings_of_pulses
 from uavrt.analysis.tracks import (
@@ -25,12 +26,13 @@ from uavrt.analysis.tracks import (
 )
 from uavrt.analysis.tracks.declination import declination_deg
 from uavrt.analysis.tracks.points import MAGNETIC
-from uavrt.attitude import euler_deg, yaw_deg
+from uavrt.attitude import euler_deg, from_euler_deg, yaw_deg
 from uavrt.clock import iso_utc
 from uavrt.errors import FormatError, UsageError
+from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
 from uavrt.mavlink import FrameWriter, Message, dialect
-from uavrt.messages import Pose, PulsePose
+from uavrt.messages import AttitudeSample, Pose, PositionSample, PulsePose
 from uavrt.recording import Flight, PulseWriter, read_flight
 from uavrt.simulation.telemetry import telemetry_message
 
@@ -435,3 +437,66 @@ def test_a_gpx_with_entities_is_refused(tmp_path: Path) -> None:
     path.write_text('<!DOCTYPE gpx [<!ENTITY a "aa">]><gpx>&a;</gpx>')
     with pytest.raises(FormatError, match="entities"):
         read_track(path)
+
+
+def turned_thrice(offset_s: float) -> tuple[list[PulsePose], VehicleTrack]:
+    """Turns of one direction at three places, with a pulse on the ground at either end.
+
+    On the ground bodies and reflections make another direction the strongest.
+    """
+    rng = np.random.default_rng(5)
+    plane = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
+    start_ns = 1_700_000_000 * 10**9
+    steps = [(10.0, 0.0, 0.0, 0.0)]
+    for number in range(3):
+        angle = 2.0 * math.pi * number / 3.0
+        place = (300.0 * math.sin(angle), 300.0 * math.cos(angle))
+        steps += [(25.0, *place, 0.0), (50.0, *place, 360.0), (5.0, *place, 0.0)]
+    steps += [(25.0, 0.0, 0.0, 0.0)]
+    times = np.cumsum([0.0, *(one[0] for one in steps)])
+    turned = np.cumsum([10.0, *(one[3] for one in steps)])
+    ways = [[0.0, *(one[axis] for one in steps)] for axis in (1, 2)]
+
+    def at(time_s: float) -> tuple[float, float, float]:
+        east, north = (float(np.interp(time_s, times, way)) for way in ways)
+        return east, north, float(np.interp(time_s, times, turned))
+
+    attitudes, positions = [], []
+    for time_s in np.arange(0.0, times[-1], 0.5):
+        east, north, heading_deg = at(float(time_s))
+        time_ns = start_ns + round(time_s * 1e9)
+        latitude, longitude = plane.to_geodetic(east, north)
+        quaternion = from_euler_deg(heading_deg, 0.0, 0.0)
+        attitudes.append(AttitudeSample(time_ns=time_ns, quaternion_wxyz=quaternion))
+        positions.append(
+            PositionSample(
+                time_ns=time_ns,
+                latitude_deg=float(latitude),
+                longitude_deg=float(longitude),
+                altitude_amsl_m=540.0,
+                altitude_relative_m=40.0,
+            )
+        )
+    heard = np.arange(0.4, times[-1] - 0.6, 2.0)
+    pulses = []
+    for number, time_s in enumerate(heard):
+        east, north, heading_deg = at(float(time_s))
+        towards_deg = math.degrees(math.atan2(40.0 - east, 60.0 - north)) - heading_deg
+        if number in (0, len(heard) - 1):
+            towards_deg += 90.0
+        gain_db = float(PATTERNS["RA-23K"].gain_db([towards_deg])[0])
+        far_db = 20.0 * math.log10(math.dist((east, north), (40.0, 60.0)) / 300.0)
+        snr_db = 25.0 + gain_db - far_db + float(rng.normal(0.0, 1.2))
+        pulse = pulse_at(start_ns + round((time_s + offset_s) * 1e9), snr_db=snr_db)
+        pulses.append(PulsePose(pulse=pulse, pose=None))
+    track = VehicleTrack(kind="x", attitudes=tuple(attitudes), positions=tuple(positions))
+    return pulses, track
+
+
+@pytest.mark.parametrize("offset_s", [0.25, -0.25])
+def test_a_pulse_at_the_track_s_edge_does_not_choose_the_offset(offset_s: float) -> None:
+    """It was +0.70 ± 0.01 s for 0.25: there the odd first pulse was no longer covered."""
+    found = estimate_offset(*turned_thrice(offset_s))
+    assert found.found_by == "powers"
+    assert found.sigma_s is not None
+    assert abs(found.offset_s - offset_s) <= min(0.25, 3.0 * found.sigma_s)

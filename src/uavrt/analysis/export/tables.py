@@ -67,8 +67,13 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Bearings for the original's ``bearings.csv``."""
-    return [_bearing_row(one, survey, parent_file) for one in survey.bearings]
+    """Bearings for the original's ``bearings.csv``.
+
+    It has no column for a turn without a clear direction: whoever reads it takes each line for
+    a bearing. The positions leave such turns out, and so does it.
+    """
+    known = (one for one in survey.bearings if one.bearing.accepted)
+    return [_bearing_row(one, survey, parent_file) for one in known]
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:

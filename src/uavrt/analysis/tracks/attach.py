@@ -43,6 +43,11 @@ _PARTS = 8
 _TURNING_DEG_S = 2.0
 """From this rate on the vehicle is in a turn; slower is the wind."""
 _NEAR_M = 20.0
+_ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
+"""Half of the first square of places around a cell: so much of its distance, and metres."""
+_ZOOM = 0.4
+_FINE_PLACE_M = 2.0
+"""Half of the last square, of nine by nine places."""
 
 _Floats = NDArray[np.float64]
 
@@ -156,8 +161,15 @@ def estimate_offset(
     common.demand_cover(coarse, posed=found_by == "poses")
     cost = np.array([misfit(offset) for offset in coarse])
     best = float(coarse[int(np.nanargmin(cost))])
+    if found_by == "powers":
+        misfit = common.sharper_misfit(best, antenna)
     fine = np.arange(best - STEP_S, best + STEP_S + FINE_S / 2, FINE_S)
-    fine_cost = np.array([misfit(offset) for offset in fine])
+    posed = found_by == "poses"
+    # All on the same pulses: one at the track's edge, heard on the ground, would make a jump.
+    covered = common.covered(fine[0], posed=posed) & common.covered(fine[-1], posed=posed)
+    if not covered.any():
+        covered = common.covered(best, posed=posed)
+    fine_cost = np.array([misfit(offset, keep=covered) for offset in fine])
     offset_s, least = float(fine[int(np.nanargmin(fine_cost))]), float(np.nanmin(fine_cost))
     away = cost[np.abs(coarse - offset_s) > _ELSEWHERE_S]
     clearness = float(np.nanmin(away)) / max(least, 1e-6)
@@ -167,7 +179,6 @@ def estimate_offset(
             "nearly as good",
             remedy="Give --clock-offset, 0 when both clocks were set by GPS",
         )
-    covered = common.covered(offset_s, posed=found_by == "poses")
     sigma_s = _sigma_s(misfit, fine, covered)
     heading_sigma_deg = sigma_s * common.turn_rate_deg_s
     if heading_sigma_deg > MOST_HEADING_SIGMA_DEG:
@@ -194,16 +205,57 @@ def _sigma_s(
     Neighbouring pulses err alike, so that whole stretches are left out and not single pulses
     (Künsch 1989, The jackknife and the bootstrap for general stationary observations).
     """
-    # Pulses that the track does not cover are of no part: leaving them out changes nothing.
     counted = np.cumsum(covered) - 1
     part_of = np.where(covered, counted * _PARTS // int(np.count_nonzero(covered)), -1)
     best = []
     for part in range(_PARTS):
-        cost = np.array([misfit(offset, keep=part_of != part) for offset in offsets_s])
+        cost = np.array(
+            [misfit(offset, keep=covered & (part_of != part)) for offset in offsets_s]
+        )
         best.append(float(offsets_s[int(np.nanargmin(cost))]))
     spread = np.array(best) - np.mean(best)
     step = FINE_S / np.sqrt(12.0)
     return float(np.hypot(np.sqrt((_PARTS - 1) / _PARTS * np.sum(spread**2)), step))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _HeardOnWay:
+    """Pulses of a tag, with where the antenna was and pointed."""
+
+    east_m: _Floats
+    north_m: _Floats
+    yaw_deg: _Floats
+    snr_db: _Floats
+    antenna: str
+
+    def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
+        """(places,) sum of squares [dB²] that pattern and distance leave, the level free."""
+        towards_e = east_m[:, None] - self.east_m[None, :]
+        towards_n = north_m[:, None] - self.north_m[None, :]
+        bearing = np.degrees(np.arctan2(towards_e, towards_n))
+        gain = PATTERNS[self.antenna].gain_db(bearing - self.yaw_deg[None, :])
+        far = 10.0 * np.log10(towards_e**2 + towards_n**2 + _NEAR_M**2)
+        rest = self.snr_db[None, :] - gain + far
+        spread = rest - np.median(rest, axis=1, keepdims=True)
+        # Nulls are deep and uncertain: beyond 10 dB a pulse counts no more.
+        return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
+
+    def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
+        """Least sum of squares around a place, by ever finer squares of places.
+
+        The first is as wide as the polar grid's cells are at that distance from its `middle`.
+        """
+        (east, north), best = start, np.inf
+        half_m = _ROUND_CELL_M + _ROUND_CELL * math.dist(start, middle)
+        steps = np.linspace(-1.0, 1.0, 9)
+        over_e, over_n = (one.ravel() for one in np.meshgrid(steps, steps))
+        while half_m > _FINE_PLACE_M:
+            places = (east + half_m * over_e, north + half_m * over_n)
+            squares = self.squares(*places)
+            first = int(np.argmin(squares))
+            east, north = float(places[0][first]), float(places[1][first])
+            best, half_m = min(best, float(squares[first])), _ZOOM * half_m
+        return best
 
 
 class _Common:
@@ -277,26 +329,57 @@ class _Common:
 
         Power falls with the square of the distance; places are a polar grid around the way.
         """
+        heard = self._heard(offset_s, antenna, keep)
+        if heard is None:
+            return np.nan
+        total = sum(float(one.squares(*self._grid).min()) for one in heard.values())
+        return total / sum(len(one.snr_db) for one in heard.values())
+
+    def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
+        """Get the same for offsets near one, with each tag's place to the metre.
+
+        The cells of the polar grid are tens of metres wide, which a turn's bearing tells from
+        each other: the offset that turns all bearings to a cell's middle would be the best.
+        """
+        heard = self._heard(offset_s, antenna) or {}
+        cells = [int(np.argmin(one.squares(*self._grid))) for one in heard.values()]
+        starts = {
+            tag_id: (float(self._grid[0][cell]), float(self._grid[1][cell]))
+            for tag_id, cell in zip(heard, cells, strict=True)
+        }
+        middle = (float(self._way[0].mean()), float(self._way[1].mean()))
+
+        def misfit(offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
+            near = self._heard(offset_s, antenna, keep)
+            if near is None:
+                return np.nan
+            total = sum(one.least(starts[tag], middle) for tag, one in near.items())
+            return total / sum(len(one.snr_db) for one in near.values())
+
+        return misfit
+
+    def _heard(
+        self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
+    ) -> "dict[int, _HeardOnWay] | None":
+        """What was heard of each tag, where the antenna was then; None unless it is covered."""
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
-            return np.nan
+            return None
         inside = inside if keep is None else inside & keep
         times = self.time_s[inside] - offset_s
         yaw = np.interp(times, self._turn_s, self._track_yaw)
         east, north = (np.interp(times, self._way_s, way) for way in self._way)
-        total = 0.0
+        found = {}
         for tag_id in np.unique(self.tag[inside]):
             own = self.tag[inside] == tag_id
-            towards_e = self._grid[0][:, None] - east[own][None, :]
-            towards_n = self._grid[1][:, None] - north[own][None, :]
-            bearing = np.degrees(np.arctan2(towards_e, towards_n))
-            gain = PATTERNS[antenna].gain_db(bearing - yaw[own][None, :])
-            far = 10.0 * np.log10(towards_e**2 + towards_n**2 + _NEAR_M**2)
-            rest = self.snr_db[inside][own][None, :] - gain + far
-            spread = rest - np.median(rest, axis=1, keepdims=True)
-            # Nulls are deep and uncertain: beyond 10 dB a pulse counts no more.
-            total += float(np.minimum(spread**2, 100.0).sum(axis=1).min())
-        return total / int(np.count_nonzero(inside))
+            found[int(tag_id)] = _HeardOnWay(
+                east_m=east[own],
+                north_m=north[own],
+                yaw_deg=yaw[own],
+                snr_db=self.snr_db[inside][own],
+                antenna=antenna,
+            )
+        return found
 
     def demand_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
         """Find how many pulses the track can cover; offsets with far fewer are none.

@@ -137,8 +137,9 @@ def way_by_powers(
 def _checked(times: _Floats | None, what: str) -> _Floats:
     if times is None or len(times) < LEAST_TIMES:
         raise UsageError(
-            f"a track needs the times of three or more {what}",
-            remedy="Use the method bayes, which takes the tag to rest",
+            f"a track needs the times of three or more {what} of one flight",
+            remedy="Name one flight alone, or use the method bayes, which takes the tag to "
+            "rest",
         )
     return times
 

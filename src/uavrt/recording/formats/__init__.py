@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         write_bearing_file,
     )
     from uavrt.recording.formats.log import (
+        NUMBERED_BY_FREQUENCY,
         WITHOUT_HEADINGS,
         LogKind,
         PulseLog,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from uavrt.recording.formats.whole_file import write_whole
 
 __all__ = [
+    "NUMBERED_BY_FREQUENCY",
     "ORIGINAL_POSES",
     "WITHOUT_HEADINGS",
     "BearingRow",
@@ -77,6 +79,7 @@ __getattr__ = lazily(
     {
         "BearingRow": "bearings_csv",
         "LogKind": "log",
+        "NUMBERED_BY_FREQUENCY": "log",
         "ORIGINAL_POSES": "recognise",
         "PositionRow": "positions_csv",
         "PulseLog": "log",

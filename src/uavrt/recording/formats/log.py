@@ -17,9 +17,10 @@ LogKind = Literal[
     "detections",
 ]
 
-
 WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
 """Taken with an upright whip unless an antenna is named: no bearings follow from them."""
+NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
+"""Have no list of tags: a number in one of them is another tag's in the next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
