@@ -31,7 +31,9 @@ behind: so no sample is off by more than half of it."""
 _CELLS: Final = 100
 """Two seconds of them."""
 _WINDOW_S: Final = 1.0
-"""Longest stretch that is weighed."""
+"""Longest stretch that is weighed, or so many cells where writes are long (rtl_sdr's own are
+half a second at 250 kS/s)."""
+_WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
 """A stall and another one after it are no third."""
 _NEWEST: Final = 4
@@ -222,12 +224,13 @@ class LossFinder:
         cells, jitter_s = self._cells, self.jitter_s
         end_s = cells[-1].end_s
         needed = _EVIDENCE_KNOWN if end_s < self._known_until_s else _EVIDENCE
+        window_s = max(_WINDOW_S, _WINDOW_CELLS * (end_s - cells[-1].begin_s))
         least_s = 2.0 * jitter_s
         lowest_s, fresh, best, best_score = math.inf, 0, 0, needed
         for count in range(1, len(cells) + 1):
             cell = cells[-count]
             lowest_s = min(lowest_s, cell.late_s)
-            if lowest_s <= least_s + _FLOOR_S or end_s - cell.begin_s > _WINDOW_S:
+            if lowest_s <= least_s + _FLOOR_S or end_s - cell.begin_s > window_s:
                 break
             fresh += cell.fresh
             score = (lowest_s - least_s) * fresh / jitter_s
@@ -285,10 +288,11 @@ class LossFinder:
         newest_s = min(c.late_s for c in self._agreeing(count)[-_NEWEST:])
         first = cells[-count]
         duration_s = newest_s - self._usual_s
+        before_s = max(_BEFORE_S, 2.5 * (first.end_s - first.begin_s))
         before = [
             c.late_s
             for c in cells
-            if first.begin_s - _BEFORE_S <= c.begin_s < first.begin_s and c.fresh
+            if first.begin_s - before_s <= c.begin_s < first.begin_s and c.fresh
         ]
         sharp = (
             bool(before) and lowest_s - sorted(before)[len(before) // 2] >= _SHARP * lowest_s

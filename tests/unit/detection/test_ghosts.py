@@ -160,3 +160,31 @@ def test_what_a_curved_receiver_makes_of_two_signals_is_no_tag_and_a_tag_there_i
     flight = replace(haunted, beside_db=16.0).fly(np.random.default_rng(6), 0)
     assert flight.confirmed >= 0.9 * flight.true
     assert flight.false <= 2
+
+
+def beside(apart_hz: float, interval_s: float) -> Tag:
+    """A tag so far from the strong one that neither search reaches the other's frequency."""
+    frequency_hz = STRONG.frequency_hz + apart_hz
+    return replace(STRONG, tag_id=8, frequency_hz=frequency_hz, pulse_intervals_s=(interval_s,))
+
+
+@pytest.mark.parametrize("apart_hz", [2000.0, 2300.0])
+def test_the_edges_of_a_strong_tags_pulses_are_no_tag_beside_it(
+    apart_hz: float, tmp_path: Path
+) -> None:
+    silent = beside(apart_hz, 1.28)
+    [strong], samples = scene([(STRONG, 1.254, 48.0)])
+    pulses, summary = recorded(tmp_path / "a.cs8", samples, (STRONG, silent), steps=3.0)
+    assert summary.confirmed[STRONG.tag_id] >= 0.9 * len(strong)
+    edges = [p for p in pulses if p.tag_id == silent.tag_id]
+    assert sum(p.ghost_of_tag_id == STRONG.tag_id for p in edges) >= 5
+    assert not [p for p in edges if p.confirmed]
+
+
+def test_a_tag_beside_a_strong_one_of_nearly_its_interval_keeps_its_pulses(
+    tmp_path: Path,
+) -> None:
+    weak = beside(2000.0, 1.28)
+    trains, samples = scene([(STRONG, 1.254, 48.0), (weak, 1.28, 16.0)])
+    _, summary = recorded(tmp_path / "a.cs8", samples, (STRONG, weak), steps=3.0)
+    assert summary.confirmed[weak.tag_id] >= 0.85 * len(trains[1])

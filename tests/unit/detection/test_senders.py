@@ -270,3 +270,27 @@ def test_what_has_hardly_a_pulse_of_its_own_changes_no_tags_places() -> None:
     flight = scene.fly(np.random.default_rng((1, name, 3)), 3)
     assert flight.wrong <= 2
     assert flight.confirmed >= 0.9 * flight.true
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "apart_hz", "enr_db"),
+    [(1.5, 200.0, 30.0), (1.0, 200.0, 20.0), (1.7, 0.0, 40.0), (2.0, 400.0, 20.0)],
+)
+def test_pulses_of_one_tag_and_noise_beside_them_are_not_another_silent_one(
+    interval_s: float, apart_hz: float, enr_db: float
+) -> None:
+    silent = tag_of(4, interval_s, apart_hz=apart_hz)
+    [train], pulses = heard((TWO[0], silent), [(1.254, enr_db)], duration_s=120.0, seed=5)
+    assert kept(train, [], of(TWO[0], pulses)) > 0.95
+    assert not [p for p in of(silent, pulses) if p.confirmed]
+    times_s = [p.start_s for p in train]
+    assert not [
+        p for p in of(silent, pulses) if any(abs(time_s(p) - t) < 0.01 for t in times_s)
+    ]
+
+
+def test_a_weak_tag_beside_a_strong_one_of_another_interval_keeps_its_pulses() -> None:
+    weak = tag_of(4, 1.5, apart_hz=200.0)
+    trains, pulses = heard((TWO[0], weak), [(1.254, 30.0), (1.51, 14.0)], apart_hz=(0.0, 200.0))
+    assert kept(trains[0], trains[1:], of(TWO[0], pulses)) > 0.95
+    assert kept(trains[1], trains[:1], of(weak, pulses)) > 0.9

@@ -74,6 +74,26 @@ def test_a_loss_within_a_long_write_costs_the_times_of_a_quarter_of_it() -> None
     assert got.found == pytest.approx(got.lost, rel=0.1)
 
 
+@pytest.mark.parametrize("transfer_s", [0.131, 0.524])
+@pytest.mark.parametrize("loss_s", [0.005, 0.1])
+def test_the_half_seconds_that_rtl_sdr_writes_by_itself_show_the_losses_too(
+    transfer_s: float, loss_s: float
+) -> None:
+    delivery = replace(
+        USB, sample_rate_hz=250e3, transfer_s=transfer_s, loss_share=0.01, loss_s=loss_s
+    )
+    got = kept(delivery, 0, 1, 2)
+    assert got.found == pytest.approx(got.lost, rel=0.1)
+    assert got.unsure < 0.1 * got.lost
+    assert got.within >= 0.7 * got.instants
+
+
+def test_half_seconds_of_a_steady_crystal_are_never_called_a_loss() -> None:
+    got = kept(replace(USB, sample_rate_hz=250e3, transfer_s=0.524), 0, 1, 2)
+    assert got.found == 0
+    assert got.within == got.instants
+
+
 @pytest.mark.parametrize("jitter", ["exponential", "normal"])
 @pytest.mark.parametrize("transfer_s", [0.005, 65_536 / 3e6, 0.0874])
 @pytest.mark.parametrize("jitter_s", [0.0003, 0.002])

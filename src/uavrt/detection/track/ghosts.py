@@ -8,6 +8,7 @@ same instants, and lies at such a place. That another tag does is a matter of ch
 computed: of its phase and interval, and of its frequency.
 """
 
+import math
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -33,6 +34,14 @@ ALLOWED = 1e-3
 """Tags that are no ghosts and are taken for one, at most, of those that come with another's
 pulses: chance of what was heard over that of a ghost."""
 _SIGMAS = 2.5
+_EDGE_STRONGER = 100.0
+"""Power of a pulse over that of its edges far from its frequency, at least."""
+_EDGE_NOISE = 2.5
+"""Amplitude that the best noise adds to an edge's in a search."""
+_EDGE_WIDTHS = 0.75
+"""Edges are found up to so many widths beside the pulse's begin."""
+_EDGE_SHARE = 0.6
+"""So many of a train's pulses come with the other's when it is its edges; the rest is noise."""
 _ROUNDING_NS = 1000
 """More than times of today lose as floating-point numbers."""
 
@@ -47,6 +56,11 @@ class _Heard(Generic[H]):
     """Of the pulses."""
     near_s: list[float]
     """For each, how near to it another one comes at the same time."""
+
+    @property
+    def edge_s(self) -> float:
+        """How near to a pulse its edges are found."""
+        return _EDGE_WIDTHS * self.track.tag.pulse_width_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +82,8 @@ class _Instants(Generic[H]):
 
     def of_company(self, one: _Heard[H]) -> list[_Heard[H]]:
         """Get the trains of which enough pulses may come with a train's own."""
-        near_ns = (np.array(one.near_s) * NANOSECONDS_PER_SECOND).astype(np.int64)
-        near_ns += _ROUNDING_NS
+        near_s = np.maximum(one.near_s, one.edge_s)
+        near_ns = (near_s * NANOSECONDS_PER_SECOND).astype(np.int64) + _ROUNDING_NS
         times_ns = np.array(one.times_ns, np.int64)
         first = np.searchsorted(self._times_ns, times_ns - near_ns, side="left").tolist()
         last = np.searchsorted(self._times_ns, times_ns + near_ns, side="right").tolist()
@@ -128,12 +142,15 @@ def _original(
     carriers_hz: Sequence[float],
 ) -> int | None:
     """Number of the tag whose ghost a train is."""
+    for other in heard:
+        if other.track.ghost_of is None and _is_edges(one, other):
+            return other.hearer.tag.tag_id
     beside = [
         (other, found)
         for other in heard
         if other.track.ghost_of is None
         and other.level >= STRONGER * one.level
-        and (found := _coincidence(one, other)).together >= LEAST_PULSES
+        and (found := _coincidence(one, other, one.near_s)).together >= LEAST_PULSES
     ]
     for other, found in beside:
         partners_hz = [
@@ -152,6 +169,22 @@ def _original(
     return None
 
 
+def _is_edges(one: _Heard[H], other: _Heard[H]) -> bool:
+    """Whether a train is no more than what another's pulses leak far beside their frequency.
+
+    The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Nearer, in the
+    band of its own search, trains are shared out (senders.py).
+    """
+    if other.level < _EDGE_STRONGER * one.level or one.hearer.could_be(other.frequency_hz):
+        return False
+    apart_hz = abs(one.frequency_hz - other.frequency_hz)
+    edge = math.sqrt(other.level) / (math.pi * apart_hz * other.track.tag.pulse_width_s)
+    if edge < 1.0 or one.level > (edge + _EDGE_NOISE) ** 2:
+        return False
+    found = _coincidence(one, other, [one.edge_s] * len(one.times_ns))
+    return found.together >= max(LEAST_PULSES, _EDGE_SHARE * found.pulses)
+
+
 def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
     """Chance that a tag of its own would come so often with another."""
     tag, interval_s = one.track.tag, other.track.interval_s
@@ -164,18 +197,18 @@ def _chance(one: _Heard[H], other: _Heard[H], found: _Coincidence) -> float:
     )
 
 
-def _coincidence(one: _Heard[H], other: _Heard[H]) -> _Coincidence:
+def _coincidence(one: _Heard[H], other: _Heard[H], near_s: Sequence[float]) -> _Coincidence:
     """Count the newest pulses of a train that come with those of another."""
     mates_ns = other.times_ns
     first_ns, last_ns = mates_ns[0], mates_ns[-1]
     pulses = together = 0
     widest_s = 0.0
-    for time_ns, near_s in zip(one.times_ns, one.near_s, strict=True):
-        near_ns = NANOSECONDS_PER_SECOND * near_s
+    for time_ns, this_s in zip(one.times_ns, near_s, strict=True):
+        near_ns = NANOSECONDS_PER_SECOND * this_s
         if not first_ns - near_ns <= time_ns <= last_ns + near_ns:
             continue
         pulses += 1
-        widest_s = max(widest_s, near_s)
+        widest_s = max(widest_s, this_s)
         after = bisect_right(mates_ns, time_ns - near_ns)
         together += after < len(mates_ns) and mates_ns[after] < time_ns + near_ns
     return _Coincidence(together, pulses, widest_s)

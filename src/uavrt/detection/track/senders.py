@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from uavrt.detection.track.assignment import best_sharing, losses, parts
 from uavrt.detection.track.reporting import SAME_FREQUENCY_HZ
-from uavrt.detection.track.tracks import CLOCK_ERROR, Track
+from uavrt.detection.track.tracks import CLOCK_ERROR, Slot, Track
 from uavrt.detection.track.trains import (
     H,
     Hearer,
     Train,
     heard_ns,
+    known_pulses,
     made_of_others,
     put_together,
 )
@@ -194,6 +195,9 @@ class Senders(Generic[H]):
         # A likely train has no share yet, but takes its place from what else may be its tag's.
         able = [t for t in trains if t.likely and id(t) not in nobodys]
         given = self._share_out(self._heard_last(able))
+        if self._drop_begun_by_others(trains, given):
+            trains = [train for train in trains if train.tracks]
+            given = [share for share in given if share[0].tracks]
         owned = {tag_id: not others for _, tag_id, others, _ in given}
         for train, tag_id, others, sure in given:
             _give(train, tag_id, others)
@@ -209,6 +213,62 @@ class Senders(Generic[H]):
             else:
                 self._give_tentative(train, owned)
         self._report()
+
+    def _drop_begun_by_others(
+        self,
+        trains: list[Train[H]],
+        given: list[tuple[Train[H], int, tuple[int, ...], bool]],
+    ) -> bool:
+        """Forget the tracks that only pulses of other tags have begun, or just confirmed.
+
+        One strong pulse and the best noise an interval before and after it make a group of any
+        tag, and a strong pulse that the lattice of such a group happens upon would confirm it.
+
+        Parameters
+        ----------
+        trains : list of Train
+            All; the tracks are taken out of them.
+        given : list of (Train, int, tuple of int, bool)
+            Those shared out, as `_share_out` gives them.
+
+        Returns
+        -------
+        bool
+            Whether there were any.
+        """
+        dropped: set[int] = set()
+        unsettled = [
+            (hearer, track, slots)
+            for hearer in self.hearers
+            for track in hearer.tracks
+            if (slots := _in_question(track))
+        ]
+        for train, tag_id, *_ in given if unsettled else ():
+            # What may be its own tag's is shared out by interval and frequency.
+            others = [
+                (hearer, track, slots)
+                for hearer, track, slots in unsettled
+                if hearer.tag.tag_id != tag_id
+                and abs(hearer.absolute_hz(track) - train.frequency_hz) < self._reach_hz
+                and self._likelihood(train, hearer) == -math.inf
+            ]
+            known = known_pulses(train) if others else []
+            for hearer, track, slots in others:
+                at_hz, width_s = hearer.absolute_hz(track), track.tag.pulse_width_s
+                if all(
+                    any(
+                        pulse.explains(slot, at_hz, width_s, near_ns=self._near_ns)
+                        for pulse in known
+                    )
+                    for slot in slots
+                ):
+                    dropped.add(id(track))
+        if dropped:
+            for hearer in self.hearers:
+                hearer.tracks[:] = [t for t in hearer.tracks if id(t) not in dropped]
+            for train in trains:
+                train.tracks = [pair for pair in train.tracks if id(pair[1]) not in dropped]
+        return bool(dropped)
 
     def _report(self) -> None:
         """Let the detectors report their pulses, each pulse under one tag's number."""
@@ -425,6 +485,16 @@ def _normal(train: Train[H], center_s: float, bound_s: float) -> float:
         return -math.inf
     sigma_s = math.hypot(bound_s / _BOUND_SIGMAS, train.sigma_s)
     return -0.5 * (miss_s / sigma_s) ** 2 - math.log(sigma_s)
+
+
+def _in_question(track: Track) -> list[Slot]:
+    """Pulses that a track is believed for, while nobody has been told of it as confirmed."""
+    if track.dead or track.shared_as_confirmed:
+        return []
+    accepted = [slot for slot in track.slots if slot.state in ("accepted", "reported")]
+    if track.confirmed and track.tested:
+        return [slot for slot in accepted[-1:] if slot.number >= track.tag.k]
+    return accepted
 
 
 def _reported_ns(track: Track) -> list[int]:

@@ -103,6 +103,39 @@ class Train(Generic[H]):
         self.explains = evidence(best.slots, strength(best))
 
 
+@dataclass(frozen=True, slots=True)
+class KnownPulse:
+    """A pulse of a confirmed train."""
+
+    time_ns: float
+    within_ns: float
+    """How far from there it may be: 0 for one that was heard."""
+    frequency_hz: float
+    power: float
+
+    def explains(
+        self, slot: Slot, frequency_hz: float, width_s: float, *, near_ns: float
+    ) -> bool:
+        """Whether a pulse found at a frequency is this one, or no more than what it leaks.
+
+        Parameters
+        ----------
+        slot : Slot
+        frequency_hz, width_s : float
+            Of its track.
+        near_ns : float
+            Pulses closer than this are the same.
+        """
+        if abs(slot.time_ns - self.time_ns) >= near_ns + self.within_ns:
+            return False
+        apart_hz = abs(frequency_hz - self.frequency_hz)
+        if apart_hz < SAME_FREQUENCY_HZ:
+            return True
+        # As in `judging`: at most 1 / (pi df tp)^2 of its power, with twice the amplitude.
+        leak = 4.0 * self.power / (math.pi * apart_hz * width_s) ** 2
+        return slot.measured.power <= leak
+
+
 def put_together(hearers: Iterable[H]) -> list[Train[H]]:
     """Group the tracks of the same pulses.
 
@@ -180,6 +213,24 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
         if shared >= _OTHERS_SHARE * len(times_ns):
             found.append(train)
     return found
+
+
+def known_pulses(train: Train[H]) -> list[KnownPulse]:
+    """Get the newest pulses of a confirmed train, and the one that is due."""
+    known = []
+    for hearer, track in train.tracks:
+        if not track.confirmed or track.dead:
+            continue
+        at_hz = hearer.absolute_hz(track)
+        heard = [s for s in track.slots if s.state in ("accepted", "reported")]
+        known += [KnownPulse(s.time_ns, 0.0, at_hz, s.measured.power) for s in heard]
+        if heard:
+            # Who began with it may have been faster than this detector.
+            time_s, half_s = track.expected()
+            half_ns = NANOSECONDS_PER_SECOND * half_s
+            power = max(slot.measured.power for slot in heard)
+            known.append(KnownPulse(hearer.time_ns(time_s), half_ns, at_hz, power))
+    return known
 
 
 def heard_ns(track: Track) -> list[int]:
