@@ -55,7 +55,7 @@ _SAME_RANGE_DB = 0.3
 _COUNTED = 0.8
 """Of the pulses' evidence: what pattern, poses and ground do beyond the model is the same for
 neighbouring pulses. With all of it regions of 90 % held .85 (I4)."""
-_LASTING_DB2 = 8.0
+_LASTING_DB2 = 4.0
 """Variance of that, times the pulses for which it lasts: where noise and fading of single
 pulses are less, it limits what they say."""
 _NOISY_DB2 = 10.0
