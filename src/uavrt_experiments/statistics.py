@@ -148,12 +148,16 @@ def level_for(
         beyond = min(at for at, _, _ in points)
         return -math.inf, -math.inf, beyond, math.inf
     chosen = list(points)
-    for _ in range(3):
-        level, error = _logistic(chosen, share)
+    level, error = _logistic(chosen, share)
+    for _ in range(2):
         near = [p for p in points if abs(p[0] - level) <= _NEAR_DB]
         if len(near) < 2 or near == chosen:
             break
         chosen = near
+        closer, its_error = _logistic(chosen, share)
+        if abs(closer - level) > _NEAR_DB:
+            break  # points that are alike tell no slope: it would lead anywhere
+        level, error = closer, its_error
     return level, level - Z95 * error, level + Z95 * error, error
 
 

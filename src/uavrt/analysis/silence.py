@@ -147,7 +147,7 @@ class ListenedFlight:
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:
-            noise, said = None, f"not known: {error.message}"
+            noise, said = None, f"not known, its radio's alone is counted: {error.message}"
         return cls(
             flight=flight,
             area=map_around(plane, east, north, elevation, size),

@@ -7,7 +7,7 @@ pulses seen in hindsight, and where it is.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from uavrt.analysis.listening import limits_of, with_poses
 from uavrt.analysis.positions import over_ground
 from uavrt.config import AntennaSettings
 from uavrt.dsp import FrontEnd
-from uavrt.errors import ConfigError, RecordingError
+from uavrt.errors import ConfigError, FormatError, RecordingError
 from uavrt.integration import (
     FoldedTrain,
     HeardTrain,
@@ -163,7 +163,8 @@ def integrate_flight(
             "kept in memory at once",
             remedy="Name fewer tags with --tag, and run it again for the others",
         )
-    channels = channel_samples(source, front_end, on_progress)
+    faults: list[str] = []
+    channels = channel_samples(source, front_end, on_progress, faults.append)
     centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
     results = []
     for tag, channel in zip(tags, plan.frequency_channels, strict=True):
@@ -200,7 +201,9 @@ def integrate_flight(
         )
         if on_tag is not None:
             on_tag(len(results))
-    return results
+    if not faults:
+        return results
+    return [replace(one, limitations=(*one.limitations, *faults)) for one in results]
 
 
 def searched_for(
@@ -294,8 +297,12 @@ def channel_samples(
     source: SampleSource,
     front_end: FrontEnd,
     on_progress: Callable[[int, int | None], None] | None,
+    on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a whole recording into the samples of the channels in use."""
+    """Read a whole recording into the samples of the channels in use.
+
+    Of a damaged one what comes before the fault is used if `on_fault` takes it, in words.
+    """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use
     }
@@ -304,6 +311,11 @@ def channel_samples(
         try:
             block = source.read(_LOOK_S)
         except EOFError:
+            break
+        except FormatError as error:
+            if on_fault is None or not done:
+                raise
+            on_fault(f"{error.message}: what lies before was judged, and no more")
             break
         if block is None:
             continue

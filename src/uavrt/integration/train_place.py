@@ -17,7 +17,6 @@ from uavrt.integration.heard_train import (
     STEP_DB,
     STRENGTHS_DB,
     HeardTrain,
-    TrainPulses,
     likelihood_table,
 )
 from uavrt.integration.places import (
@@ -56,7 +55,7 @@ _SAME_RANGE_DB = 0.3
 _COUNTED = 0.8
 """Of the pulses' evidence: what pattern, poses and ground do beyond the model is the same for
 neighbouring pulses. With all of it regions of 90 % held .85 (I4)."""
-_LASTING_DB2 = 8.0
+_LASTING_DB2 = 4.0
 """Variance of that, times the pulses for which it lasts: where noise and fading of single
 pulses are less, it limits what they say."""
 _NOISY_DB2 = 10.0
@@ -271,7 +270,7 @@ def _logs(
     column = np.minimum(np.rint(amplitude / AMPLITUDES[1]), len(AMPLITUDES) - 1)
     chosen = table[:, column.astype(np.intp)].T.astype(np.float32)
     if tempered:
-        chosen *= _counted(one.pulses)[:, np.newaxis]
+        chosen *= np.asarray(_counted(one), np.float32)
     # Levels lie so many of the table's steps apart: those of a place and pulse follow each
     # other among every so many of its rows.
     apart = round((levels_db[1] - levels_db[0]) / STEP_DB)
@@ -299,15 +298,18 @@ def _logs(
     return logs
 
 
-def _counted(pulses: TrainPulses) -> NDArray[np.float32]:
-    """Share of each slot's evidence that counts, (n,): less of a loud pulse's.
+def _counted(one: HeardTrain) -> float:
+    """Share of a flight's evidence that counts: less where loud pulses make it.
 
     A level of energy E over noise has a variance of 37.7/E dB² by noise (of noncentral
-    chi-square), and that of single pulses' fading.
+    chi-square), and that of single pulses' fading; one over it is what a pulse tells. All
+    pulses count alike: were loud ones to count less than others, what the many weak ones have
+    wrong in common would move the place.
     """
-    variance_db2 = 37.7 / np.maximum(pulses.energy, 1.0) + FADING_DB**2
-    beyond = np.maximum(1.0 / variance_db2 - 1.0 / _NOISY_DB2, 0.0)
-    return (1.0 / (1.0 / _COUNTED + _LASTING_DB2 * beyond)).astype(np.float32)
+    above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
+    told = 1.0 / (37.7 / above + FADING_DB**2)
+    beyond = float(told @ np.maximum(told - 1.0 / _NOISY_DB2, 0.0)) / float(told.sum())
+    return 1.0 / (1.0 / _COUNTED + _LASTING_DB2 * beyond)
 
 
 def _fined(

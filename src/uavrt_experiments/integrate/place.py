@@ -239,8 +239,9 @@ def _rows(
         if kind == "loud":
             bound = float(np.median([one.bound_m for one in found] or [math.nan]))
             off = [one.off_m for one in found]
+            most = 1.3 * bound if barred else None
             what = "median error of the nearest place, m"
-            rows.append(measured("I4", name, what, off, median, bound=bound))
+            rows.append(measured("I4", name, what, off, median, most=most, bound=bound))
         elif kind == "mirror":
             both = [float(one.mirror) for one in found]
             rows.append(

@@ -204,6 +204,16 @@ def test_misses_alone_tell_that_the_level_lies_above_what_was_tried() -> None:
     assert low == -math.inf
 
 
+def test_two_levels_that_are_found_alike_do_not_lead_to_a_level_far_from_all() -> None:
+    """It was -377 dB, of the two lowest alone, and its bar was met."""
+    level, low, high, error = level_for(
+        [(2.2, 9, 15), (2.95, 9, 15), (3.7, 13, 15), (4.45, 15, 15)], 0.5
+    )
+    assert 1.0 < level < 2.5
+    assert error < 1.0
+    assert low < level < high
+
+
 def test_every_acceptance_experiment_is_there_with_a_bar_in_each() -> None:
     assert {f"E{n}" for n in (*range(1, 14), 16, 17, 18, 21, 22, 23)} == set(EXPERIMENTS)
     names = [(e.name, case.name) for e in EXPERIMENTS.values() for case in e.cases]

@@ -128,6 +128,34 @@ def test_a_recording_with_a_track_is_judged_without_a_flight(
     assert abs(difference_deg(said["bearing_deg"], weak.bearing_deg + 90.0)) < 20.0
 
 
+def test_a_recording_that_was_cut_off_is_judged_as_far_as_it_goes(
+    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As by a power cut: nothing was judged, and it said that all samples were used."""
+    samples = Path(recorded[2])
+    samples.write_bytes(samples.read_bytes()[: 7 * weak.samples.nbytes // 10 // 8 * 8 + 5])
+    uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
+    (said,) = json.loads(capsys.readouterr().out)
+    told = " ".join(said["limitations"])
+    assert "what lies before was judged, and no more" in told
+    end_ns = START_NS + round(0.7e9 * len(weak.samples) / RATE_HZ)
+    assert all(one["time_ns"] < end_ns for one in said["integrated_pulses"] or [])
+
+
+def test_silence_names_the_noise_that_it_is_told_by(
+    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a recording with a track nobody knows the drone's noise: it was said in JSON alone."""
+    np.random.default_rng(3).normal(size=2 * len(weak.samples)).astype(np.float32).tofile(
+        recorded[2]
+    )
+    with_words = [one for one in recorded if one != "--json"]
+    uavrt(*with_words, "--clock-offset", "40", "--antenna", "RA-23K")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "not found" in said
+    assert "the map: noise of the drone: not known, its radio's alone is counted" in said
+
+
 def test_what_nobody_told_of_a_recording_is_a_limitation(
     recorded: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

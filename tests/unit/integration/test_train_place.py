@@ -103,6 +103,18 @@ def test_a_tag_between_lanes_is_where_it_is_said_to_be(enr_db: float) -> None:
     assert max(one.off_m for one in found) < (60.0 if enr_db < 20.0 else 25.0)
 
 
+def test_a_loud_tag_between_lanes_is_as_near_as_its_pulses_tell() -> None:
+    """It was 2.6 times the bound: what the many weak pulses have wrong in common led it."""
+    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
+    flown = [
+        placed(np.random.default_rng((9, seed)), course, 25.0, 0.0) for seed in range(2, 7)
+    ]
+    found = [one for one in flown if one is not None]
+    assert len(found) == 5
+    assert np.median([one.off_m / one.bound_m for one in found]) < 1.3
+    assert all(one.held for one in found)
+
+
 def test_a_strong_tag_as_far_from_both_flights_is_placed() -> None:
     """Where it may be, distances are alike; elsewhere on the ground they are not."""
     each = tuple(
