@@ -44,7 +44,7 @@ from uavrt.guidance.wishes import (
     VehicleCommand,
     Wish,
 )
-from uavrt.guidance.yaw import YawWatch
+from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 BEGINS_WITHIN_S = 10.0
@@ -186,6 +186,8 @@ class Authority:
         """Nonce of an offer that a pilot's hand ended, and how."""
         self._still_ours = False
         """Whether the vehicle flies to the target of the order before the one confirmed."""
+        self._rest: Offer | None = None
+        """What was confirmed, if the vehicle stood in our own mode by nobody's order then."""
         self._used: set[int] = set()
         self._confirmed_s = 0.0
         self._planner_s = 0.0
@@ -290,6 +292,7 @@ class Authority:
         if self.standing is not Standing.OUT:
             self._end("another order was confirmed", now_s)
         self._still_ours, self._place_then = still_ours, self._position
+        self._rest = offer if offer.rests else None
         self._sticks_then = None if sticks is None else sticks.channels_us
         self._switches, self._sticks_unseen = self._switch_watch(sticks), sticks_unseen
         self._home_then = self._home
@@ -752,6 +755,7 @@ class Authority:
         if before is not None and seen.boot_s < before.boot_s:
             return  # overtaken on its way
         self._target = seen
+        self._see_turned(seen)
         if self.standing is Standing.CONFIRMED:
             # A vehicle in another mode follows the sticks with its target, or a mission.
             ours = self._mode_then == self.manners.own_mode
@@ -844,6 +848,7 @@ class Authority:
         if before is not None and seen.boot_s < before.boot_s:
             return  # overtaken on its way
         self._position = seen
+        self._see_turned(seen)
         if self.standing is Standing.OUT:
             return
         self._see_datum(seen)
@@ -863,6 +868,14 @@ class Authority:
                 self._end(f"the position jumped by {moved:.0f} m", seen.time_s)
         if self.standing is Standing.IN_COMMAND:
             self._see_motion(seen)
+
+    def _see_turned(self, seen: PositionSeen | TargetSeen) -> None:
+        """Who turns it where it stands in our own mode is another, before our first command."""
+        offer, rest = self._offer, self._rest
+        if offer is not None and offer.rests and _turned(offer, seen):
+            self._withdraw(f"{OTHERS_TURN} since you were asked")
+        if self.standing is Standing.CONFIRMED and rest is not None and _turned(rest, seen):
+            self._end(OTHERS_TURN, seen.time_s)
 
     def _see_motion(self, seen: PositionSeen) -> None:
         motion = self._motion
@@ -1043,6 +1056,17 @@ def _same(one: TargetSeen, other: TargetSeen, within_m: float) -> bool:
     if heights[0] is None or heights[1] is None:
         return False
     return distance_m(a, b, c, d) <= within_m and abs(heights[0] - heights[1]) <= within_m
+
+
+def _turned(offer: Offer, seen: PositionSeen | TargetSeen) -> bool:
+    """Whether it looks elsewhere, or is to, than when the operator was asked."""
+    then: PositionSeen | TargetSeen | None = offer.target
+    most = TARGET_YAW_DEG
+    if isinstance(seen, PositionSeen):
+        then, most = offer.place, YAW_DEG
+    if then is None or then.yaw_deg is None or seen.yaw_deg is None:
+        return False
+    return abs(wrap_degrees_180(seen.yaw_deg - then.yaw_deg)) > most
 
 
 def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
