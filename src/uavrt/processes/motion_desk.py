@@ -100,6 +100,8 @@ class Outlets:
 
     command: Callable[[Message], None]
     """To the autopilot, now."""
+    leaves: Callable[[], bool]
+    """Whether a command would leave now."""
     state: Callable[[bytes, Asker | None], None]
     """A payload of type 60006: to who asked, or to all."""
     ask: Callable[[Command], None]
@@ -492,6 +494,8 @@ class MotionDesk:
         stops: bool = False,
     ) -> bool:
         try:
+            if not self._out.leaves():
+                raise CommandRefused("other bytes wait for the link to the autopilot")
             command = authority.command(order_id, wish, now_s, stops=stops)
         except CommandRefused as error:
             log.info("wish refused", reason=error.message)
