@@ -179,11 +179,12 @@ def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str
         tags=(tag,),
     )
     hub.guide.take("flight", info)
-    values: dict[str, Any] = {
+    asked: dict[str, dict[str, Any]] = {
         "goto": {"places": (hub.flown.place(100.0, 0.0),), "height_m": 40.0},
         "search": {"radius_m": 100.0, "height_m": 40.0, "duration_s": 300.0},
         "return": {},
-    }[action]
+    }
+    values = asked[action]
     moved = hub.flown.place(100.0, 0.0)
     wish = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
     assert wish.kind == "end"
