@@ -271,7 +271,7 @@ class Authority:
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(
                 self._withdrawn[1],
-                remedy="Whoever did it flies; ask for the motion anew if it is yours again",
+                remedy="Ask anew once it is yours again",
             )
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
@@ -307,30 +307,30 @@ class Authority:
         if mode.mode != offer.mode:
             raise CommandRefused(
                 f"the mode has changed to {self.manners.mode_name(mode.mode)}",
-                remedy="Whoever changed it flies; ask for the motion anew if it is yours again",
+                remedy="Whoever changed it flies; ask anew once it is yours again",
             )
         then, now = offer.target, self._target
         given = then is not None and now is not None and not self._same(then, now)
         if given or (offer.rests and then is None and _is_elsewhere(now, offer.place)):
             raise CommandRefused(
                 "another has given a target since you were asked",
-                remedy="Whoever gave it flies; ask for the motion anew if it is yours again",
+                remedy="Whoever gave it flies; ask anew once it is yours again",
             )
         if offer.switches is not None and offer.switches.unsure:
             raise CommandRefused(
                 "a switch of the remote control was moved just now",
-                remedy="Whoever moved it flies; ask for the motion anew if it is yours again",
+                remedy="Whoever moved it flies; ask anew once it is yours again",
             )
 
     def _check_sticks(self, now_s: float) -> None:
         """Raise `CommandRefused` unless a hand on the sticks would be seen in time."""
         if self._fresh_sticks(now_s, STICKS_AGE_S) is not None:
             return
-        what = "the sticks are not seen: nobody could take over by them"
+        what = "the sticks are not seen: nobody could take over"
         if self._fresh_sticks(now_s, STICKS_LOST_S) is not None:
             what = f"the sticks are told too seldom: not within {STICKS_AGE_S} s"
         raise CommandRefused(
-            what, remedy="Switch the remote control on, or confirm that sticks are not seen"
+            what, remedy="Switch the remote on, or confirm that sticks are not seen"
         )
 
     def _check_vehicle(self, now_s: float, *, takeoff: bool) -> None:

@@ -439,7 +439,7 @@ class MotionDesk:
             if offer.mode != self._authority.mode_now:
                 raise CommandRefused(
                     f"the mode is {self._authority.mode_now} now",
-                    remedy="Whoever changed it flies; ask for the motion again if it is yours",
+                    remedy="Whoever changed it flies; ask anew once it is yours again",
                 )
             self._authority.offer(
                 offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff
