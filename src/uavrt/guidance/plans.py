@@ -106,6 +106,8 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
     height = now.altitude_relative_m if order.height_m is None else order.height_m
     check_height(height, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
     check_ground((here,), now, limits, height)
+    if order.action in ("hold", "rotate"):
+        _check_stay(now, limits, plane)
     match order.action:
         case "hold":
             return Plan(
@@ -125,6 +127,25 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
             raise PlanError(
                 f"there is no motion {order.action!r}", remedy="See `uavrt fly --help`"
             )
+
+
+def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
+    """Refuse to stay where nothing is commanded, or where the next thing is to return.
+
+    Raises
+    ------
+    PlanError
+        It is beyond the fence, or battery or wind require the way home.
+    """
+    (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
+    if not _fence(limits).contains(*np.array([here]).T).all():
+        raise PlanError(
+            f"the drone is {hypot(*here):.0f} m from home, beyond the fence",
+            remedy="Return: `uavrt fly return`, or widen guidance.fence_m",
+        )
+    reason = must_return(now, limits)
+    if reason is not None:
+        raise PlanError(reason, remedy="Return: `uavrt fly return`")
 
 
 def _takeoff(

@@ -59,5 +59,5 @@ def test_an_area_beyond_the_fence_tells_of_a_few_corners_and_how_many_more() -> 
         "Draw it inside, or widen the fence"
     )
     triangle = Polygon(corners=((0.0, 0.0), (400.0, 0.0), (0.0, 600.0)), name="area")
-    with pytest.raises(PlanError, match="at its corner 3. Draw"):
+    with pytest.raises(PlanError, match=r"at its corner 3\. Draw"):
         SearchArea(search=triangle, fence=fence)
