@@ -572,8 +572,14 @@ class Authority:
 
     @property
     def taking_off(self) -> bool:
-        """Whether a take-off was commanded: it goes on to its height, whatever we say."""
+        """Whether an order to take off is in command: nothing makes the drone stand in it."""
         return self._takeoff and self.standing is Standing.IN_COMMAND
+
+    @property
+    def climbs(self) -> bool:
+        """Whether the take-off itself was commanded: it goes on to its height."""
+        motion = self._motion
+        return self.taking_off and motion is not None and isinstance(motion.wish, TakeOff)
 
     @property
     def flies_ours(self) -> bool:

@@ -393,7 +393,8 @@ class MotionDesk:
     def _go_on_stopping(self, authority: Authority, now_s: float) -> None:
         """Give up control once the drone was told to stop and no command is under way."""
         if authority.taking_off:
-            authority.stop(now_s, "stopped by the operator: it climbs on to its height")
+            climbs = ": it climbs on to its height" if authority.climbs else ""
+            authority.stop(now_s, f"stopped by the operator{climbs}")
         if not authority.flies_ours or self._stand(authority, now_s):
             authority.stop(now_s)
         elif now_s >= self._stop_by_s:

@@ -690,6 +690,38 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(
     assert len(link.motions) == 1
 
 
+def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """ArduPilot was given its mode, and not told to climb yet."""
+    link = Link(flown=Flown("ardupilot", on_ground=True))
+    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
+    link.run(1.5)
+    link.desk.offer(
+        MotionOffer(
+            request_id=9,
+            asker=US,
+            order_id=5,
+            nonce=77,
+            summary="take off",
+            mode="Loiter",
+            takeoff=True,
+        )
+    )
+    assert link.confirm().standing == "confirmed"
+    link.desk.wish(VehicleWish(order_id=5, kind="mode"))
+    assert [one.command for one in link.motions] == [dialect.MavCmd.DO_SET_MODE]
+    link.run(0.5)
+    link.say(encode_stop(MotionStop(request_id=12)))
+    assert link.states[-1].standing == "out"
+    assert link.states[-1].text == "stopped by the operator"
+    wish = VehicleWish(order_id=5, kind="takeoff", height_m=30.0, altitude_amsl_m=460.0)
+    link.desk.wish(wish)
+    link.run(3.0)
+    assert len(link.motions) == 1
+    assert link.flown.vehicle.landed
+
+
 def fences(link: Link) -> list[VehicleFence]:
     return [one for one in link.records if isinstance(one, VehicleFence)]
 
