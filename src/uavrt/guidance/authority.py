@@ -212,6 +212,8 @@ class Authority:
         self._lateness = Lateness()
         self._failsafe: FailsafeSeen | None = None
         self._motion: _Motion | None = None
+        self._flown: _Motion | None = None
+        """Of the order before, which the vehicle flies until the first command of this one."""
 
     # --------------------------------------------------------------- the operator
 
@@ -289,6 +291,7 @@ class Authority:
             self._check_sticks(now_s)
         sticks = self._fresh_sticks(now_s, STICKS_LOST_S)
         still_ours = self.flies_ours and self._mode.mode == self.manners.own_mode
+        motion = self._motion or self._flown
         if self.standing is not Standing.OUT:
             self._end("another order was confirmed", now_s)
         self._still_ours, self._place_then = still_ours, self._position
@@ -297,6 +300,7 @@ class Authority:
         self._switches, self._sticks_unseen = self._switch_watch(sticks), sticks_unseen
         self._home_then = self._home
         self._mode_then, self._own_mode_seen = self._mode.mode, False
+        self._flown = motion if still_ours else None
         self._motion, self._takeoff = None, offer.takeoff
         self.standing, self.order_id, self.reason = Standing.CONFIRMED, order_id, ""
         self._confirmed_s = self._planner_s = now_s
@@ -429,7 +433,7 @@ class Authority:
         if self._takeoff and not self.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
         command = self._written(wish, position, first=first)
-        self._motion = self._begun(wish, position, now_s, first=first)
+        self._motion, self._flown = self._begun(wish, position, now_s, first=first), None
         self.standing, self._still_ours = Standing.IN_COMMAND, False
         self.counters["commands_sent"] += 1
         return command
@@ -872,8 +876,9 @@ class Authority:
             )
             if moved > PLACE_JUMP_M + seen.speed_m_s * max(0.0, gap_s):
                 self._end(f"the position jumped by {moved:.0f} m", seen.time_s)
-        if self.standing is Standing.IN_COMMAND:
-            self._see_motion(seen)
+        motion = self._motion or self._flown
+        if motion is not None:
+            self._see_motion(motion, seen)
 
     def _see_turned(self, seen: PositionSeen | TargetSeen) -> None:
         """Who turns it where it stands in our own mode is another, before our first command."""
@@ -883,9 +888,7 @@ class Authority:
         if self.standing is Standing.CONFIRMED and rest is not None and _turned(rest, seen):
             self._end(OTHERS_TURN, seen.time_s)
 
-    def _see_motion(self, seen: PositionSeen) -> None:
-        motion = self._motion
-        assert motion is not None
+    def _see_motion(self, motion: _Motion, seen: PositionSeen) -> None:
         if isinstance(motion.wish, GoHome):
             return
         if isinstance(motion.wish, TakeMode | TakeOff):
@@ -1016,7 +1019,7 @@ class Authority:
         if self.standing is Standing.OUT:
             return
         self.standing, self.reason, self.out_s = Standing.OUT, reason, time_s
-        self.order_id = self._motion = None
+        self.order_id = self._motion = self._flown = None
         self.counters["orders_ended"] += 1
 
 

@@ -143,6 +143,38 @@ def test_who_turns_it_before_the_first_command_has_taken_it(
         flown.authority.command(1, wish(flown), flown.time_s)
 
 
+def turn(flown: Flown) -> None:
+    flown.change_heading(-120.0)
+
+
+def push_down(flown: Flown) -> None:
+    """By a hand that is not seen: the target stays."""
+    flown.vehicle.height_m -= 4.0
+    flown.run(0.5)
+    flown.vehicle.height_m -= 4.0
+
+
+@BOTH
+@pytest.mark.parametrize("takeover", [turn, push_down])
+def test_what_is_flown_between_two_orders_is_watched_until_the_second_begins(
+    flavour: Flavour, takeover: Callable[[Flown], None]
+) -> None:
+    flown = Flown(flavour, frame=Frame(gust_m=0.0))
+    flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
+    flown.run(2.0)
+    flown.pilot = None
+    flown.run(30.0, until=lambda: flown.vehicle.north_m > 59.9)
+    flown.authority.offer(7, 77, flown.time_s)
+    flown.authority.confirm(7, 77, flown.time_s, sticks_unseen=True)
+    flown.run(0.5)
+    assert not flown.authority.reason
+    takeover(flown)
+    flown.run(1.0)
+    assert flown.authority.reason
+    with pytest.raises(CommandRefused):
+        flown.authority.command(7, wish(flown), flown.time_s)
+
+
 @BOTH
 def test_a_heading_that_a_gust_pushes_is_nobodys_order(flavour: Flavour) -> None:
     flown = at_rest(flavour)
