@@ -53,6 +53,7 @@ class Desked(Flown):
         self.states: list[MotionState] = []
         self.stop_commands: list[Any] = []
         self._stopping = False
+        self.leaves = True
         self.sent_when_out = 0
         self._asked: list[Command] = []
         self._numbers = iter(range(1, 1_000_000))
@@ -67,6 +68,7 @@ class Desked(Flown):
             ),
             Outlets(
                 command=self._command,
+                leaves=lambda: self.leaves,
                 state=lambda payload, _: self.states.append(decode_state(payload)),
                 ask=self._asked.append,
                 record=self._take,

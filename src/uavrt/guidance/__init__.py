@@ -11,7 +11,7 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.guidance.area_text import area_in, circle, keep_out_in
-    from uavrt.guidance.authority import Authority, Standing
+    from uavrt.guidance.authority import HOME_MOVED_M, Authority, Standing
     from uavrt.guidance.company import Company
     from uavrt.guidance.ground import GroundAround
     from uavrt.guidance.heights import target_amsl_m
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AWAY_MARGIN",
+    "HOME_MOVED_M",
     "KEPT_AWAY",
     "MANNERS",
     "NOT_CHECKED",
@@ -129,6 +130,7 @@ __getattr__ = lazily(
         "FlyThere": "wishes",
         "GoHome": "wishes",
         "GroundAround": "ground",
+        "HOME_MOVED_M": "authority",
         "HomeSeen": "observed",
         "LandedSeen": "observed",
         "Lessons": "lessons",

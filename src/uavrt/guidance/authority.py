@@ -44,7 +44,7 @@ from uavrt.guidance.wishes import (
     VehicleCommand,
     Wish,
 )
-from uavrt.guidance.yaw import YawWatch
+from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 BEGINS_WITHIN_S = 10.0
@@ -186,6 +186,8 @@ class Authority:
         """Nonce of an offer that a pilot's hand ended, and how."""
         self._still_ours = False
         """Whether the vehicle flies to the target of the order before the one confirmed."""
+        self._rest: Offer | None = None
+        """What was confirmed, if the vehicle stood in our own mode by nobody's order then."""
         self._used: set[int] = set()
         self._confirmed_s = 0.0
         self._planner_s = 0.0
@@ -210,6 +212,8 @@ class Authority:
         self._lateness = Lateness()
         self._failsafe: FailsafeSeen | None = None
         self._motion: _Motion | None = None
+        self._flown: _Motion | None = None
+        """Of the order before, which the vehicle flies until the first command of this one."""
 
     # --------------------------------------------------------------- the operator
 
@@ -269,7 +273,7 @@ class Authority:
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(
                 self._withdrawn[1],
-                remedy="Whoever did it flies; ask for the motion anew if it is yours again",
+                remedy="Ask anew once it is yours again",
             )
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
@@ -287,13 +291,16 @@ class Authority:
             self._check_sticks(now_s)
         sticks = self._fresh_sticks(now_s, STICKS_LOST_S)
         still_ours = self.flies_ours and self._mode.mode == self.manners.own_mode
+        motion = self._motion or self._flown
         if self.standing is not Standing.OUT:
             self._end("another order was confirmed", now_s)
         self._still_ours, self._place_then = still_ours, self._position
+        self._rest = offer if offer.rests else None
         self._sticks_then = None if sticks is None else sticks.channels_us
         self._switches, self._sticks_unseen = self._switch_watch(sticks), sticks_unseen
         self._home_then = self._home
         self._mode_then, self._own_mode_seen = self._mode.mode, False
+        self._flown = motion if still_ours else None
         self._motion, self._takeoff = None, offer.takeoff
         self.standing, self.order_id, self.reason = Standing.CONFIRMED, order_id, ""
         self._confirmed_s = self._planner_s = now_s
@@ -304,30 +311,30 @@ class Authority:
         if mode.mode != offer.mode:
             raise CommandRefused(
                 f"the mode has changed to {self.manners.mode_name(mode.mode)}",
-                remedy="Whoever changed it flies; ask for the motion anew if it is yours again",
+                remedy="Whoever changed it flies; ask anew once it is yours again",
             )
         then, now = offer.target, self._target
         given = then is not None and now is not None and not self._same(then, now)
         if given or (offer.rests and then is None and _is_elsewhere(now, offer.place)):
             raise CommandRefused(
                 "another has given a target since you were asked",
-                remedy="Whoever gave it flies; ask for the motion anew if it is yours again",
+                remedy="Whoever gave it flies; ask anew once it is yours again",
             )
         if offer.switches is not None and offer.switches.unsure:
             raise CommandRefused(
                 "a switch of the remote control was moved just now",
-                remedy="Whoever moved it flies; ask for the motion anew if it is yours again",
+                remedy="Whoever moved it flies; ask anew once it is yours again",
             )
 
     def _check_sticks(self, now_s: float) -> None:
         """Raise `CommandRefused` unless a hand on the sticks would be seen in time."""
         if self._fresh_sticks(now_s, STICKS_AGE_S) is not None:
             return
-        what = "the sticks are not seen: nobody could take over by them"
+        what = "the sticks are not seen: nobody could take over"
         if self._fresh_sticks(now_s, STICKS_LOST_S) is not None:
             what = f"the sticks are told too seldom: not within {STICKS_AGE_S} s"
         raise CommandRefused(
-            what, remedy="Switch the remote control on, or confirm that sticks are not seen"
+            what, remedy="Switch the remote on, or confirm that sticks are not seen"
         )
 
     def _check_vehicle(self, now_s: float, *, takeoff: bool) -> None:
@@ -426,7 +433,7 @@ class Authority:
         if self._takeoff and not self.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
         command = self._written(wish, position, first=first)
-        self._motion = self._begun(wish, position, now_s, first=first)
+        self._motion, self._flown = self._begun(wish, position, now_s, first=first), None
         self.standing, self._still_ours = Standing.IN_COMMAND, False
         self.counters["commands_sent"] += 1
         return command
@@ -569,8 +576,14 @@ class Authority:
 
     @property
     def taking_off(self) -> bool:
-        """Whether a take-off was commanded: it goes on to its height, whatever we say."""
+        """Whether an order to take off is in command: nothing makes the drone stand in it."""
         return self._takeoff and self.standing is Standing.IN_COMMAND
+
+    @property
+    def climbs(self) -> bool:
+        """Whether the take-off itself was commanded: it goes on to its height."""
+        motion = self._motion
+        return self.taking_off and motion is not None and isinstance(motion.wish, TakeOff)
 
     @property
     def flies_ours(self) -> bool:
@@ -752,6 +765,7 @@ class Authority:
         if before is not None and seen.boot_s < before.boot_s:
             return  # overtaken on its way
         self._target = seen
+        self._see_turned(seen)
         if self.standing is Standing.CONFIRMED:
             # A vehicle in another mode follows the sticks with its target, or a mission.
             ours = self._mode_then == self.manners.own_mode
@@ -844,6 +858,7 @@ class Authority:
         if before is not None and seen.boot_s < before.boot_s:
             return  # overtaken on its way
         self._position = seen
+        self._see_turned(seen)
         if self.standing is Standing.OUT:
             return
         self._see_datum(seen)
@@ -861,12 +876,19 @@ class Authority:
             )
             if moved > PLACE_JUMP_M + seen.speed_m_s * max(0.0, gap_s):
                 self._end(f"the position jumped by {moved:.0f} m", seen.time_s)
-        if self.standing is Standing.IN_COMMAND:
-            self._see_motion(seen)
+        motion = self._motion or self._flown
+        if motion is not None:
+            self._see_motion(motion, seen)
 
-    def _see_motion(self, seen: PositionSeen) -> None:
-        motion = self._motion
-        assert motion is not None
+    def _see_turned(self, seen: PositionSeen | TargetSeen) -> None:
+        """Who turns it where it stands in our own mode is another, before our first command."""
+        offer, rest = self._offer, self._rest
+        if offer is not None and offer.rests and _turned(offer, seen):
+            self._withdraw(f"{OTHERS_TURN} since you were asked")
+        if self.standing is Standing.CONFIRMED and rest is not None and _turned(rest, seen):
+            self._end(OTHERS_TURN, seen.time_s)
+
+    def _see_motion(self, motion: _Motion, seen: PositionSeen) -> None:
         if isinstance(motion.wish, GoHome):
             return
         if isinstance(motion.wish, TakeMode | TakeOff):
@@ -997,7 +1019,7 @@ class Authority:
         if self.standing is Standing.OUT:
             return
         self.standing, self.reason, self.out_s = Standing.OUT, reason, time_s
-        self.order_id = self._motion = None
+        self.order_id = self._motion = self._flown = None
         self.counters["orders_ended"] += 1
 
 
@@ -1043,6 +1065,17 @@ def _same(one: TargetSeen, other: TargetSeen, within_m: float) -> bool:
     if heights[0] is None or heights[1] is None:
         return False
     return distance_m(a, b, c, d) <= within_m and abs(heights[0] - heights[1]) <= within_m
+
+
+def _turned(offer: Offer, seen: PositionSeen | TargetSeen) -> bool:
+    """Whether it looks elsewhere, or is to, than when the operator was asked."""
+    then: PositionSeen | TargetSeen | None = offer.target
+    most = TARGET_YAW_DEG
+    if isinstance(seen, PositionSeen):
+        then, most = offer.place, YAW_DEG
+    if then is None or then.yaw_deg is None or seen.yaw_deg is None:
+        return False
+    return abs(wrap_degrees_180(seen.yaw_deg - then.yaw_deg)) > most
 
 
 def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:

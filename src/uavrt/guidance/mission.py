@@ -114,7 +114,7 @@ def survey_items(
     """
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
-            "turns cannot be written to a mission: each autopilot has its own",
+            "a mission holds no turns: each autopilot has its own",
             remedy="Take a survey with --pattern lines or around",
         )
     if order.height_m is None:

@@ -106,6 +106,8 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
     height = now.altitude_relative_m if order.height_m is None else order.height_m
     check_height(height, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
     check_ground((here,), now, limits, height)
+    if order.action in ("hold", "rotate"):
+        _check_stay(now, limits, plane)
     match order.action:
         case "hold":
             return Plan(
@@ -125,6 +127,25 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
             raise PlanError(
                 f"there is no motion {order.action!r}", remedy="See `uavrt fly --help`"
             )
+
+
+def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
+    """Refuse to stay where nothing is commanded, or where the next thing is to return.
+
+    Raises
+    ------
+    PlanError
+        It is beyond the fence, or battery or wind require the way home.
+    """
+    (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
+    if not _fence(limits).contains(*np.array([here]).T).all():
+        raise PlanError(
+            f"the drone is {hypot(*here):.0f} m from home, beyond the fence",
+            remedy="Return: `uavrt fly return`, or widen guidance.fence_m",
+        )
+    reason = must_return(now, limits)
+    if reason is not None:
+        raise PlanError(reason, remedy="Return: `uavrt fly return`")
 
 
 def _takeoff(
@@ -377,15 +398,15 @@ def check_ground(
         flown = first if number == 0 else height
         if np.isnan(beneath).any() and height < now.altitude_relative_m - BELOW_M:
             raise PlanError(
-                "the map of heights does not know the ground there, and it would descend",
-                remedy="Stay at this height or above, or add the tile to guidance.terrain",
+                "it would descend over ground that the map does not know",
+                remedy="Stay as high, or add the tile to guidance.terrain",
             )
         high = float(np.nanmax(np.append(beneath, 0.0)))
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
         if flown < needed - BELOW_M:
             raise PlanError(
                 f"over its ground, or home from it, the way needs {needed:.0f} m above home",
-                remedy="Climb first: `uavrt fly hold --height`, or choose another way",
+                remedy="Climb first: `uavrt fly hold --height`",
             )
         low = float(np.nanmin(np.append(beneath, np.inf)))
         if np.isfinite(low) and height - low > limits.highest_m + BELOW_M:
@@ -449,9 +470,9 @@ def _way(
     """A way over some places: within the fence and the battery's reach, home included."""
     if now.altitude_relative_m < limits.lowest_m - BELOW_M:
         raise PlanError(
-            f"the drone is at {now.altitude_relative_m:.0f} m above home, and would fly the "
-            f"first of the way below {limits.lowest_m:.0f} m",
-            remedy="Let it climb first: `uavrt fly hold --height`, or by hand",
+            f"the drone is at {now.altitude_relative_m:.0f} m, and would begin its way below "
+            f"{limits.lowest_m:.0f} m",
+            remedy="Climb first: `uavrt fly hold --height`",
         )
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     stations = ((now.latitude_deg, now.longitude_deg), *places)
@@ -519,7 +540,7 @@ def check_battery(
         raise PlanError(
             f"the route, the way home and the reserve take {needed:.0f} Wh; "
             f"{left:.0f} are left",
-            remedy="Choose a nearer place or a smaller area, or change the battery",
+            remedy="Fly less far, or change the battery",
         )
 
 

@@ -158,11 +158,16 @@ class Connection:
 
         Behind other bytes it would leave when a pilot may have taken over already.
         """
-        way = self._ways[AUTOPILOT_LINK]
-        if way.link is None or way.link.delay_s > COMMAND_WAITS_S:
-            self.component.counters["commands_not_sent"] += 1
+        if self.commands_leave:
+            self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:
-            way.send(message, self.component.system_id)
+            self.component.counters["commands_not_sent"] += 1
+
+    @property
+    def commands_leave(self) -> bool:
+        """Whether a command to the autopilot would leave now."""
+        link = self.link
+        return link is not None and link.delay_s <= COMMAND_WAITS_S
 
     @property
     def link(self) -> Link | None:

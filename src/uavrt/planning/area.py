@@ -15,6 +15,8 @@ Ground = Callable[[_Floats, _Floats], _Floats]
 """Height of the ground [m] at places in the plane, of any datum."""
 
 _LEAST_AREA_M2 = 100.0
+_NAMED = 3
+"""Corners beyond the fence that are told one by one."""
 _SPACING_M = 5.0
 """Ways are looked at this close."""
 
@@ -299,10 +301,13 @@ class SearchArea:
         corners = np.array(self.search.corners)
         within = self.fence.contains(*_nudged(corners).T)
         if not np.all(within):
-            outside = ", ".join(str(n + 1) for n in np.flatnonzero(~within))
+            outside = [str(n + 1) for n in np.flatnonzero(~within)]
+            named, more = ", ".join(outside[:_NAMED]), len(outside) - _NAMED
+            named = f"s {named}" if len(outside) > 1 else f" {named}"
+            named += f" and {more} more" if more > 0 else ""
             raise PlanError(
-                f"the {self.search.name} lies beyond the fence at its corner(s) {outside}",
-                remedy="Draw it within the fence, or widen the vehicle's fence",
+                f"the {self.search.name} lies beyond the fence at its corner{named}",
+                remedy="Draw it inside, or widen the fence",
             )
         if not self.fence.contains(*np.array([self.home_m]).T).all():
             raise PlanError(
@@ -497,7 +502,7 @@ def check_reach(area: SearchArea, farthest_m: float, *, home_known: bool = True)
         raise PlanError(
             f"the {area.search.name} begins {nearest:.0f} m from home; the battery allows "
             f"{farthest_m:.0f} m and back",
-            remedy="Start nearer to it, or draw a nearer one",
+            remedy="Start nearer, or draw a nearer one",
         )
 
 

@@ -165,6 +165,7 @@ class ConnectionProcess:
                 guidance,
                 Outlets(
                     command=self._link.command_autopilot,
+                    leaves=lambda: self._link.commands_leave,
                     state=self._tell_motion,
                     ask=lambda command: frame.send("command", command),
                     record=frame.send,

@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, TypeVar
 from uavrt.clock import monotonic_s
 from uavrt.config import GuidanceSettings, Settings
 from uavrt.errors import ConfigError, PlanError, UavrtError
+from uavrt.geodesy import distance_m
 from uavrt.guidance import (
+    HOME_MOVED_M,
     TAG_HEIGHT_M,
     Choice,
     Company,
@@ -192,6 +194,8 @@ class _Asked:
 class _Planned:
     """What can be offered."""
 
+    home: tuple[float, float]
+    """That it was planned around."""
     pilot: Pilot
     limits: Limits
     seeker: Seeker | None
@@ -233,6 +237,7 @@ def _plan(asked: _Asked) -> _Planned:
         order = replace(order, height_m=_height_m(order, now))
     unknown = "" if asked.fence is not None else "; own fence not known"
     return _Planned(
+        home=now.home,
         pilot=Pilot(order, plan, limits, waits=seeker is not None),
         limits=limits,
         seeker=seeker,
@@ -455,7 +460,15 @@ class Guide:
             self._thinker.begin(self._frame.clock.now_ns(), now)
 
     def _again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:
-        """Judge once more what was offered."""
+        """Judge once more what was offered.
+
+        The authority knows no home before the offer; fence, ground and way home are of the
+        one that was planned with.
+        """
+        if distance_m(*offered.home, *now.home) > HOME_MOVED_M:
+            raise PlanError(
+                "home was moved while the order was planned", remedy="Ask for the motion again"
+            )
         pilot, seeker = offered.pilot, offered.seeker
         self._company.begin(now.time_s)
         if seeker is not None:

@@ -100,6 +100,8 @@ class Outlets:
 
     command: Callable[[Message], None]
     """To the autopilot, now."""
+    leaves: Callable[[], bool]
+    """Whether a command would leave now."""
     state: Callable[[bytes, Asker | None], None]
     """A payload of type 60006: to who asked, or to all."""
     ask: Callable[[Command], None]
@@ -391,7 +393,8 @@ class MotionDesk:
     def _go_on_stopping(self, authority: Authority, now_s: float) -> None:
         """Give up control once the drone was told to stop and no command is under way."""
         if authority.taking_off:
-            authority.stop(now_s, "stopped by the operator: it climbs on to its height")
+            climbs = ": it climbs on to its height" if authority.climbs else ""
+            authority.stop(now_s, f"stopped by the operator{climbs}")
         if not authority.flies_ours or self._stand(authority, now_s):
             authority.stop(now_s)
         elif now_s >= self._stop_by_s:
@@ -437,7 +440,7 @@ class MotionDesk:
             if offer.mode != self._authority.mode_now:
                 raise CommandRefused(
                     f"the mode is {self._authority.mode_now} now",
-                    remedy="Whoever changed it flies; ask for the motion again if it is yours",
+                    remedy="Whoever changed it flies; ask anew once it is yours again",
                 )
             self._authority.offer(
                 offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff
@@ -492,6 +495,8 @@ class MotionDesk:
         stops: bool = False,
     ) -> bool:
         try:
+            if not self._out.leaves():
+                raise CommandRefused("other bytes wait for the link to the autopilot")
             command = authority.command(order_id, wish, now_s, stops=stops)
         except CommandRefused as error:
             log.info("wish refused", reason=error.message)

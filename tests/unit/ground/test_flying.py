@@ -244,7 +244,7 @@ def test_a_mission_that_is_none_or_is_flown_is_not_replaced(
 ) -> None:
     turns = served.ask("POST", "/api/motion/upload", MISSION | {"pattern": "points"})
     assert turns.status == 422
-    assert "turns cannot be written" in turns.json["error"]
+    assert "holds no turns" in turns.json["error"]
     assert served.ask("POST", "/api/motion/upload", MISSION | {"height_m": None}).status == 422
     drone.mode = 4 << 16 | 4 << 24
     told = drone.beats + 2

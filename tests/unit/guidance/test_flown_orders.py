@@ -266,6 +266,30 @@ def test_what_cannot_be_flown_is_refused_before_anything_moves(
     assert not flown.commands
 
 
+@pytest.mark.parametrize("action", ["hold", "rotate"])
+def test_beyond_the_fence_nothing_is_offered_that_the_authority_would_refuse(
+    action: str,
+) -> None:
+    flown = prepared()
+    flown.vehicle.north_m = 560.0
+    flown.run(0.5)
+    with pytest.raises(PlanError, match=r"is 560 m from home, beyond the fence\. Return"):
+        flown.order(action)
+    flown.order("return")
+    assert flown.authority.standing is Standing.CONFIRMED
+
+
+@pytest.mark.parametrize("action", ["hold", "rotate"])
+def test_what_would_end_in_a_return_at_once_is_refused(action: str) -> None:
+    flown = prepared()
+    flown.vehicle.north_m = 300.0
+    flown.vehicle.used_wh = 85.0
+    flown.run(0.5)
+    with pytest.raises(PlanError, match=r"35 Wh left; the way home takes \d+ Wh\. Return"):
+        flown.order(action)
+    assert not flown.commands
+
+
 def test_a_way_beyond_the_battery_is_refused_with_the_figures() -> None:
     flown = prepared()
     flown.vehicle.used_wh = 85.0

@@ -10,7 +10,7 @@ from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.wishes import FlyThere, GoHome
-from uavrt.simulation.flying import MODES, Flavour
+from uavrt.simulation.flying import MODES, Flavour, Frame
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 
@@ -102,6 +102,89 @@ def test_the_first_target_that_another_gives_is_anothers_too(
     assert flown.authority.standing is Standing.OUT
     with pytest.raises(CommandRefused):
         flown.authority.command(1, wish(flown), flown.time_s)
+
+
+def at_rest(flavour: Flavour) -> Flown:
+    """One that holds in our own mode, by nobody's order."""
+    flown = Flown(flavour, frame=Frame(gust_m=0.0))
+    flown.vehicle.set_mode(MODES[flavour]["hold"])
+    flown.run(1.2)
+    return flown
+
+
+@BOTH
+@pytest.mark.parametrize("by_deg", [-120.0, 40.0])
+def test_who_turns_it_while_the_operator_thinks_has_taken_it(
+    flavour: Flavour, by_deg: float
+) -> None:
+    """Where it stands nothing else differs: not the mode, and the target is the same place."""
+    flown = at_rest(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    flown.change_heading(by_deg)
+    flown.run(1.0)
+    flown.change_heading(-by_deg)
+    flown.run(3.0)
+    with pytest.raises(CommandRefused, match="another turns the drone"):
+        flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+
+
+@BOTH
+@pytest.mark.parametrize("by_deg", [-120.0, 40.0])
+def test_who_turns_it_before_the_first_command_has_taken_it(
+    flavour: Flavour, by_deg: float
+) -> None:
+    flown = at_rest(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+    flown.change_heading(by_deg)
+    flown.run(1.0)
+    assert flown.authority.reason == "another turns the drone"
+    with pytest.raises(CommandRefused):
+        flown.authority.command(1, wish(flown), flown.time_s)
+
+
+def turn(flown: Flown) -> None:
+    flown.change_heading(-120.0)
+
+
+def push_down(flown: Flown) -> None:
+    """By a hand that is not seen: the target stays."""
+    flown.vehicle.height_m -= 4.0
+    flown.run(0.5)
+    flown.vehicle.height_m -= 4.0
+
+
+@BOTH
+@pytest.mark.parametrize("takeover", [turn, push_down])
+def test_what_is_flown_between_two_orders_is_watched_until_the_second_begins(
+    flavour: Flavour, takeover: Callable[[Flown], None]
+) -> None:
+    flown = Flown(flavour, frame=Frame(gust_m=0.0))
+    flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
+    flown.run(2.0)
+    flown.pilot = None
+    flown.run(30.0, until=lambda: flown.vehicle.north_m > 59.9)
+    flown.authority.offer(7, 77, flown.time_s)
+    flown.authority.confirm(7, 77, flown.time_s, sticks_unseen=True)
+    flown.run(0.5)
+    assert not flown.authority.reason
+    takeover(flown)
+    flown.run(1.0)
+    assert flown.authority.reason
+    with pytest.raises(CommandRefused):
+        flown.authority.command(7, wish(flown), flown.time_s)
+
+
+@BOTH
+def test_a_heading_that_a_gust_pushes_is_nobodys_order(flavour: Flavour) -> None:
+    flown = at_rest(flavour)
+    flown.authority.offer(1, 77, flown.time_s)
+    flown.vehicle.yaw_deg += 12.0
+    flown.run(1.0)
+    flown.authority.confirm(1, 77, flown.time_s, sticks_unseen=True)
+    flown.vehicle.yaw_deg -= 20.0
+    flown.run(1.0)
+    assert flown.authority.standing is Standing.CONFIRMED
 
 
 @BOTH

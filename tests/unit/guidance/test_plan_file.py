@@ -55,7 +55,7 @@ def test_its_fences_are_what_we_read_as_kept_out_of() -> None:
 @pytest.mark.parametrize(
     ("values", "reason"),
     [
-        ({"pattern": "points"}, "turns cannot be written"),
+        ({"pattern": "points"}, "holds no turns"),
         ({"height_m": None}, "needs a height"),
         ({"height_m": 10.0}, "the least is 20 m"),
         ({"places": ()}, "no corners"),

@@ -251,8 +251,10 @@ def test_a_command_of_motion_does_not_queue_behind_what_waits_for_a_serial_port(
         assert link is not None
         connection.command_autopilot(PING)
         assert link.counters.sent == 1
+        assert connection.commands_leave
         while link.delay_s < 0.3:
             link.send(FRAME)
+        assert not connection.commands_leave
         before = link.counters.sent
         connection.command_autopilot(PING)
         assert link.counters.sent == before

@@ -16,9 +16,11 @@ from flown import Flown
 from uavrt.config.settings import GuidanceSettings, Settings
 from uavrt.geodesy import distance_m
 from uavrt.messages import (
+    FlightInfo,
     KeepOut,
     MotionOffer,
     MotionRequest,
+    Tag,
     VehicleFence,
     VehicleReport,
     VehicleWish,
@@ -162,6 +164,33 @@ def test_what_cannot_be_flown_any_more_when_it_is_confirmed_ends_with_the_reason
     wish = hub.confirmed(offer, 0.0, battery_percent=30.0)
     assert (wish.kind, wish.order_id) == ("end", offer.order_id)
     assert "Wh" in wish.said
+
+
+@pytest.mark.parametrize("action", ["goto", "search", "return"])
+def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str) -> None:
+    """Home that moves while an order is planned is the one that its offer is made with."""
+    tag = Tag(tag_id=2, frequency_hz=150e6, pulse_width_s=0.02, pulse_intervals_s=(1.3,))
+    info = FlightInfo(
+        directory="",
+        start_time_ns=0,
+        clock_offset_ns=0,
+        center_frequency_hz=150e6,
+        sample_rate_hz=3e6,
+        tags=(tag,),
+    )
+    hub.guide.take("flight", info)
+    asked: dict[str, dict[str, Any]] = {
+        "goto": {"places": (hub.flown.place(100.0, 0.0),), "height_m": 40.0},
+        "search": {"radius_m": 100.0, "height_m": 40.0, "duration_s": 300.0},
+        "return": {},
+    }
+    values = asked[action]
+    moved = hub.flown.place(100.0, 0.0)
+    wish = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
+    assert wish.kind == "end"
+    assert wish.said == "home was moved while the order was planned. Ask for the motion again"
+    hub.guide.take("vehicle", hub.report(home=moved))
+    assert not hub.ask(action, **values).refused
 
 
 @pytest.mark.parametrize("action", ["goto", "survey"])

@@ -56,6 +56,8 @@ class Link:
     answers: list[Any] = field(default_factory=list)
     settings: GuidanceSettings = SETTINGS
     address: str = "udpin://127.0.0.1:14540"
+    leaves: bool = True
+    """Whether the bytes of a command do not wait for others."""
     silent_s: dict[tuple[int, int], float] = field(default_factory=lambda: {US: 0.0})
 
     def __post_init__(self) -> None:
@@ -64,6 +66,7 @@ class Link:
             self.settings,
             Outlets(
                 command=self.command,
+                leaves=lambda: self.leaves,
                 state=lambda payload, _: self.states.append(decode_state(payload)),
                 ask=self.asked.append,
                 record=lambda _, record: self.records.append(record),
@@ -338,6 +341,37 @@ def test_a_stop_that_cannot_be_commanded_says_that_it_flies_on(link: Link) -> No
     link.run(0.6)
     assert len(link.motions) == 1
     assert link.states[-1].text == "stopped by the operator: it flies on to its last target"
+
+
+@pytest.mark.parametrize("busy_s", [0.5, 3.0])
+def test_a_stop_while_the_port_is_busy_is_none_before_it_has_left(
+    link: Link, busy_s: float
+) -> None:
+    begin(link, north_m=200.0)
+    link.leaves = False
+    link.say(encode_stop(MotionStop(request_id=3)))
+    assert link.states[-1].standing == "in command"
+    link.run(busy_s)
+    link.leaves = True
+    link.run(1.0)
+    soon = busy_s < 1.0
+    flies_on = "" if soon else ": it flies on to its last target"
+    assert link.states[-1].text == f"stopped by the operator{flies_on}"
+    assert len(link.motions) == (2 if soon else 1)
+    link.run(20.0)
+    assert (link.flown.vehicle.north_m < 60.0) == soon
+
+
+def test_a_wish_while_the_port_is_busy_is_refused_and_moves_nothing_later(link: Link) -> None:
+    begin(link)
+    link.leaves = False
+    link.fly(100.0)
+    link.leaves = True
+    link.run(1.0)
+    assert len(link.motions) == 1
+    assert link.desk.counters()["motion_commands_sent"] == 1
+    link.fly(100.0)
+    assert len(link.motions) == 2
 
 
 def test_the_silence_of_who_confirmed_counts_whoever_else_is_heard(link: Link) -> None:
@@ -654,6 +688,38 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(
     assert (before.standing, after.standing) == ("in command", "out")
     assert after.text == "stopped by the operator: it climbs on to its height"
     assert len(link.motions) == 1
+
+
+def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """ArduPilot was given its mode, and not told to climb yet."""
+    link = Link(flown=Flown("ardupilot", on_ground=True))
+    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
+    link.run(1.5)
+    link.desk.offer(
+        MotionOffer(
+            request_id=9,
+            asker=US,
+            order_id=5,
+            nonce=77,
+            summary="take off",
+            mode="Loiter",
+            takeoff=True,
+        )
+    )
+    assert link.confirm().standing == "confirmed"
+    link.desk.wish(VehicleWish(order_id=5, kind="mode"))
+    assert [one.command for one in link.motions] == [dialect.MavCmd.DO_SET_MODE]
+    link.run(0.5)
+    link.say(encode_stop(MotionStop(request_id=12)))
+    assert link.states[-1].standing == "out"
+    assert link.states[-1].text == "stopped by the operator"
+    wish = VehicleWish(order_id=5, kind="takeoff", height_m=30.0, altitude_amsl_m=460.0)
+    link.desk.wish(wish)
+    link.run(3.0)
+    assert len(link.motions) == 1
+    assert link.flown.vehicle.landed
 
 
 def fences(link: Link) -> list[VehicleFence]:
