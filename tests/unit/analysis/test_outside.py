@@ -56,3 +56,28 @@ def test_nothing_else_is_told(seed: int) -> None:
     assert heard((100.0, 26.0, 1.254), seed=seed) == []
     assert heard((1500.0, 26.0, 0.83), seed=seed) == []
     assert heard((300.0, 55.0, 1.254), seed=seed) == []
+
+
+@pytest.mark.parametrize("enr_db", [48.0, 51.0, 54.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_the_next_channel_hears_of_a_strong_tags_edges_is_not_told(
+    enr_db: float, seed: int
+) -> None:
+    """The tag itself lies beyond that channel's reach, its edges do not."""
+    search = OutsideSearch((THESIS_TAG,), WINDOW_HZ)
+    for channel, offset_hz in enumerate((800.0, -2950.0)):
+        rng = np.random.default_rng(seed)
+        pulses = pulse_train(
+            rng, duration_s=40.0, interval_s=1.254, offset_hz=offset_hz, enr_db=enr_db
+        )
+        search.add(
+            ChannelBlock(
+                channel=channel,
+                center_frequency_hz=THESIS_TAG.frequency_hz - offset_hz,
+                samples=make_samples(rng, pulses, duration_s=40.0, sample_rate_hz=RATE_HZ),
+                sample_index=0,
+                time_ns=0,
+                sample_rate_hz=RATE_HZ,
+            )
+        )
+    assert search.finish() == []

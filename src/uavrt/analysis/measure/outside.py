@@ -6,13 +6,13 @@ repeat at a tag's interval, outside all windows, are reported.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.pulse_search import MERGE_S, Bursts, BurstSearch
+from uavrt.analysis.measure.pulse_search import MERGE_S, WINDOW_S, Bursts, BurstSearch
 from uavrt.messages import ChannelBlock, Tag
 
 LEAST_DB: Final = 15.0
@@ -25,6 +25,8 @@ _REACH: Final = 0.3
 """Share of a channel's rate from its centre: beyond, the next channel hears it better."""
 _MOST_S: Final = 600.0
 """So much of each channel is looked at."""
+_LEAKS_DB: Final = 20.0
+"""So much stronger than its edges outside of its window is every burst."""
 _MISSED: Final = 4
 _HOP_S: Final = 0.008
 """Half a window: every burst fills one, but for half a decibel."""
@@ -101,25 +103,41 @@ class OutsideSearch:
 
     def finish(self) -> list[Outsider]:
         """Get what was found, the strongest first, one for each tag."""
-        best: dict[int, Outsider] = {}
+        heard = []
         for channel, (center_hz, rate_hz, search) in self._channels.items():
             self._look(channel)
             bursts = search.finish()
+            there = replace(bursts, frequencies_hz=center_hz + bursts.frequencies_hz)
+            heard.append((center_hz, rate_hz, there, self._searched(there)))
+        strong = _strong([(bursts, searched) for _, _, bursts, searched in heard])
+        best: dict[int, Outsider] = {}
+        for center_hz, rate_hz, bursts, searched in heard:
             near = [t for t in self._tags if abs(t.frequency_hz - center_hz) <= rate_hz / 2]
-            for found in self._judge(bursts, center_hz, near):
+            for found in self._judge(bursts, searched, strong, near):
                 known = best.get(found.tag_id)
                 if known is None or found.level_db > known.level_db:
                     best[found.tag_id] = found
         return sorted(best.values(), key=lambda found: -found.level_db)
 
-    def _judge(self, bursts: Bursts, center_hz: float, tags: Sequence[Tag]) -> list[Outsider]:
-        absolute_hz = center_hz + bursts.frequencies_hz
-        searched = np.zeros(len(absolute_hz), bool)
+    def _searched(self, bursts: Bursts) -> NDArray[np.bool_]:
+        """Which bursts, of absolute frequencies, lie in or beside a window."""
+        searched = np.zeros(len(bursts.frequencies_hz), bool)
         for tag in self._tags:
-            away_hz = np.abs(absolute_hz - tag.frequency_hz)
+            away_hz = np.abs(bursts.frequencies_hz - tag.frequency_hz)
             searched |= away_hz <= self._window_hz + _BESIDE_HZ
+        return searched
+
+    def _judge(
+        self,
+        bursts: Bursts,
+        searched: NDArray[np.bool_],
+        strong: Bursts,
+        tags: Sequence[Tag],
+    ) -> list[Outsider]:
+        absolute_hz = bursts.frequencies_hz
         outside = ~searched & (bursts.levels_db >= LEAST_DB)
         outside &= ~_beside_stronger(bursts, searched)
+        outside &= ~_edges_of(strong, bursts)
         found: list[Outsider] = []
         left = outside.copy()
         while left.any():
@@ -149,6 +167,39 @@ def _beside_stronger(bursts: Bursts, searched: NDArray[np.bool_]) -> NDArray[np.
         low, high = np.searchsorted(times, [times[at] - MERGE_S, times[at] + MERGE_S])
         beside[low:high] |= bursts.levels_db[low:high] < bursts.levels_db[at]
     return beside
+
+
+def _strong(heard: Sequence[tuple[Bursts, NDArray[np.bool_]]]) -> Bursts:
+    """Gather the bursts of all channels that are searched for and strong enough to leak."""
+    parts = []
+    for bursts, searched in heard:
+        chosen = searched & (bursts.levels_db >= LEAST_DB + _LEAKS_DB)
+        columns = (bursts.times_s, bursts.frequencies_hz, bursts.levels_db)
+        parts.append(np.stack([column[chosen] for column in columns]))
+    rows = np.concatenate(parts, axis=1) if parts else np.zeros((3, 0))
+    return Bursts(*rows[:, np.argsort(rows[0], kind="stable")])
+
+
+def _edges_of(strong: Bursts, bursts: Bursts) -> NDArray[np.bool_]:
+    """Which bursts are no more than the edges of a strong one, also of another channel.
+
+    Edges of a rectangular pulse have at most 1 / (pi df T)^2 of what its middle has in a window
+    of T; twice the amplitude is allowed, for noise.
+    """
+    edges = np.zeros(len(bursts.times_s), bool)
+    if not edges.size:
+        return edges
+    # So far from it they are as strong as what is told.
+    reach_hz = 10.0 ** ((strong.levels_db + 6.0 - LEAST_DB) / 20.0) / (np.pi * WINDOW_S)
+    near = strong.frequencies_hz > bursts.frequencies_hz.min() - reach_hz
+    near &= strong.frequencies_hz < bursts.frequencies_hz.max() + reach_hz
+    columns = (strong.times_s, strong.frequencies_hz, strong.levels_db)
+    for time_s, frequency_hz, level_db in np.stack(columns, axis=1)[near].tolist():
+        low, high = np.searchsorted(bursts.times_s, [time_s - MERGE_S, time_s + MERGE_S])
+        apart = np.pi * np.abs(bursts.frequencies_hz[low:high] - frequency_hz) * WINDOW_S
+        leak_db = level_db + 6.0 - 20.0 * np.log10(np.maximum(apart, 1.0))
+        edges[low:high] |= bursts.levels_db[low:high] <= leak_db
+    return edges
 
 
 def _has_interval(times_s: NDArray[np.float64], tag: Tag) -> bool:
