@@ -139,7 +139,8 @@ def level_for(
     -------
     tuple of float
         Level, its 95 % interval (delta method), and the standard error [dB]. Where all or
-        none were found no curve can be fitted: the level is then beyond the levels tried.
+        none were found no curve can be fitted: the level is then beyond the levels tried, as
+        it is where the curve leads far beyond them.
     """
     if not any(hits for _, hits, _ in points):
         beyond = max(at for at, _, _ in points)
@@ -158,6 +159,11 @@ def level_for(
         if abs(closer - level) > _NEAR_DB:
             break  # points that are alike tell no slope: it would lead anywhere
         level, error = closer, its_error
+    lowest, highest = min(at for at, _, _ in points), max(at for at, _, _ in points)
+    if level < lowest - _NEAR_DB:
+        return -math.inf, -math.inf, lowest, math.inf
+    if level > highest + _NEAR_DB:
+        return math.inf, highest, math.inf, math.inf
     return level, level - Z95 * error, level + Z95 * error, error
 
 
@@ -175,7 +181,12 @@ def _logistic(points: Sequence[tuple[float, int, int]], share: float) -> tuple[f
         step = np.linalg.solve(
             information + 1e-6 * np.eye(2), design.T @ (hits - trials * fitted)
         )
-        weights = weights + np.clip(step, -2.0, 2.0)
+        step = np.clip(step, -2.0, 2.0)
+        before = _likelihood(design @ weights, hits, trials)
+        # A whole step may lead beyond the maximum, and farther from it each time.
+        while _likelihood(design @ (weights + step), hits, trials) < before - 1e-9:
+            step = 0.5 * step
+        weights = weights + step
         if float(np.abs(step).max()) < 1e-10:
             break
     slope = max(float(weights[1]), 1e-3)
@@ -184,3 +195,10 @@ def _logistic(points: Sequence[tuple[float, int, int]], share: float) -> tuple[f
     gradient = np.array([-1.0 / slope, -level / slope])
     covariance = np.linalg.inv(information + 1e-6 * np.eye(2))
     return level + middle, math.sqrt(float(gradient @ covariance @ gradient))
+
+
+def _likelihood(
+    logits: NDArray[np.float64], hits: NDArray[np.float64], trials: NDArray[np.float64]
+) -> float:
+    """Logarithm of the chance of so many hits."""
+    return float(hits @ logits - trials @ np.logaddexp(0.0, logits))

@@ -1,5 +1,6 @@
 """E4, E8: a tag followed for minutes, weak, fading away, off its interval."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -175,12 +176,13 @@ def _ramp_rows(flights: Sequence[Comparison]) -> list[Row]:
             experiment="E4",
             quantity="ENR for confirmed recall .5, dB",
             case=case,
-            figure=level,
+            figure=max(level, min(at for at, _ in shots)),
             low=low,
             high=high,
             n=len(shots),
             most=8.5,
             original=original.HALF_CONFIRMED_DB,
+            note="" if math.isfinite(level) else "at most: more than half at all levels",
         ),
         count_row(
             [f.false_confirmed for f in flights],

@@ -214,6 +214,15 @@ def test_two_levels_that_are_found_alike_do_not_lead_to_a_level_far_from_all() -
     assert low < level < high
 
 
+def test_a_tag_that_was_followed_below_all_levels_has_none_among_them() -> None:
+    """One level that stands out sent the fit to 8.9 dB, where .97 were found, or to -0.1."""
+    found = [10, 39, 27, 40, 39, 39, 36, *[40] * 11, 15]
+    tried = [19, 40, 40, 41, 40, 41, 39, *[41] * 11, 21]
+    levels = [5.0 + 0.5 * place for place in range(len(found))]
+    level, low, high, _ = level_for(list(zip(levels, found, tried, strict=True)), 0.5)
+    assert (level, low, high) == (-math.inf, -math.inf, 5.0)
+
+
 def test_every_acceptance_experiment_is_there_with_a_bar_in_each() -> None:
     assert {f"E{n}" for n in (*range(1, 14), 16, 17, 18, 21, 22, 23)} == set(EXPERIMENTS)
     names = [(e.name, case.name) for e in EXPERIMENTS.values() for case in e.cases]
