@@ -139,8 +139,7 @@ def level_for(
     -------
     tuple of float
         Level, its 95 % interval (delta method), and the standard error [dB]. Where all or
-        none were found no curve can be fitted: the level is then beyond the levels tried, as
-        it is where the curve leads far beyond them.
+        none were found no curve can be fitted: the level is then beyond the levels tried.
     """
     if not any(hits for _, hits, _ in points):
         beyond = max(at for at, _, _ in points)
@@ -159,11 +158,6 @@ def level_for(
         if abs(closer - level) > _NEAR_DB:
             break  # points that are alike tell no slope: it would lead anywhere
         level, error = closer, its_error
-    lowest, highest = min(at for at, _, _ in points), max(at for at, _, _ in points)
-    if level < lowest - _NEAR_DB:
-        return -math.inf, -math.inf, lowest, math.inf
-    if level > highest + _NEAR_DB:
-        return math.inf, highest, math.inf, math.inf
     return level, level - Z95 * error, level + Z95 * error, error
 
 

@@ -37,7 +37,9 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
         PyYAML is not installed, as on a drone without a page.
     """
     with needs_extra(
-        "ground", "a list in YAML", otherwise=", or make it a tags.toml: uavrt tags convert"
+        "ground",
+        "a list in YAML",
+        otherwise=", or make a tags.toml of it on another computer: uavrt tags convert",
     ):
         import yaml
     found: list[Node] = []

@@ -1,6 +1,5 @@
 """E4, E8: a tag followed for minutes, weak, fading away, off its interval."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -171,18 +170,19 @@ def _ramp_rows(flights: Sequence[Comparison]) -> list[Row]:
         for level, sure in zip(flight.levels_db, flight.sure, strict=True)
     ]
     level, low, high, _ = level_for(points_of(shots), 0.5)
+    lowest = min(at for at, _ in shots)
     return [
         Row(
             experiment="E4",
             quantity="ENR for confirmed recall .5, dB",
             case=case,
-            figure=max(level, min(at for at, _ in shots)),
+            figure=max(level, lowest),
             low=low,
-            high=high,
+            high=max(high, lowest),
             n=len(shots),
             most=8.5,
             original=original.HALF_CONFIRMED_DB,
-            note="" if math.isfinite(level) else "at most: more than half at all levels",
+            note="at most: more than half at all levels" if level < lowest else "",
         ),
         count_row(
             [f.false_confirmed for f in flights],

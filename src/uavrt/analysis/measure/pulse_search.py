@@ -135,7 +135,7 @@ class BurstSearch:
         usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
         up = power > (usual * np.float32(self._factor))
         up[np.count_nonzero(up, axis=1) > WIDE_FRACTION * up.shape[1]] = False
-        # Some times faster than np.nonzero, where next to nothing is up.
+        # Several times as fast as np.nonzero, where next to nothing is up.
         at, column = np.divmod(np.flatnonzero(up), up.shape[1])
         if not at.size:
             return
