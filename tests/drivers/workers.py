@@ -21,7 +21,9 @@ BROWSERS = "tests/flight/browser/"
 """Folder whose tests need a browser; one unit of work."""
 REAL_TIME = {"flight", "ground", "mavlink", "processes", "ros2", "supervisor"}
 """Folders whose tests talk over sockets against the clock."""
-_SPEAKS = re.compile(r"^(?:import|from) (?:asyncio|subprocess|socket|multiprocessing)\b", re.M)
+_SPEAKS = re.compile(
+    r"^(?:import|from) (?:asyncio|subprocess|socket|multiprocessing|threading)\b", re.M
+)
 """How such a test is recognized elsewhere."""
 _FLIES = re.compile(r"^@pytest\.mark\.flight\b", re.M)
 """How a flight is recognized elsewhere."""
