@@ -61,6 +61,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Show why the first try of a test failed, which passed or failed in the second."""
+    for report in terminalreporter.stats.get("rerun", []):
+        terminalreporter.section(f"first try of {report.nodeid}", sep="-")
+        report.toterminal(terminalreporter._tw)
+
+
 def pytest_collection_finish() -> None:
     """Leave tests and modules, which stay to the end, out of each search for garbage."""
     gc.collect()

@@ -18,10 +18,16 @@ from uavrt.simulation import Scenario, World
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.scenario import Radio, SimulatedTag
 
-LEVEL_DB = 7.0
-"""Of a pulse on boresight: half of the groups of three need 9.7 dB while turning."""
+LEVEL_DB = 5.5
+"""Of a pulse on boresight: half of the groups of three need 9.7 dB while turning.
+
+At 7 dB some groups are confirmed within two minutes, and a tag that has three is not told of.
+"""
 INTERVAL_S = 0.6
-KEPT_S = 48.0
+KEPT_S = 75.0
+FLIGHT_S = 260.0
+"""A busy machine has told of both tags after 160 s, a quiet one after 60 s."""
+TURN_DEG_PER_S = 10.0
 
 
 def weak_tag(tag_id: int, frequency_hz: float, first_pulse_s: float) -> SimulatedTag:
@@ -44,11 +50,15 @@ def weak_tag(tag_id: int, frequency_hz: float, first_pulse_s: float) -> Simulate
 def weak_scenario() -> Scenario:
     """A drone turns on the spot, and each tag has just the wanted level at its best."""
     scenario = Scenario(
-        duration_s=150.0,
+        duration_s=FLIGHT_S,
         radio=Radio(center_frequency_hz=148_705_000.0),
         tag=(weak_tag(2, 148_710_000.0, 0.5), weak_tag(3, 148_728_000.0, 0.8)),
         flight=Flight(
-            height_m=40.0, leg=(Leg(duration_s=2.0), Leg(duration_s=146.0, turn_deg=1440.0))
+            height_m=40.0,
+            leg=(
+                Leg(duration_s=2.0),
+                Leg(duration_s=FLIGHT_S - 4.0, turn_deg=TURN_DEG_PER_S * (FLIGHT_S - 4.0)),
+            ),
         ),
     )
     start_ns = scenario.start_time_ns
@@ -75,7 +85,7 @@ def slowness_of_the_radio(counters: dict[str, float]) -> float:
 
 
 @pytest.mark.flight
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(480)
 def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone_kept(
     drone_bay: Any, tmp_path: Path
 ) -> None:
@@ -89,7 +99,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
     kept_s = 0.0
     counters: dict[str, float] = {}
     told: dict[str, str] = {}
-    deadline_s = time.monotonic() + 150.0
+    deadline_s = time.monotonic() + FLIGHT_S - 10.0
     while (kept_s < KEPT_S or len(told) < 2) and time.monotonic() < deadline_s:
         for topic, record in drone.status.read(0.5):
             if topic == "status_text" and "found over the flight so far" in record.text:
@@ -100,7 +110,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
                         counters = process.counters
                 kept_s = counters.get("kept_samples", 0.0) / 2 / 7500.0
     drone.supervisor.stop()
-    assert set(told) == {"2", "3"}
+    assert set(told) == {"2", "3"}, counters
     (directory,) = flights.glob("flight_log_*")
     pieces = sorted((directory / "iq" / "channels").glob("*.sigmf-meta"))
     assert len({piece.name[:20] for piece in pieces}) == 2
@@ -114,7 +124,8 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
     assert {one.tag_id for one in verdicts if one.found} == {2, 3}
     assert {one.pulse.detection_status for one in pulses} == {"integrated"}
     groups = [one.pulse.confirmed for one in read_flight(directory).pulse_poses]
-    assert sum(groups) < 6  # what the detectors made of it: next to nothing
+    sent = 2 * last.counters["kept_samples"] / 2 / 7500.0 / INTERVAL_S
+    assert sum(groups) < 0.1 * sent  # what the detectors made of it: next to nothing
     said = subprocess.run(
         [sys.executable, "-m", "uavrt.cli", "integrate", str(directory), "--json"],
         check=True,
