@@ -8,12 +8,18 @@ export const BASE = /^\/vehicle\/\d+/.exec(location.pathname)?.[0] ?? "";
 /** This page's own name, kept over a reload: one page commands, others look on. */
 export const PAGE = pageName();
 
+/**
+ * The name lies in the store only while the page is away: a duplicate of an open tab, or a tab that
+ * it opens, gets a copy of the store and must not get its name, with which it would command, too.
+ */
 function pageName(): string {
   const made = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, "0")).join("");
   try {
-    const kept = sessionStorage.getItem("page") ?? made;
-    sessionStorage.setItem("page", kept);
-    return kept;
+    const name = sessionStorage.getItem("page") ?? made;
+    sessionStorage.removeItem("page");
+    addEventListener("pagehide", () => sessionStorage.setItem("page", name));
+    addEventListener("pageshow", () => sessionStorage.removeItem("page")); // came back whole
+    return name;
   } catch {
     return made; // a private window: a reload is another page
   }

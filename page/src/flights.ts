@@ -21,6 +21,9 @@ let ticked: string[] = [];
 let after = 0;
 /** The last that was asked: an older answer is not shown. */
 let asked = 0;
+/** What is drawn: a row that is made anew for the same would lose the press that is on it. */
+let drawn = "";
+let listed: FlightSummary[] = [];
 
 export function buildFlights(go: (name: string) => void): void {
   openView = go;
@@ -91,11 +94,15 @@ async function refresh(): Promise<void> {
   query.set("after", String(after));
   query.set("limit", String(ROWS));
   let found: { total: number; flights: FlightSummary[] };
+  const instead = (child: HTMLElement) => {
+    drawn = "";
+    fill(by("flights-list"), child);
+  };
   try {
     found = await get(`/found-flights?${query}`);
   } catch (error) {
     if (number !== asked) return;
-    fill(by("flights-list"), h("p", { class: "fault-line" }, error instanceof ApiError ? error.message : "the server cannot be reached"));
+    instead(h("p", { class: "fault-line" }, error instanceof ApiError ? error.message : "the server cannot be reached"));
     fill(by("flights-pager"));
     return;
   }
@@ -109,13 +116,21 @@ async function refresh(): Promise<void> {
     void refresh();
   });
   if (!found.total) {
-    fill(by("flights-list"), h("p", { class: "empty" }, any ? "No flight yet. The first start makes one." : "No such flight on this computer."));
+    instead(h("p", { class: "empty" }, any ? "No flight yet. The first start makes one." : "No such flight on this computer."));
     return;
   }
   draw(found.flights);
 }
 
+function keyOf(flights: FlightSummary[]): string {
+  return JSON.stringify([flights, ticked, exports, store.state?.flight.flight_id, store.state?.flight.ended]);
+}
+
 function draw(flights: FlightSummary[]): void {
+  const key = keyOf(flights);
+  if (key === drawn) return;
+  listed = flights;
+  drawn = key;
   const rows = flights.map((flight) => {
     const live = flight.flight_id === store.state?.flight.flight_id && !store.state.flight.ended;
     const tags = flight.tags.map((tag) => (tag.name ? `${tag.tag_id} ${tag.name}` : String(tag.tag_id)));
@@ -166,6 +181,8 @@ function starButton(flight: FlightSummary): HTMLElement {
       const answer = await send<{ starred: boolean }>("PUT", `/flights/${encodeURIComponent(flight.flight_id)}/star`, { starred: !flight.starred });
       flight.starred = answer.starred;
       draw();
+      drawn = keyOf(listed);
+      void refresh(); // an answer that is on its way tells the star as it was
     } catch (error) {
       toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
     }

@@ -71,6 +71,15 @@ def iso_utc(time_ns: int) -> str:
     return f"{stamp:%Y-%m-%dT%H:%M:%S}.{nanoseconds // 1000:06d}Z"
 
 
+def told_utc(time_ns: int) -> str:
+    """Write a time for people, to the second.
+
+    >>> told_utc(1_700_205_419_230_494_976)
+    '2023-11-17 07:16:59 UTC'
+    """
+    return f"{iso_utc(time_ns)[:19].replace('T', ' ')} UTC"
+
+
 def parse_iso_utc(text: str) -> int:
     """Read an ISO 8601 time; without a zone it is taken as UTC.
 

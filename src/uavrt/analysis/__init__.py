@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         read_positions,
     )
     from uavrt.analysis.power_survey import HeardStrength
+    from uavrt.analysis.same_tags import LEAST_TAG_HZ, OTHER_TAG_HZ
     from uavrt.analysis.season import (
         AnimalOfSeason,
         Season,
@@ -86,7 +87,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LEAST_PART",
+    "LEAST_TAG_HZ",
     "NAME",
+    "OTHER_TAG_HZ",
     "POSITION_M",
     "RASTERS",
     "USUAL_ANTENNA",
@@ -170,6 +173,8 @@ __getattr__ = lazily(
         "read_facts": "facts",
         "write_facts": "facts",
         "USUAL_ANTENNA": "flown_with",
+        "LEAST_TAG_HZ": "same_tags",
+        "OTHER_TAG_HZ": "same_tags",
         "antenna_is_told": "flown_with",
         "around_in_words": "silence",
         "flight_antenna": "flown_with",

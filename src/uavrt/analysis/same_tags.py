@@ -18,7 +18,7 @@ _SAME_HZ = 2_000.0
 """What two receivers tell of one tag's frequency differs by less …"""
 OTHER_TAG_HZ = 10_000.0
 """… and a crystal drifts by less; logs with six digits round to as much."""
-_LEAST_HZ = 1e6
+LEAST_TAG_HZ = 1e6
 """Less is no frequency of a tag: some logs tell megahertz, cut to a whole number."""
 
 
@@ -109,7 +109,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
         frequencies.setdefault(one.pulse.tag_id, []).append(one.pulse.frequency_hz)
     found = []
     for tag_id, every in sorted(frequencies.items()):
-        known = [one for one in every if math.isfinite(one) and one >= _LEAST_HZ]
+        known = [one for one in every if math.isfinite(one) and one >= LEAST_TAG_HZ]
         median_hz = float(np.median(known)) if known else math.nan
         named = log.kind not in NUMBERED_BY_FREQUENCY
         found.append(_Heard(log=number, tag_id=tag_id, frequency_hz=median_hz, named=named))

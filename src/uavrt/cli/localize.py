@@ -13,7 +13,7 @@ from uavrt.cli.elevation import elevation_of
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
 from uavrt.cli.words import counted
-from uavrt.clock import iso_utc
+from uavrt.clock import iso_utc, told_utc
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def _way(found: "Position") -> list[str]:
     """Where a moving tag was, at some times of its way."""
     step = max(1, -(-len(found.track) // _TIMES_TOLD))
     return [
-        f"{iso_utc(one.time_ns)}: {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, "
+        f"{told_utc(one.time_ns)}: {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, "
         f"within {one.radius50_m:.0f} m (50 %), {one.radius95_m:.0f} m (95 %)"
         for one in (*found.track[:-1:step], *found.track[-1:])
     ]

@@ -629,9 +629,8 @@ class GroundSession:
                 antenna,
                 tuple(self.drone_bearings.values()),
                 self.sent_tags,
-                [one.estimates.found for one in self.companions],
+                [one.estimates for one in self.companions],
                 past,
-                [one.estimates.strengths for one in self.companions],
                 self._name,
             )
         except UavrtError as error:

@@ -2,6 +2,7 @@
 
 import json
 import os
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from uavrt.clock import monotonic_s
 from uavrt.config import write_text_atomically
 from uavrt.recording.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metadata
+from uavrt.units import ns_from_s
 
 BYTES_PER_SAMPLE = 4
 _FREE_SPACE_PERIOD_S = 1.0
@@ -35,6 +37,10 @@ class SampleFile:
         Wait for the disk with each change of the metadata.
     bits : int
         Of I and of Q: 16, or 8 with `append_stored` alone.
+    time_step_ns : int, optional
+        Samples whose time differs by more from what the rate says since the stretch began
+        begin a stretch, though none is missing: the radio's crystal is off its rate, or the
+        first arrivals were late.
 
     Raises
     ------
@@ -55,6 +61,7 @@ class SampleFile:
         full_scale: float = 1.0,
         sync: bool = True,
         bits: int = 16,
+        time_step_ns: int | None = None,
     ) -> None:
         self.data_path = base.with_name(f"{base.name}.sigmf-data")
         self.metadata_path = base.with_name(f"{base.name}.sigmf-meta")
@@ -69,6 +76,7 @@ class SampleFile:
         self._description = description
         self._hardware = hardware
         self._sync = sync
+        self._time_step_ns = time_step_ns
         self._stretches: list[Stretch] = []
         self._next_index: int | None = None
         if self.data_path.is_file():
@@ -80,8 +88,10 @@ class SampleFile:
 
     @property
     def gaps(self) -> int:
-        """Stretches after the first."""
-        return max(0, len(self._stretches) - 1)
+        """Places where samples are missing."""
+        return sum(
+            after.missing_after(before) != 0 for before, after in pairwise(self._stretches)
+        )
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
         """Write samples as a whole, or none; see `append_stored`."""
@@ -109,7 +119,7 @@ class SampleFile:
         """
         count = values.size // 2
         try:
-            if sample_index != self._next_index:
+            if sample_index != self._next_index or self._has_moved(sample_index, time_ns):
                 self._begin_stretch(sample_index, time_ns)
             self._write(values)
         except OSError:
@@ -125,6 +135,14 @@ class SampleFile:
     def close(self) -> None:
         """Close the file."""
         os.close(self._file)
+
+    def _has_moved(self, sample_index: int, time_ns: int) -> bool:
+        """Whether the clock is no longer where the stretch's beginning and the rate put it."""
+        if self._time_step_ns is None:
+            return False
+        last = self._stretches[-1]
+        lasts_s = (sample_index - last.global_index) / self._sample_rate_hz
+        return abs(time_ns - last.time_ns - ns_from_s(lasts_s)) > self._time_step_ns
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
         """Report where the samples that follow belong, before they are written.

@@ -440,6 +440,22 @@ def test_two_pages_one_commander_and_no_lost_tags(
         watched.close()
 
 
+def test_a_tab_made_from_the_page_that_commands_looks_on(
+    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+) -> None:
+    """The browser copies what the tab has stored, as it does for *Duplicate tab*."""
+    first = Watched(browser, start_ground(tmp_path).address)
+    expect(first.page.locator("#take-command")).to_be_hidden()
+    with first.page.expect_popup() as opened:
+        first.page.evaluate("() => void window.open(location.href)")
+    expect(opened.value.locator("#take-command")).to_be_visible()
+    for page, commands in ((first.page, True), (opened.value, False)):
+        page.reload()
+        expect(page.locator("#take-command")).to_be_visible(visible=not commands)
+    assert first.errors == []
+    first.close()
+
+
 def write_two_tags(directory: Path) -> None:
     """A station's table of two tags."""
     (directory / "ground").mkdir()

@@ -174,7 +174,7 @@ def test_an_upright_whip_on_a_mast_goes_in_too(tmp_path: Path, drone: Flown) -> 
     assert own.positions == []
     joined = page(drone, own)
     on_its_own_page = Estimator().estimate(
-        mast.columns, whip, tags=[TAG], beside=[alone.found], name="vehicle 7, mast"
+        mast.columns, whip, tags=[TAG], beside=[alone], name="vehicle 7, mast"
     )
     assert joined.positions[0]["radius95_m"] < 0.9 * alone.positions[0]["radius95_m"]
     assert on_its_own_page.positions[0]["radius95_m"] == pytest.approx(
@@ -187,8 +187,7 @@ def page(drone: Flown, *others: Estimates) -> Estimates:
         drone.columns,
         AntennaChoice(),
         tags=[TAG],
-        beside=[one.found for one in others],
-        strengths=[one.strengths for one in others],
+        beside=others,
         name=vehicle_note(1),
     )
 
@@ -213,7 +212,7 @@ def test_the_page_joins_a_masts_strengths_as_the_command_line_does(
     others = page(drone)
     (masts,) = (
         Estimator()
-        .estimate(mast.columns, AntennaChoice(), tags=[TAG], beside=[others.found])
+        .estimate(mast.columns, AntennaChoice(), tags=[TAG], beside=[others])
         .positions
     )
     assert masts["radius95_m"] == pytest.approx(position["radius95_m"], rel=0.01)

@@ -21,7 +21,7 @@ from uavrt.analysis.export.tables import bearing_rows, movebank_csv, ways_csv
 from uavrt.analysis.positions import read_positions
 from uavrt.analysis.report import words
 from uavrt.analysis.survey import Survey, read_survey
-from uavrt.clock import iso_utc
+from uavrt.clock import iso_utc, told_utc
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization import Position, TangentPlane
@@ -223,11 +223,11 @@ def test_a_walkers_place_says_for_which_time_it_stands(
     last_ns = way_of(survey, WALKER).track[-1].time_ns
     assert survey.position_time_ns(WALKER) == last_ns
     (walker, resting) = words.findings(survey)
-    assert f"at {iso_utc(last_ns)[11:19]} UTC" in walker.detail
+    assert f"at {told_utc(last_ns)[11:19]} UTC" in walker.detail
     assert "if it walked straight on" in walker.detail
     assert "if it walked straight on" not in resting.detail
     assert uavrt("localize", str(place)) == 0
     plain = capsys.readouterr().out
     assert "the tag seems to have walked" in plain
     assert plain.count("if it walked straight on") == 1
-    assert f"where it was at {iso_utc(last_ns)}" in plain
+    assert f"where it was at {told_utc(last_ns)}" in plain

@@ -651,7 +651,7 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
         columns = keeper.columns()
         keeper.close()
     alone, last = found
-    both = Estimator().estimate(columns, AntennaChoice(), beside=[alone.found])
+    both = Estimator().estimate(columns, AntennaChoice(), beside=[alone])
     (together,) = both.positions
     assert together["stations"] == 2
     assert together["radius95_m"] < 0.5 * min(
@@ -661,6 +661,9 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
     assert math.hypot(east - TAG_EAST_M, north - TAG_NORTH_M) <= together["radius95_m"]
     assert both.bearings == last.bearings  # its own alone
     assert both.told == last.told != alone.told
+    elsewhere = replace(alone, frequencies_hz={TAG.tag_id: TAG.frequency_hz + 50e3})
+    apart = Estimator().estimate(columns, AntennaChoice(), beside=[elsewhere])
+    assert apart.positions == last.positions  # the same number there is another animal's
 
 
 def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(

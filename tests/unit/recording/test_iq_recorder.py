@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from uavrt.errors import RecordingError
 from uavrt.messages import IQBlock
-from uavrt.recording.iq_recorder import IQRecorder
+from uavrt.radio import sigmf_layout
+from uavrt.recording.iq_recorder import TIME_STEP_NS, IQRecorder
+from uavrt.recording.sample_file import SampleFile
 
 RATE_HZ = 375_000.0
 START_NS = 1_700_205_419_230_494_976
@@ -103,6 +105,40 @@ def test_lost_samples_are_a_marked_gap(tmp_path: Path) -> None:
     assert gap["core:label"] == "gap"
     assert gap["core:comment"] == "1234 samples are missing before this one"
     check_places(recording)
+
+
+@pytest.mark.parametrize("off", [0.0, 50e-6, -50e-6])
+def test_times_follow_the_clock_of_a_radio_that_is_off_its_rate(
+    tmp_path: Path, off: float
+) -> None:
+    """By 50 ppm, and 30 ms late at first: 60 ms after 20 minutes, were it the nominal rate."""
+    late_ns = [max(0, 30_000_000 - 1_000_000 * number) for number in range(1200)]
+    recording = SampleFile(
+        tmp_path / "band",
+        sample_rate_hz=100.0,
+        center_frequency_hz=148e6,
+        description="",
+        sync=False,
+        time_step_ns=TIME_STEP_NS,
+    )
+    second = np.zeros(200, np.int16)
+    times_ns = [
+        START_NS + round(number * 1e9 * (1.0 + off)) + late_ns[number] for number in range(1200)
+    ]
+    for number, time_ns in enumerate(times_ns):
+        recording.append_stored(second, 100 * number, time_ns)
+    recording.close()
+    sigmf.fromfile(str(recording.metadata_path)).validate()
+    assert recording.gaps == 0
+    segments = sigmf_layout(recording.metadata_path).segments
+    assert len(segments) < 100
+    told_ns = [
+        one.time_ns + round((100 * number - one.sample_index) * 1e7)
+        for one in segments
+        for number in range(one.sample_index // 100, (one.sample_index + one.count) // 100)
+    ]
+    assert sum(one.lost_before for one in segments) == 0
+    assert np.abs(np.subtract(told_ns, times_ns)).max() <= TIME_STEP_NS + 1000
 
 
 def test_metadata_is_valid_before_the_first_sample_and_while_recording(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.positions import TagPosition
-from uavrt.clock import iso_utc
+from uavrt.clock import told_utc
 from uavrt.localization import Position, TangentPlane, region_outlines
 from uavrt.units import wrap_degrees_360
 
@@ -88,7 +88,7 @@ def straight_walk(position: Position) -> str | None:
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
         return None
-    time = iso_utc(position.track[-1].time_ns)
+    time = told_utc(position.track[-1].time_ns)
     return f"this is where it was at {time} if it walked straight on; its way may bend"
 
 

@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from uavrt.analysis.report.roses import verdict
 from uavrt.analysis.silence import around_in_words
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
+from uavrt.clock import told_utc
 from uavrt.localization import Position, TangentPlane
 from uavrt.messages import STATION_COUNTER, Pulse, Tag
 from uavrt.recording import IntegratedVerdict
@@ -95,13 +95,12 @@ def heading_line(survey: Survey) -> str:
     span = survey.span_ns
     if span is None:
         return "Empty recording."
-    start = datetime.fromtimestamp(span[0] // NANOSECONDS_PER_SECOND, tz=UTC)
     minutes = (span[1] - span[0]) / 60e9
     heard = len({one.pulse.tag_id for one in survey.pulse_poses})
     local = survey.facts.local_time(span[0])
     told = "" if local is None else f" ({local})"
     return (
-        f"{start:%Y-%m-%d %H:%M:%S} UTC{told}, {minutes:.1f} minutes · "
+        f"{told_utc(span[0])}{told}, {minutes:.1f} minutes · "
         f"{heard} of {_count(len(survey.tag_ids), 'tag')} heard, "
         f"{_count(len(survey.pulse_poses), 'pulse')} · antenna {survey.antenna}"
     )

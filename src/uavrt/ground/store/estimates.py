@@ -16,7 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis import HeardStrength, past_turns, position_of_strength
+from uavrt.analysis import (
+    LEAST_TAG_HZ,
+    OTHER_TAG_HZ,
+    HeardStrength,
+    past_turns,
+    position_of_strength,
+)
 from uavrt.analysis.measure import straight_walk
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.flights import Columns, known
@@ -95,6 +101,8 @@ class Estimates:
     """The bearings of each tag as they are, for other vehicles' positions of it."""
     strengths: dict[int, Strengths] = field(default_factory=dict)
     """Of the tags that were heard and of which there is no bearing, likewise."""
+    frequencies_hz: dict[int, float] = field(default_factory=dict)
+    """Of the tags that were heard or are listed: a number alone may be another animal's."""
 
     def record(self) -> dict[str, list[Record]]:
         """What a page is told."""
@@ -124,20 +132,37 @@ _SURVEY_ALONE = "a survey by strength has a position of its own"
 class _Others:
     """What other vehicles know of the tags, and what this one is called among them."""
 
-    found: Sequence[Found]
-    strengths: Sequence[Mapping[int, Strengths]]
+    estimates: Sequence[Estimates]
+    frequencies_hz: Mapping[int, float]
+    """Of this vehicle's own tags."""
     name: str
+
+    @property
+    def found(self) -> set[int]:
+        """Numbers of the tags of which others have bearings."""
+        return {tag_id for each in self.estimates for tag_id in each.found}
+
+    def _of_tag(self, tag_id: int) -> list[Estimates]:
+        """Those to whom the number means the same tag as to us, or to the first of them."""
+        told = [self.frequencies_hz, *(each.frequencies_hz for each in self.estimates)]
+        ours_hz = next((each[tag_id] for each in told if tag_id in each), 0.0)
+        return [
+            each
+            for each in self.estimates
+            if abs(each.frequencies_hz.get(tag_id, ours_hz) - ours_hz) <= OTHER_TAG_HZ
+        ]
 
     def together(
         self, tag_id: int, own: list[tuple[Turn, tuple[Bearing, Record]]]
     ) -> list[tuple[Turn, tuple[Bearing, Record]]]:
         """All bearings of a tag, in order of time."""
-        theirs = [item for each in self.found for item in each.get(tag_id, [])]
+        theirs = [item for each in self._of_tag(tag_id) for item in each.found.get(tag_id, [])]
         return sorted(own + theirs, key=lambda item: item[0].start_time_ns)
 
     def listeners(self, tag_id: int, own: Strengths | None) -> list[Strengths]:
         """All that heard a tag without turning; one alone beside no others tells nothing."""
-        theirs = [each[tag_id] for each in self.strengths if tag_id in each]
+        every = [each.strengths.get(tag_id) for each in self._of_tag(tag_id)]
+        theirs = [one for one in every if one is not None]
         return theirs if own is None else [own, *theirs]
 
 
@@ -180,17 +205,17 @@ class Estimator:
         antenna: AntennaChoice,
         from_drone: Sequence[LiveBearing] = (),
         tags: Sequence[Tag] = (),
-        beside: Sequence[Found] = (),
+        beside: Sequence[Estimates] = (),
         past: Sequence[HeardInTurn] = (),
-        strengths: Sequence[Mapping[int, Strengths]] = (),
         name: str = "this vehicle",
     ) -> Estimates:
         """Estimate all bearings and positions of a flight as it is now.
 
-        What other vehicles have found `beside`, and the `strengths` of those that did not turn,
-        go into the positions, too; a survey by strength with a monopole stands by itself. To
-        others this vehicle's own strengths are those of its `name`. Turns of `past` flights
-        teach the antenna's pattern with its own.
+        What other vehicles have found `beside`, and how strongly those heard it that did not
+        turn, go into the positions, too, where the number means a tag of the same frequency; a
+        survey by strength with a monopole stands by itself. To others this vehicle's own
+        strengths are those of its `name`. Turns of `past` flights teach the antenna's pattern
+        with its own.
 
         Of the tags that are listed, pulses that must have come and were not heard count too.
         A bearing of the drone's own stands where it knows of more pulses of that turn than
@@ -198,8 +223,10 @@ class Estimator:
         """
         self._used_bearings, self._used_positions = {}, {}
         try:
-            others = _Others(found=beside, strengths=strengths, name=name)
-            return self._estimate(columns, antenna, from_drone, tags, others, past)
+            own_hz = _frequencies_hz(columns, tags)
+            others = _Others(estimates=beside, frequencies_hz=own_hz, name=name)
+            found = self._estimate(columns, antenna, from_drone, tags, others, past)
+            return replace(found, frequencies_hz=own_hz)
         finally:
             self._bearings, self._positions = self._used_bearings, self._used_positions
 
@@ -233,8 +260,7 @@ class Estimator:
         positions: list[Record] = []
         own: Found = {}
         levels: dict[int, Strengths] = {}
-        told = {tag_id for each in others.found for tag_id in each}
-        for tag_id in sorted(set(tag_ids) | {one.tag_id for one in from_drone} | told):
+        for tag_id in sorted(set(tag_ids) | {one.tag_id for one in from_drone} | others.found):
             found = [
                 (one.turn, bearing)
                 for number, one in heard.get(tag_id, [])
@@ -277,7 +303,7 @@ class Estimator:
         positions = []
         levels: dict[int, Strengths] = {}
         own_ids = {int(tag_id) for tag_id in np.unique(columns["tag_id"])}
-        for tag_id in sorted(own_ids | {tag_id for each in others.found for tag_id in each}):
+        for tag_id in sorted(own_ids | others.found):
             heard = _strength(columns, tag_id)
             if not len(heard.time_ns):
                 position = self._of_others(tag_id, antenna, over, others, None)
@@ -453,6 +479,17 @@ def _von_mises(bearing_deg: float, sigma_deg: float) -> _Floats:
     off = np.radians(np.arange(360.0) - bearing_deg)
     density = np.exp((np.cos(off) - 1.0) / np.radians(max(sigma_deg, 0.5)) ** 2)
     return np.asarray(density / density.sum())
+
+
+def _frequencies_hz(columns: Columns, tags: Sequence[Tag]) -> dict[int, float]:
+    """Of each tag, as it was heard; of one that was not, as it is listed."""
+    found = {tag.tag_id: tag.frequency_hz for tag in tags}
+    heard_hz = columns["frequency_hz"]
+    for tag_id in np.unique(columns["tag_id"]):
+        own_hz = heard_hz[(columns["tag_id"] == tag_id) & (heard_hz >= LEAST_TAG_HZ)]
+        if len(own_hz):
+            found[int(tag_id)] = float(np.median(own_hz))
+    return found
 
 
 def _pose_columns(columns: Columns) -> PoseColumns:
