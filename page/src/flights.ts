@@ -179,9 +179,10 @@ function starButton(flight: FlightSummary): HTMLElement {
   const turn = async () => {
     try {
       const answer = await send<{ starred: boolean }>("PUT", `/flights/${encodeURIComponent(flight.flight_id)}/star`, { starred: !flight.starred });
+      const asDrawn = drawn === keyOf(listed);
       flight.starred = answer.starred;
       draw();
-      drawn = keyOf(listed);
+      if (asDrawn) drawn = keyOf(listed); // this row is not made anew
       void refresh(); // an answer that is on its way tells the star as it was
     } catch (error) {
       toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);

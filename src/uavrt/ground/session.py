@@ -632,6 +632,7 @@ class GroundSession:
                 [one.estimates for one in self.companions],
                 past,
                 self._name,
+                self.store.chosen_tags,
             )
         except UavrtError as error:
             log.warning("no estimate", reason=str(error))

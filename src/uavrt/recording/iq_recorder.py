@@ -18,8 +18,8 @@ QUEUE_S = 2.0
 WAKE_S = 0.2
 """The thread wakes for this much at once: most of its cost is the waking."""
 
-TIME_STEP_NS = 1_000_000
-"""A crystal off by 50 ppm moves the time by so much in 20 s, and by 60 ms in 20 minutes."""
+SETTLED_AFTER_S = 12.0
+"""The clock of a radio's samples is corrected fast in its first 10 s (`uavrt.radio.times`)."""
 
 
 class IQRecorder:
@@ -72,7 +72,7 @@ class IQRecorder:
                 center_frequency_hz=center_frequency_hz,
                 description="Band of the receiver, recorded during detection",
                 hardware=hardware,
-                time_step_ns=TIME_STEP_NS,
+                settled_after_s=SETTLED_AFTER_S,
             )
         except FileExistsError as error:
             raise RecordingError(

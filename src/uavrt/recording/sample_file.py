@@ -2,7 +2,8 @@
 
 import json
 import os
-from itertools import pairwise
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from uavrt.units import ns_from_s
 
 BYTES_PER_SAMPLE = 4
 _FREE_SPACE_PERIOD_S = 1.0
+_LEAST_MOVE_NS = 1_000_000
+"""Less is not worth another write to the disk."""
 
 
 class SampleFile:
@@ -37,10 +40,9 @@ class SampleFile:
         Wait for the disk with each change of the metadata.
     bits : int
         Of I and of Q: 16, or 8 with `append_stored` alone.
-    time_step_ns : int, optional
-        Samples whose time differs by more from what the rate says since the stretch began
-        begin a stretch, though none is missing: the radio's crystal is off its rate, or the
-        first arrivals were late.
+    settled_after_s : float, optional
+        The clock of a radio that has just begun is corrected for so long: then, or where its
+        stretch ends before, the stretch gets the time that its samples have by then.
 
     Raises
     ------
@@ -61,7 +63,7 @@ class SampleFile:
         full_scale: float = 1.0,
         sync: bool = True,
         bits: int = 16,
-        time_step_ns: int | None = None,
+        settled_after_s: float | None = None,
     ) -> None:
         self.data_path = base.with_name(f"{base.name}.sigmf-data")
         self.metadata_path = base.with_name(f"{base.name}.sigmf-meta")
@@ -76,7 +78,9 @@ class SampleFile:
         self._description = description
         self._hardware = hardware
         self._sync = sync
-        self._time_step_ns = time_step_ns
+        self._settled_after_s = settled_after_s
+        self._moved_ns: int | None = None
+        """What the clock was corrected by since the stretch began; None once it is settled."""
         self._stretches: list[Stretch] = []
         self._next_index: int | None = None
         if self.data_path.is_file():
@@ -88,10 +92,8 @@ class SampleFile:
 
     @property
     def gaps(self) -> int:
-        """Places where samples are missing."""
-        return sum(
-            after.missing_after(before) != 0 for before, after in pairwise(self._stretches)
-        )
+        """Stretches after the first."""
+        return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
         """Write samples as a whole, or none; see `append_stored`."""
@@ -119,8 +121,10 @@ class SampleFile:
         """
         count = values.size // 2
         try:
-            if sample_index != self._next_index or self._has_moved(sample_index, time_ns):
+            if sample_index != self._next_index:
                 self._begin_stretch(sample_index, time_ns)
+            elif self._moved_ns is not None:
+                self._follow_clock(sample_index, time_ns)
             self._write(values)
         except OSError:
             self._next_index = None
@@ -134,15 +138,27 @@ class SampleFile:
 
     def close(self) -> None:
         """Close the file."""
+        if self._place_stretch():
+            with suppress(OSError):  # a full disk: the first reading of the clock stands
+                self._write_metadata()
         os.close(self._file)
 
-    def _has_moved(self, sample_index: int, time_ns: int) -> bool:
-        """Whether the clock is no longer where the stretch's beginning and the rate put it."""
-        if self._time_step_ns is None:
-            return False
+    def _follow_clock(self, sample_index: int, time_ns: int) -> None:
+        """See how the clock was corrected, and once it has settled, correct the stretch."""
         last = self._stretches[-1]
         lasts_s = (sample_index - last.global_index) / self._sample_rate_hz
-        return abs(time_ns - last.time_ns - ns_from_s(lasts_s)) > self._time_step_ns
+        self._moved_ns = time_ns - last.time_ns - ns_from_s(lasts_s)
+        if lasts_s >= (self._settled_after_s or 0.0) and self._place_stretch():
+            self._write_metadata()
+
+    def _place_stretch(self) -> bool:
+        """Give the last stretch the time that its newest samples show; whether it moved."""
+        moved_ns, self._moved_ns = self._moved_ns, None
+        if moved_ns is None or abs(moved_ns) < _LEAST_MOVE_NS:
+            return False
+        last = self._stretches[-1]
+        self._stretches[-1] = replace(last, time_ns=last.time_ns + moved_ns)
+        return True
 
     def _begin_stretch(self, sample_index: int, time_ns: int) -> None:
         """Report where the samples that follow belong, before they are written.
@@ -153,9 +169,11 @@ class SampleFile:
         stretch = Stretch(
             sample_start=self.written_samples, global_index=sample_index, time_ns=time_ns
         )
+        self._place_stretch()
         # A stretch that got no samples (the disk was full) is replaced, not kept.
         kept = [one for one in self._stretches if one.sample_start < self.written_samples]
         self._stretches = [*kept, stretch]
+        self._moved_ns = None if self._settled_after_s is None else 0
         self._write_metadata()
 
     def _write_metadata(self) -> None:

@@ -1,8 +1,8 @@
 """SigMF metadata of a recording with gaps.
 
-Each stretch without a gap, or without a correction of the clock, is one entry of ``captures``
-with its time and, in ``core:global_index``, its place in the radio's stream; each gap also is
-an annotation, so that a person sees it in a viewer (SigMF 1.2, https://sigmf.org).
+Each stretch without a gap is one entry of ``captures`` with its time and, in
+``core:global_index``, its place in the radio's stream; each gap also is an annotation, so that
+a person sees it in a viewer (SigMF 1.2, https://sigmf.org).
 """
 
 import itertools
@@ -20,18 +20,13 @@ _DATATYPES = {8: "ci8", 16: "ci16_le"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """Samples without a gap, at the nominal rate."""
+    """Samples without a gap."""
 
     sample_start: int
     """Index of the first sample in the file."""
     global_index: int
     """Index of that sample in the radio's stream, lost ones counted."""
     time_ns: int
-
-    def missing_after(self, before: "Stretch") -> int:
-        """Samples that are missing between an earlier stretch and this one."""
-        recorded = self.sample_start - before.sample_start
-        return self.global_index - before.global_index - recorded
 
 
 def sigmf_metadata(
@@ -47,9 +42,10 @@ def sigmf_metadata(
     """Make the metadata of a ``ci16_le`` recording, or of a ``ci8`` one of 8 bits."""
     annotations = []
     for before, after in itertools.pairwise(stretches):
-        missing = after.missing_after(before)
+        recorded = after.sample_start - before.sample_start
+        missing = after.global_index - before.global_index - recorded
         if not missing:
-            continue
+            continue  # the clock has moved
         annotations.append(
             {
                 "core:sample_start": after.sample_start,

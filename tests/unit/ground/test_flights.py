@@ -664,6 +664,16 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
     elsewhere = replace(alone, frequencies_hz={TAG.tag_id: TAG.frequency_hz + 50e3})
     apart = Estimator().estimate(columns, AntennaChoice(), beside=[elsewhere])
     assert apart.positions == last.positions  # the same number there is another animal's
+    unheard = replace(columns, pulses=columns.pulses[:, :0])
+    (by_the_other,) = (
+        Estimator().estimate(unheard, AntennaChoice(), beside=[alone], listed=[TAG]).positions
+    )
+    assert by_the_other["stations"] == 1
+    other = replace(TAG, frequency_hz=TAG.frequency_hz + 50e3)
+    assert (
+        Estimator().estimate(unheard, AntennaChoice(), beside=[alone], listed=[other]).positions
+        == []
+    )
 
 
 def test_a_bearing_of_the_drones_own_stands_where_it_knows_of_more_pulses(

@@ -104,6 +104,10 @@ class Estimates:
     frequencies_hz: dict[int, float] = field(default_factory=dict)
     """Of the tags that were heard or are listed: a number alone may be another animal's."""
 
+    def knows(self, tag_id: int) -> bool:
+        """Whether something was heard of a tag, not only listed."""
+        return tag_id in self.found or tag_id in self.strengths
+
     def record(self) -> dict[str, list[Record]]:
         """What a page is told."""
         return {"bearings": self.bearings, "positions": self.positions}
@@ -144,7 +148,8 @@ class _Others:
 
     def _of_tag(self, tag_id: int) -> list[Estimates]:
         """Those to whom the number means the same tag as to us, or to the first of them."""
-        told = [self.frequencies_hz, *(each.frequencies_hz for each in self.estimates)]
+        heard = [each for each in self.estimates if each.knows(tag_id)]
+        told = [self.frequencies_hz, *(each.frequencies_hz for each in heard)]
         ours_hz = next((each[tag_id] for each in told if tag_id in each), 0.0)
         return [
             each
@@ -208,12 +213,14 @@ class Estimator:
         beside: Sequence[Estimates] = (),
         past: Sequence[HeardInTurn] = (),
         name: str = "this vehicle",
+        listed: Sequence[Tag] = (),
     ) -> Estimates:
         """Estimate all bearings and positions of a flight as it is now.
 
         What other vehicles have found `beside`, and how strongly those heard it that did not
-        turn, go into the positions, too, where the number means a tag of the same frequency; a
-        survey by strength with a monopole stands by itself. To others this vehicle's own
+        turn, go into the positions, too, where the number means a tag of the same frequency: as
+        heard, else as searched for, else as `listed` here; a survey by strength with a monopole
+        stands by itself. To others this vehicle's own
         strengths are those of its `name`. Turns of `past` flights teach the antenna's pattern
         with its own.
 
@@ -223,7 +230,7 @@ class Estimator:
         """
         self._used_bearings, self._used_positions = {}, {}
         try:
-            own_hz = _frequencies_hz(columns, tags)
+            own_hz = _frequencies_hz(columns, (*listed, *tags))
             others = _Others(estimates=beside, frequencies_hz=own_hz, name=name)
             found = self._estimate(columns, antenna, from_drone, tags, others, past)
             return replace(found, frequencies_hz=own_hz)
