@@ -138,6 +138,8 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
     slower = slowness_of_the_radio(last.counters)
     for one, tag in zip(found, scenario.tag, strict=True):
         known = {name: one[name] for name in ("score", "pulses", "drift")} | dict(last.counters)
-        interval_s = (INTERVAL_S + 0.003) * slower
-        assert one["interval_s"] == pytest.approx(interval_s, abs=5e-4), known
+        # A late first reading of the clock makes the whole stream look short, which the times
+        # of the pieces after it do not share.
+        lowest_s, highest_s = ((INTERVAL_S + 0.003) * f(slower, 1.0) for f in (min, max))
+        assert lowest_s - 5e-4 < one["interval_s"] < highest_s + 5e-4, known
         assert one["frequency_hz"] == pytest.approx(tag.frequency_hz + 60.0, abs=30.0)

@@ -1,6 +1,7 @@
 """A weak tag is found from the channels that the flight kept: pieces joined, gaps respected."""
 
 import json
+import math
 import shutil
 import time
 from contextlib import closing, suppress
@@ -58,18 +59,21 @@ def kept(weak: Rotation, tmp_path_factory: pytest.TempPathFactory) -> Path:
     recorder.write_poses(Poses(poses=weak.flight.poses))
     recorder.close()
     quiet = noise(np.random.default_rng(4), len(weak.samples))
-    keeping = ChannelRecorder(directory, budget_mb=12.0, minimum_free_mb=0.0)
-    put = 0
-    for at_s in range(int(len(quiet) / RATE_HZ)):
-        if GAP_S[0] <= at_s < GAP_S[1]:
-            continue
-        both = [(weak.samples, 0), (quiet, 4)]
-        blocks = [one_second(some, n, at_s, weak.tag.frequency_hz) for some, n in both]
-        keeping.put(blocks)
-        put += sum(len(block.samples) for block in blocks)
-        while at_s % 60 == 59 and keeping.written_samples < put:
-            time.sleep(0.02)
-    keeping.close()
+    with pytest.MonkeyPatch.context() as patched:
+        # A disk that other tests keep busy would be left alone for 10 s, and samples dropped.
+        patched.setattr("uavrt.recording.channel_recorder.SLOW_S", math.inf)
+        keeping = ChannelRecorder(directory, budget_mb=12.0, minimum_free_mb=0.0)
+        put = 0
+        for at_s in range(int(len(quiet) / RATE_HZ)):
+            if GAP_S[0] <= at_s < GAP_S[1]:
+                continue
+            both = [(weak.samples, 0), (quiet, 4)]
+            blocks = [one_second(some, n, at_s, weak.tag.frequency_hz) for some, n in both]
+            keeping.put(blocks)
+            put += sum(len(block.samples) for block in blocks)
+            while at_s % 60 == 59 and keeping.written_samples < put:
+                time.sleep(0.02)
+        keeping.close()
     assert keeping.dropped_samples == 0
     return directory
 
