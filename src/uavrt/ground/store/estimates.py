@@ -220,9 +220,8 @@ class Estimator:
         What other vehicles have found `beside`, and how strongly those heard it that did not
         turn, go into the positions, too, where the number means a tag of the same frequency: as
         heard, else as searched for, else as `listed` here; a survey by strength with a monopole
-        stands by itself. To others this vehicle's own
-        strengths are those of its `name`. Turns of `past` flights teach the antenna's pattern
-        with its own.
+        stands by itself. To others this vehicle's own strengths are those of its `name`. Turns
+        of `past` flights teach the antenna's pattern with its own.
 
         Of the tags that are listed, pulses that must have come and were not heard count too.
         A bearing of the drone's own stands where it knows of more pulses of that turn than
