@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from uavrt.analysis.measure.outside import OutsideSearch
+from uavrt.analysis.measure.outside import LEAST_DB, OutsideSearch
+from uavrt.analysis.measure.pulse_search import Bursts, BurstSearch
 from uavrt.messages import ChannelBlock
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
 
@@ -81,3 +83,57 @@ def test_what_the_next_channel_hears_of_a_strong_tags_edges_is_not_told(
             )
         )
     assert search.finish() == []
+
+
+def bursts(samples: NDArray[np.complex64], *, glance: bool) -> Bursts:
+    """Search a channel, two seconds at a time."""
+    search = BurstSearch(
+        sample_rate_hz=RATE_HZ,
+        low_hz=-2250.0,
+        high_hz=2250.0,
+        least_db=LEAST_DB,
+        hop_s=0.008,
+        glance=glance,
+    )
+    for first in range(0, len(samples), 15_000):
+        search.process(samples[first : first + 15_000])
+    return search.finish()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_glance_finds_the_bursts_that_a_look_at_every_window_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pulses = [
+        pulse
+        for offset_hz, enr_db in ((-1500.0, 19.0), (700.0, 24.0), (1900.0, 30.0))
+        for pulse in pulse_train(
+            rng, duration_s=60.0, interval_s=1.3, offset_hz=offset_hz, enr_db=enr_db
+        )
+    ]
+    samples = make_samples(rng, pulses, duration_s=60.0, sample_rate_hz=RATE_HZ)
+    # The noise doubles half-way: the usual levels are measured again.
+    samples[len(samples) // 2 :] *= np.float32(2.0**0.5)
+    every, some = bursts(samples, glance=False), bursts(samples, glance=True)
+    assert np.count_nonzero(every.levels_db > 16.5) > 100
+    for time_s, frequency_hz, level_db in np.stack(
+        (every.times_s, every.frequencies_hz, every.levels_db), axis=1
+    )[every.levels_db > 16.5].tolist():
+        near = np.abs(some.times_s - time_s) < 0.02
+        near &= np.abs(some.frequencies_hz - frequency_hz) < 30.0
+        assert some.levels_db[near] == pytest.approx(level_db, abs=1.5), time_s
+
+
+@pytest.mark.parametrize("share", [0.2, 1.0])
+def test_a_carrier_that_begins_after_the_first_look_is_no_burst(share: float) -> None:
+    """Else it passes for one wherever a pulse raises the energy, at the pulses' interval."""
+    rng = np.random.default_rng(5)
+    pulses = pulse_train(rng, duration_s=60.0, interval_s=1.3, offset_hz=0.0, enr_db=26.0)
+    samples = make_samples(rng, pulses, duration_s=60.0, sample_rate_hz=RATE_HZ)
+    noise = float(np.median(np.abs(samples) ** 2)) / np.log(2.0)
+    at = np.arange(len(samples))
+    wave = np.sqrt(share * noise) * np.exp(2j * np.pi * 1000.0 / RATE_HZ * at)
+    samples += (wave * (at > 20.0 * RATE_HZ)).astype(np.complex64)
+    found = bursts(samples, glance=True)
+    carrier = np.abs(found.frequencies_hz - 1000.0) < 60.0
+    assert np.count_nonzero(carrier & (found.times_s > 24.0)) < 3  # of 28 pulses
+    assert np.count_nonzero(np.abs(found.frequencies_hz) < 60.0) > 40

@@ -86,6 +86,7 @@ class OutsideSearch:
                 high_hz=reach_hz,
                 least_db=LEAST_DB,
                 hop_s=_HOP_S,
+                glance=True,
             )
             self._channels[block.channel] = (block.center_frequency_hz, rate_hz, search)
         taken = self._taken.get(block.channel, 0)

@@ -32,6 +32,18 @@ SIDE_HZ: Final = 20_000.0
 """A cell so far below a stronger burst, so near to it and at the same time, is the burst's own
 keying: the flanks of a rectangular pulse spread."""
 MOST_CELLS: Final = 20_000
+_STANDS_OUT: Final = 0.7
+"""Windows with so much of the energy of the weakest burst looked for are looked at."""
+_HANN: Final = 2.0 / 3.0
+"""Signal to noise of a carrier behind a Hann window over that behind a rectangular one."""
+_LEVEL_CHANGE: Final = 1.25
+"""The bins' usual levels are measured again when the band's changes so much."""
+_MOST_TILT: Final = 1.5
+"""With steady carriers so strong every window is transformed: beside their energy that of a
+burst does not stand out."""
+_QUIET_EVERY: Final = 32
+"""Of the windows that do not stand out one in so many is looked at: a carrier that has begun
+since is in all of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +71,9 @@ class BurstSearch:
         Weaker bursts are passed over.
     hop_s : float
         From one window to the next: of what is found, times are known to half of it.
+    glance : bool
+        Once the bins' usual levels are known, transform only windows that have more energy
+        than others: cheap, for bursts of at least `least_db` that are a rarity.
     """
 
     def __init__(
@@ -69,6 +84,7 @@ class BurstSearch:
         high_hz: float,
         least_db: float = 0.0,
         hop_s: float = HOP_S,
+        glance: bool = False,
     ) -> None:
         self._rate_hz = sample_rate_hz
         length = max(16, round(WINDOW_S * sample_rate_hz))
@@ -86,6 +102,13 @@ class BurstSearch:
         # Exponential noise: P(level > x times the mean) = exp(-x); its median is ln 2.
         by_noise = np.log(max(cells_per_s / FALSE_CELLS_PER_S, np.e))
         self._factor = max(by_noise, 10.0 ** (least_db / 10.0)) / np.log(2.0)
+        signal = 10.0 ** (least_db / 10.0) / (_HANN * length)
+        self._stands_out = 1.0 + _STANDS_OUT * signal if glance else 0.0
+        """Of the usual energy of a window."""
+        self._usual: NDArray[np.float32] | None = None
+        """Usual level of each bin, if it was measured where glances suffice."""
+        self._energy = 0.0
+        """Usual energy of a window there."""
         self._tail = np.zeros(0, np.complex64)
         self._frames: list[NDArray[np.float32]] = []
         self._count = 0
@@ -97,19 +120,49 @@ class BurstSearch:
         data = np.concatenate((self._tail, samples))
         length, hop = self._window.size, self._hop
         frames = (data.size - length) // hop + 1 if data.size >= length else 0
-        # Some 4 MiB of windows at a time.
-        step = max(1, (1 << 19) // length)
-        for first in range(0, frames, step):
-            count = min(step, frames - first)
-            windows = sliding_window_view(data[first * hop :], length)[: count * hop : hop]
-            framed = np.zeros((count, self._size), np.complex64)
-            np.multiply(windows, self._window, out=framed[:, :length])
-            part = transform_columns(framed.T)[self._bins].T
-            self._frames.append(part.real**2 + part.imag**2)
-            self._count += count
+        if self._stands_out and frames and self._glance(data, frames):
+            self._first_frame += frames
+        else:
+            # Some 4 MiB of windows at a time.
+            step = max(1, (1 << 19) // length)
+            for first in range(0, frames, step):
+                count = min(step, frames - first)
+                windows = sliding_window_view(data[first * hop :], length)[: count * hop : hop]
+                self._frames.append(self._power(windows))
+                self._count += count
         self._tail = data[frames * hop :].copy()
         if self._count >= self._batch:
             self._search()
+
+    def _power(self, windows: NDArray[np.complex64]) -> NDArray[np.float32]:
+        """Power of the bins, shape (windows, bins)."""
+        framed = np.zeros((len(windows), self._size), np.complex64)
+        np.multiply(windows, self._window, out=framed[:, : self._window.size])
+        part = transform_columns(framed.T)[self._bins].T
+        return np.asarray(part.real**2 + part.imag**2)
+
+    def _glance(self, data: NDArray[np.complex64], frames: int) -> bool:
+        """Look at the windows that stand out, if that suffices here."""
+        length, hop = self._window.size, self._hop
+        parts = np.ndarray((frames, 2 * length), np.float32, data, 0, (8 * hop, 4))
+        energy = np.einsum("ij,ij->i", parts, parts)
+        middle = frames // 2
+        usual = float(np.partition(energy, middle)[middle])
+        before = self._energy
+        if self._usual is None or not before / _LEVEL_CHANGE < usual < before * _LEVEL_CHANGE:
+            self._usual, self._energy = None, usual
+            return False
+        up = energy >= self._stands_out * usual
+        chosen = up.copy()
+        chosen[middle % _QUIET_EVERY :: _QUIET_EVERY] = True
+        at = np.flatnonzero(chosen)
+        power = self._power(parts[at].view(np.complex64))
+        levels = self._usual * np.float32(usual / before)
+        if (power[~up[at]] > levels * np.float32(self._factor)).any():
+            self._usual, self._energy = None, usual
+            return False
+        self._judge(power, self._first_frame + at, levels)
+        return True
 
     def finish(self) -> Bursts:
         """Search what is left, and get everything."""
@@ -127,30 +180,38 @@ class BurstSearch:
         return Bursts(*rows[keep].T)
 
     def _search(self) -> None:
+        """Search all windows that wait."""
         power = np.concatenate(self._frames)
         self._frames, self._count = [], 0
         first, self._first_frame = self._first_frame, self._first_frame + len(power)
         usual = medians(power)
         # A bin whose level is next to nothing (a filter's stop band, zeros) is never up.
         usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
+        self._usual = usual if np.mean(usual) < _MOST_TILT * np.median(usual) else None
+        self._judge(power, first + np.arange(len(power)), usual)
+
+    def _judge(
+        self, power: NDArray[np.float32], frames: NDArray[np.intp], usual: NDArray[np.float32]
+    ) -> None:
+        """Find the bursts in some windows: powers (windows, bins), and which they are."""
         up = power > (usual * np.float32(self._factor))
         up[np.count_nonzero(up, axis=1) > WIDE_FRACTION * up.shape[1]] = False
         # Several times as fast as np.nonzero, where next to nothing is up.
-        at, column = np.divmod(np.flatnonzero(up), up.shape[1])
-        if not at.size:
+        row, column = np.divmod(np.flatnonzero(up), up.shape[1])
+        if not row.size:
             return
-        level = power[at, column] / usual[column]
+        level = power[row, column] / usual[column]
         strongest = np.argsort(-level, kind="stable")[:MOST_CELLS]
+        at = frames[row]
         kept = self._strongest(at[strongest], column[strongest], level[strongest])
         chosen = strongest[kept]
+        between = _peak(power, row[chosen], column[chosen])
         self._found.append(
             np.stack(
                 (
-                    (first + at[chosen]) * self._hop / self._rate_hz
+                    at[chosen] * self._hop / self._rate_hz
                     + self._window.size / 2 / self._rate_hz,
-                    self._low_hz
-                    + self._step_hz
-                    * (column[chosen] + _peak(power, at[chosen], column[chosen])),
+                    self._low_hz + self._step_hz * (column[chosen] + between),
                     10.0 * np.log10(level[chosen] * np.log(2.0)),
                 ),
                 axis=1,
