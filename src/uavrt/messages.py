@@ -644,7 +644,8 @@ class ChannelBlock:
     center_frequency_hz: float
     """Frequency of the channel's centre, absolute."""
     samples: "NDArray[np.complex64]"
-    """(n,) complex64; a tone of amplitude A in the channel has amplitude A here."""
+    """(n,) complex64, nobody writes over them; a tone of amplitude A in the channel has
+    amplitude A here."""
     sample_index: int
     """Index of the first sample of this channel since the start, lost ones counted."""
     time_ns: int

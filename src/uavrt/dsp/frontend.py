@@ -190,11 +190,13 @@ class FrontEnd:
         ]
 
     def _as_one_channel(self, band: IQBlock) -> list[ChannelBlock]:
+        # What no filter has touched is still the source's, which writes over it.
+        samples = band.samples.copy() if self._decimator is None else band.samples
         return [
             ChannelBlock(
                 channel=0,
                 center_frequency_hz=self.plan.center_frequency_hz,
-                samples=band.samples,
+                samples=samples,
                 sample_index=band.sample_index,
                 time_ns=band.time_ns,
                 sample_rate_hz=band.sample_rate_hz,
