@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from pulses import pulse_at
 
@@ -31,8 +32,10 @@ from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
 from uavrt.messages import FlightInfo
 from uavrt.recording import FlightRecorder, flights_in_order, note_flight
+from uavrt.recording.sample_file import SampleFile
 
 CONTENT = random.Random(6).randbytes(30_011)
+START_NS = 1_777_615_200_000_000_000
 US = Peer(255, 197)
 
 
@@ -389,6 +392,45 @@ def test_a_database_is_replaced_by_a_later_state_of_the_same_flight_alone(
     assert fetched(root, place, "flight.sqlite")
     assert (place.read_bytes() == new.read_bytes()) == (case == "grown")
     assert (place.read_bytes() == before) == (case != "grown")
+
+
+@pytest.mark.parametrize(
+    "case", ["grown", "corrected", "another flight", "other rate", "damaged"]
+)
+def test_a_recordings_description_is_replaced_by_a_later_state_of_the_same_alone(
+    root: Path, tmp_path: Path, case: str
+) -> None:
+    """Else samples are added here, and the gaps before them stay untold."""
+
+    def make(directory: Path, starts_s: list[float], *, rate_hz: float = 3750.0) -> Path:
+        file = SampleFile(
+            directory / "band",
+            sample_rate_hz=rate_hz,
+            center_frequency_hz=148.7e6,
+            description="a flight",
+        )
+        for number, start_s in enumerate(starts_s):
+            samples = np.full(100, 0.5, np.complex64)
+            file.append(samples, number * 50_000, START_NS + round(start_s * 1e9))
+        file.close()
+        return file.metadata_path
+
+    drone = root / "flight_log_1"
+    new = {
+        "grown": lambda: make(drone, [0.0, 13.3, 30.0]),
+        "corrected": lambda: make(drone, [0.02, 13.3]),
+        "another flight": lambda: make(drone, [60.0, 73.3, 90.0]),
+        "other rate": lambda: make(drone, [0.0, 13.3, 30.0], rate_hz=7500.0),
+        "damaged": lambda: make(drone, [0.0, 13.3, 30.0]),
+    }[case]()
+    if case == "damaged":
+        new.write_bytes(new.read_bytes()[:-40])
+    place = make(tmp_path / "here", [0.0, 13.3])
+    before = place.read_bytes()
+    assert fetched(root, place, new.name)
+    later = case in ("grown", "corrected")
+    assert place.read_bytes() == (new.read_bytes() if later else before)
+    assert place.with_name(f"{place.name}.other-1").exists() != later
 
 
 def test_directories_without_end_are_left_out_and_counted() -> None:

@@ -1,21 +1,30 @@
 """Decide whether a file from the drone may replace a local one.
 
 Names prove nothing: a simulated flight has the name of its second, a drone's clock may be
-wrong, and who answers may be somebody else. Two things do: a log only grows, so the new one
-begins with all of the old one; and a flight's database keeps its pulses, so the new one has the
-same flight and all pulses of the old one.
+wrong, and who answers may be somebody else. Three things do: a log only grows, so the new one
+begins with all of the old one; a flight's database keeps its pulses, so the new one has the
+same flight and all pulses of the old one; and the description of a recording keeps its
+stretches, whose times are corrected at most once.
 """
 
+import json
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
+from uavrt.clock import parse_iso_utc
 from uavrt.recording import open_plain
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHUNK = 1 << 20
 OTHER_SUFFIX = ".other-"
 MOST_OTHERS = 100
+MOST_DESCRIBED = 16 << 20
+"""Bytes of a recording's description: a stretch takes some 200."""
+_CORRECTED_S = 2.0
+"""By so much at most the time of a stretch is corrected when the clock has settled."""
 
 _FLIGHT = "SELECT start_time_ns, clock_offset_ns, center_frequency_hz FROM {}.flight"
 _LACKING = (
@@ -28,8 +37,10 @@ def place_for(new: Path, place: Path) -> Path:
     """Get where a new file goes: to its place, or beside what is there and is another."""
     if not place.exists() and not place.is_symlink():
         return place
-    if place.is_file() and (begins_with(new, place) or same_database(new, place)):
-        return place
+    if place.is_file():
+        later = same_recording if place.suffix == ".sigmf-meta" else same_database
+        if begins_with(new, place) or later(new, place):
+            return place
     for number in range(1, MOST_OTHERS):
         other = place.with_name(f"{place.name}{OTHER_SUFFIX}{number}")
         if not other.exists():
@@ -63,6 +74,43 @@ def same_database(new: Path, old: Path) -> bool:
             )
     except (sqlite3.Error, ValueError, TypeError):
         return False
+
+
+def same_recording(new: Path, old: Path) -> bool:
+    """Whether the SigMF description of a recording is a later state of another."""
+    try:
+        formats, stretches = zip(*(_described(path) for path in (new, old)), strict=True)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return False
+    later, before = stretches
+    # The last may have got no samples, as on a full disk: another takes its place.
+    sure = before[:-1] or before
+    return (
+        formats[0] == formats[1]
+        and len(sure) <= len(later)
+        and all(
+            one[:-1] == other[:-1]
+            and abs(one[-1] - other[-1]) <= _CORRECTED_S * NANOSECONDS_PER_SECOND
+            for one, other in zip(later, sure, strict=False)
+        )
+    )
+
+
+def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
+    """What a recording is, and of each stretch its first sample, frequency and time [ns]."""
+    if path.stat().st_size > MOST_DESCRIBED:
+        raise ValueError("longer than any")
+    described = json.loads(path.read_bytes())
+    about = described["global"]
+    kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))
+    return kind, [
+        (
+            one["core:sample_start"],
+            one.get("core:frequency"),
+            parse_iso_utc(one["core:datetime"]),
+        )
+        for one in described["captures"]
+    ]
 
 
 @contextmanager
