@@ -60,6 +60,8 @@ class _Channel:
     next_ns: float = 0.0
     """Time at which the next block begins if none is lost."""
     due: list[_Member] = field(default_factory=list)
+    soonest: int = 0
+    """The least of the members' `due`; 0: some member must be looked at with each block."""
 
     def catch_up(self, member: _Member) -> None:
         """Give a member the blocks that it has not taken; no step was due with any of them."""
@@ -70,6 +72,7 @@ class _Channel:
         """Find out how long a member that has taken all blocks needs not be looked at."""
         patience = member.detector.patient()
         member.due = self.samples + patience if patience else 0
+        self.soonest = min(m.due for m in self.members)
 
 
 class DetectorGroup:
@@ -138,6 +141,16 @@ class DetectorGroup:
         count = len(samples)
         regular = count > 0 and abs(time_ns - line.next_ns) < line.tolerance_ns
         line.next_ns = time_ns + count * line.ns_per_sample
+        if regular and line.soonest:
+            # Nearly all blocks only wait: a thousand a second of a hundred tags.
+            line.blocks.append((samples, time_ns))
+            line.samples += count
+            line.longest.note(count)
+            upto = line.samples + line.longest.length
+            if upto > line.soonest:
+                line.due = [m for m in line.members if upto > m.due]
+                self._due.append(line)
+            return
         hurried = [m for m in line.members if not regular or not m.due]
         for member in hurried:
             line.catch_up(member)
@@ -177,7 +190,7 @@ class DetectorGroup:
                 self.in_hand = (member.detector,)
                 line.catch_up(member)
                 member.detector.end()
-                member.due = 0
+                member.due = line.soonest = 0
             _forget(line)
         self._look_for_ghosts()
         self._settle(self.detectors)

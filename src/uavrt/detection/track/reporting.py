@@ -2,10 +2,7 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from uavrt.detection.search import decision_interval_s
+from uavrt.detection.search import SearchBand, decision_interval_s
 from uavrt.detection.signal import EDGE_HZ, Counters, Measured, apart_hz, in_channel_hz
 from uavrt.detection.track.chance import log_doubt
 from uavrt.detection.track.tracks import Slot, Track
@@ -51,7 +48,6 @@ class Reporter:
         self._given: list[tuple[int, int | None, int]] = []
         """Rate, group and place of the last pulses."""
         self._reported_ns: int | None = None
-        self._best = 0.0
 
     def drain(self) -> list[Pulse]:
         """Take the pulses found."""
@@ -133,25 +129,23 @@ class Reporter:
         track.in_doubt |= doubtful
         return doubtful or waiting
 
-    def searched(self, time_ns: int, noise: NDArray[np.float32], best: float) -> None:
-        """Note a searched stretch; about once a second it becomes a report."""
-        self._best = max(self._best, best)
+    def searched(self, time_ns: int, band: SearchBand) -> None:
+        """Note what a band has searched up to a time; about once a second it is a report."""
         if self._reported_ns is None:
             self._reported_ns = time_ns
         if time_ns - self._reported_ns < _REPORT_EVERY_NS:
             return
         self._reported_ns = time_ns
-        level = float(noise[len(noise) // 2]) / self._sample_rate_hz
+        noise = band.noise_now
         self._reports.append(
             SearchReport(
                 tag_id=self._tag.tag_id,
                 time_ns=time_ns,
                 frequency_hz=self._tag.frequency_hz,
-                noise_psd=level,
-                best_score=self._best,
+                noise_psd=float(noise[len(noise) // 2]) / self._sample_rate_hz,
+                best_score=band.score(),
             )
         )
-        self._best = 0.0
         del self._reports[:-3600]
 
     def _place(self, track: Track) -> None:
