@@ -1,5 +1,6 @@
 #!/bin/sh
 # Make a wheel of the DDS binding, with the library in it: dds-wheel.sh DIRECTORY
+# Only fetch the library's source, for a build where there is no apt: dds-wheel.sh --source FILE
 #
 # For the gateway to ROS 2 where PyPI has no such wheel: 64-bit ARM under Linux. Builds release
 # 0.10.5 of Cyclone DDS (EPL 2.0 or BSD) from the source that Debian keeps, and the binding of that
@@ -8,7 +9,7 @@
 # nothing. A wheel that is in DIRECTORY already stays. DDS_SOURCE names the source elsewhere.
 set -eu
 
-out=${1:?dds-wheel.sh DIRECTORY}
+if [ "${1:-}" = --source ]; then only=$2 out=; else only= out=${1:?dds-wheel.sh DIRECTORY}; fi
 locks=$(cd "$(dirname "$0")" && pwd)/locks
 python=${PYTHON:-python3}
 release=0.10.5
@@ -17,6 +18,11 @@ mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Origin: Debian' 2>/dev/nul
 from=${DDS_SOURCE:-${mirror:+${mirror}pool/main/c/cyclonedds/cyclonedds_$release.orig.tar.gz}}
 [ -n "$from" ] || { echo "dds-wheel.sh: apt knows no Debian mirror: run apt-get update, or set DDS_SOURCE" >&2; exit 1; }
 sum=84e3fc6af1dda2f128cda62efc56f8ef87f02a9db1414a63f52e387935837734
+fetch() { # FILE
+    "$python" -c 'import sys, urllib.request as r; r.urlretrieve(*sys.argv[1:])' "$from" "$1"
+    echo "$sum  $1" | sha256sum --check --quiet
+}
+[ -z "$only" ] || { fetch "$only"; exit 0; }
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
 tag=$("$python" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
@@ -36,8 +42,7 @@ PATH=$work/tools/bin:$PATH
 pip() { python -m pip "$@" --quiet --disable-pip-version-check --require-hashes; }
 pip install -r "$locks/dds-build.txt"
 
-python -c 'import sys, urllib.request as r; r.urlretrieve(*sys.argv[1:])' "$from" source.tar.gz
-echo "$sum  source.tar.gz" | sha256sum --check --quiet
+fetch source.tar.gz
 mkdir source build home home/bin
 tar -xzf source.tar.gz -C source --strip-components=1
 # Without what needs further libraries, and without its own compiler of types, which we do not use.

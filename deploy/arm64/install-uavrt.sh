@@ -30,7 +30,8 @@ if changed .complete drone-page.txt build.txt; then
     fetch --require-hashes -r "$source/deploy/locks/build.txt"
     echo "$sum" >"$mark"
 fi
-# What the DDS binding is built from; its source is asked for where the library is.
+# What the DDS binding is built from. The library's source, too: no apt in the root knows a mirror.
+dds=$wheels/cyclonedds.tar.gz
 case " $* " in
     *" --ros2 "*)
         if changed .dds-complete dds-build.txt dds.txt; then
@@ -39,6 +40,7 @@ case " $* " in
             touch "$work/no-dds/lib/libddsc.so"
             CYCLONEDDS_HOME=$work/no-dds "$python" -m pip download -qq --no-deps --dest "$wheels" \
                 --no-binary=:all: --require-hashes -r "$source/deploy/locks/dds.txt"
+            PYTHON=$python "$source/deploy/dds-wheel.sh" --source "$dds"
             echo "$sum" >"$mark"
         fi ;;
 esac
@@ -65,4 +67,4 @@ done
 
 # The namespace has no other user than root.
 SHARE="$wheels:/wheels" "$source/deploy/arm64/enter.sh" "$work" /usr/bin/env PIP_NO_INDEX=1 \
-    PIP_FIND_LINKS=/wheels PIP_NO_COMPILE=1 /src/deploy/install.sh --radio none --user root --page "$@"
+    PIP_FIND_LINKS=/wheels PIP_NO_COMPILE=1 DDS_SOURCE="file:///wheels/${dds##*/}" /src/deploy/install.sh --radio none --user root --page "$@"
