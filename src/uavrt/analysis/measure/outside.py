@@ -92,7 +92,7 @@ class OutsideSearch:
         taken = self._taken.get(block.channel, 0)
         if taken < _MOST_S * rate_hz:
             self._taken[block.channel] = now = taken + len(block.samples)
-            self._waiting.setdefault(block.channel, []).append(block.samples.copy())
+            self._waiting.setdefault(block.channel, []).append(block.samples)
             if now // (_AT_ONCE_S * rate_hz) > taken // (_AT_ONCE_S * rate_hz):
                 self._look(block.channel)
 

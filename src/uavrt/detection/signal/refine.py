@@ -240,6 +240,8 @@ class Refiner:
         buffer, near = self._buffer, round(_LOSING_S * self._grid.sample_rate_hz)
         first = max(math.floor(start) - near, buffer.start)
         gone = buffer.view(first, min(math.ceil(start) + near, self.upto)) == 0.0
+        if not gone.any():
+            return False
         for low, high in buffer.blanked:
             gone[max(low - first, 0) : max(high - first, 0)] = False
         return bool(np.any(gone[1:] & gone[:-1]))
