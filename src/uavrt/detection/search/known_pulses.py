@@ -56,9 +56,14 @@ class KnownPulses:
         bin_hz = grid.sample_rate_hz / grid.window
         near = (reach + 1) * grid.hop + 0.75 * grid.window
         starts = columns * grid.hop - (grid.decimation - 1) / 2.0
-        at, offset_hz, power = np.array(
-            [(m.start, m.offset_hz, m.power) for m in self._pulses]
-        ).T
+        # Of a tag that was heard for long, few are of the candidates' time.
+        low, high = float(starts.min()) - near, float(starts.max()) + near
+        meeting = [
+            (m.start, m.offset_hz, m.power) for m in self._pulses if low < m.start < high
+        ]
+        if not meeting:
+            return np.zeros(len(rows), np.bool_)
+        at, offset_hz, power = np.array(meeting).T
         meet = (np.abs(starts[:, :, np.newaxis] - at) < near).any(axis=1)
         away_hz = offset_hz - grid.offsets_hz[rows][:, np.newaxis]
         away_hz -= grid.sample_rate_hz * np.rint(away_hz / grid.sample_rate_hz)
