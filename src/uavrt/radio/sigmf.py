@@ -152,10 +152,15 @@ def _segments(
 
 
 def _lost(previous: _Capture, capture: _Capture, rate_hz: float) -> int:
-    """Samples missing between two captures: by their global indices, else by their times."""
+    """Samples missing between two captures: by their global indices, else by their times.
+
+    An index that is smaller than before is one of a radio that was opened again.
+    """
     kept = capture.first - previous.first
     if previous.global_index is not None and capture.global_index is not None:
-        return max(capture.global_index - previous.global_index - kept, 0)
+        passed = capture.global_index - previous.global_index
+        if passed >= 0:
+            return max(passed - kept, 0)
     if previous.time_ns is not None and capture.time_ns is not None:
         passed_s = (capture.time_ns - previous.time_ns) / NANOSECONDS_PER_SECOND
         missing = round(passed_s * rate_hz) - kept

@@ -200,6 +200,19 @@ def test_a_gap_between_sigmf_captures_is_a_fact_in_the_stream(tmp_path: Path, by
     assert blocks[1].time_ns - blocks[0].time_ns == 140_000_000
 
 
+def test_a_radio_that_was_opened_again_and_counts_anew_has_a_gap(tmp_path: Path) -> None:
+    first = CAPTURE | {"core:global_index": 5_000}
+    second = {
+        "core:sample_start": 10_000,
+        "core:global_index": 0,
+        "core:frequency": CENTER_HZ,
+        "core:datetime": "2024-05-01T06:00:00.140000Z",
+    }
+    meta = write_sigmf(tmp_path / "rec", as_cs16(ramp(30_000)), [first, second])
+    _, blocks = everything(open_recording(meta))
+    assert [(b.sample_index, b.lost_before) for b in blocks] == [(0, 0), (35_000, 25_000)]
+
+
 def test_a_start_time_given_moves_all_captures_alike(tmp_path: Path) -> None:
     second = {
         "core:sample_start": 10_000,
