@@ -6,6 +6,7 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.radio.band_source import BandDatagramSource
+    from uavrt.radio.block_times import BlockTimes
     from uavrt.radio.channel_datagram import (
         PortScheme,
         StampStyle,
@@ -42,6 +43,7 @@ __all__ = [
     "HOLD_S",
     "PROGRAMS",
     "BandDatagramSource",
+    "BlockTimes",
     "ChannelDatagramSender",
     "ChannelDatagramSource",
     "ChannelOutput",
@@ -85,6 +87,7 @@ __getattr__ = lazily(
     __name__,
     {
         "BandDatagramSource": "band_source",
+        "BlockTimes": "block_times",
         "CF32": "formats",
         "CI8": "formats",
         "CS16": "formats",

@@ -1,0 +1,82 @@
+"""The times of a stream's samples, as its blocks tell them.
+
+Counting at the nominal rate from the first sample is wrong behind a gap whose length nobody
+counted, where the clock was corrected, and after an hour by what the crystal is off (180 ms at
+50 ppm). Each block says when its first sample was received, and only within a block the nominal
+rate counts.
+"""
+
+from bisect import bisect_right
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_LEAST_STEP_NS: Final = 100_000
+"""Smaller steps are not kept: of a live clock that is corrected at every block one in many."""
+
+
+class BlockTimes:
+    """Time of each sample of a stream, and the sample of each time.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Nominal rate.
+    """
+
+    def __init__(self, sample_rate_hz: float) -> None:
+        self._rate_hz = sample_rate_hz
+        self._ns_per_sample = NANOSECONDS_PER_SECOND / sample_rate_hz
+        self._indices: list[int] = []
+        self._times_ns: list[int] = []
+
+    @property
+    def start_ns(self) -> int:
+        """Time of the first block [ns, UTC]; 0 of no blocks."""
+        return self._times_ns[0] if self._times_ns else 0
+
+    def add(self, index: int, time_ns: int) -> None:
+        """Take the time of the next block's first sample.
+
+        Parameters
+        ----------
+        index : int
+            Rises. Whoever counts lost samples, too, finds none at a time within a gap.
+        time_ns : int
+            UTC.
+        """
+        if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
+            return
+        self._indices.append(index)
+        self._times_ns.append(time_ns)
+
+    def time_ns(self, index: float) -> int:
+        """Time of a sample, also between two [ns, UTC]."""
+        at = max(0, bisect_right(self._indices, index) - 1)
+        ahead_ns = round((index - self._indices[at]) * self._ns_per_sample)
+        return self._times_ns[at] + ahead_ns
+
+    def seconds(self, indices: NDArray[np.float64], since_ns: int) -> NDArray[np.float64]:
+        """Times of many samples since some time [s]."""
+        at = np.maximum(np.searchsorted(self._indices, indices, side="right") - 1, 0)
+        begin_s = (np.array(self._times_ns, np.int64) - since_ns) / NANOSECONDS_PER_SECOND
+        ahead = indices - np.array(self._indices, np.int64)[at]
+        return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
+
+    def index(self, time_ns: int) -> float:
+        """Sample at a time; where the clock was set back, the first of two.
+
+        Raises
+        ------
+        ValueError
+            No block has come yet.
+        """
+        for at, first in enumerate(self._indices):
+            index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
+            if at + 1 == len(self._indices) or index < self._indices[at + 1]:
+                # A time that the clock left out when it was set forward.
+                return max(index, float(first)) if at else index
+        raise ValueError("no block has come yet")
