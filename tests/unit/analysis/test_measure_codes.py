@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import uavrt
+from gapped import GAP_S, KINDS, write_gapped
 
 from uavrt.config import parse_tags
 
@@ -57,6 +58,30 @@ def test_an_interval_is_told_where_no_two_bursts_in_a_row_were_heard(
     assert uavrt("tags", "measure", str(path), *RADIO) == 0
     (tag,) = parse_tags(capsys.readouterr().out.encode(), name="tags.toml")
     assert tag.pulse_intervals_s[0] == pytest.approx(7.1, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_behind_a_gap_bursts_keep_their_true_times(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    path = tmp_path / "a.cf32"
+    _record(path, 90.0, np.arange(1.0, 89.0, 7.1).tolist())
+    gapped = write_gapped(
+        tmp_path / "band",
+        np.fromfile(path, np.complex64),
+        rate_hz=RATE_HZ,
+        center_hz=166.38e6,
+        start_ns=1_714_543_200_000_000_000,
+        gap_s=(40.0, 40.0 + GAP_S),
+        kind=kind,
+    )
+    assert uavrt("tags", "measure", str(gapped)) == 0
+    written, told = capsys.readouterr()
+    (tag,) = parse_tags(written.encode(), name="tags.toml")
+    assert tag.gaps_s == pytest.approx(GAPS_S, abs=3e-4)
+    assert tag.pulse_intervals_s[0] == pytest.approx(7.1, abs=1e-3)
+    line = next(line for line in told.splitlines() if line.startswith("  bursts"))
+    assert 0.0 < float(line.split("±")[1].split()[0]) < 1.0
 
 
 def test_bursts_that_keep_no_beat_are_no_tag(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import uavrt
+from gapped import GAP_S, KINDS, write_gapped
 
 from uavrt.analysis.measure.beats import find_beats
 from uavrt.analysis.measure.interval_fit import fit_beat
@@ -205,6 +206,37 @@ def test_pulses_that_were_not_heard_for_a_while_are_one_beat(tmp_path: Path) -> 
     assert rate.pulses == heard.size
     assert rate.missing == starts.size - heard.size
     assert_within(rate.interval_s, rate.interval_sigma_s, 1.0, 1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("rate_hz", [7500.0, 48_000.0])
+def test_behind_a_gap_pulses_keep_their_true_times(
+    tmp_path: Path, rate_hz: float, kind: str
+) -> None:
+    rng = np.random.default_rng(13)
+    samples = noise(rng, round(40 * rate_hz))
+    starts = beat(rng, 0.4, 40.0, 1.254, 0.002)
+    add_tag(samples, rate_hz, starts, offset_hz=900.0)
+    start_ns = 1_714_543_200_000_000_000
+    gap_s = (19.6, 19.6 + GAP_S)
+    path = write_gapped(
+        tmp_path / "band",
+        samples,
+        rate_hz=rate_hz,
+        center_hz=CENTER_HZ,
+        start_ns=start_ns,
+        gap_s=gap_s,
+        kind=kind,
+    )
+    (tag,) = measure_tags(lambda: open_recording(path))
+    (rate,) = tag.rates
+    lost = np.count_nonzero((starts > gap_s[0] - 0.02) & (starts < gap_s[1]))
+    assert rate.pulses >= starts.size - lost - 1
+    assert rate.pulses + rate.missing == starts.size
+    assert_within(rate.interval_s, rate.interval_sigma_s, 1.254, 1e-6)
+    assert rate.jitter_s < 0.002
+    middle_ns = start_ns + round((starts[-1] + 0.01) * 1e9)
+    assert abs(rate.last_time_ns - middle_ns) < 1_000_000
 
 
 def test_noise_carriers_and_impulses_alone_are_no_tag(tmp_path: Path) -> None:

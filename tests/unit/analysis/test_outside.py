@@ -15,8 +15,15 @@ RATE_HZ = 7500.0
 WINDOW_HZ = 500.0
 
 
-def heard(*signals: tuple[float, float, float], seed: int = 1) -> list[str]:
-    """Search 40 s with signals of (offset from the tag, ENR in dB, interval in s)."""
+def heard(
+    *signals: tuple[float, float, float],
+    seed: int = 1,
+    lost_each: tuple[int, int] = (0, 1),
+) -> list[str]:
+    """Search 40 s with signals of (offset from the tag, ENR in dB, interval in s).
+
+    Of each so many blocks of 87 ms the first few may be lost.
+    """
     rng = np.random.default_rng(seed)
     pulses = [
         pulse
@@ -27,7 +34,11 @@ def heard(*signals: tuple[float, float, float], seed: int = 1) -> list[str]:
     ]
     samples = make_samples(rng, pulses, duration_s=40.0, sample_rate_hz=RATE_HZ)
     search = OutsideSearch((THESIS_TAG, replace(THESIS_TAG, tag_id=4)), WINDOW_HZ)
-    for first in range(0, len(samples), 653):
+    lost, of = lost_each
+    end = 0
+    for number, first in enumerate(range(0, len(samples), 653)):
+        if number % of < lost:
+            continue
         search.add(
             ChannelBlock(
                 channel=0,
@@ -36,8 +47,10 @@ def heard(*signals: tuple[float, float, float], seed: int = 1) -> list[str]:
                 sample_index=first,
                 time_ns=round(first / RATE_HZ * 1e9),
                 sample_rate_hz=RATE_HZ,
+                lost_before=first - end,
             )
         )
+        end = first + 653
     return [str(found) for found in search.finish()]
 
 
@@ -49,6 +62,11 @@ def test_a_strong_tag_beside_its_window_is_told_with_the_remedy() -> None:
     level_db = float(said[0].split(" dB")[0])
     assert level_db == pytest.approx(26.0, abs=4.0)
     assert "0.9 kHz below" in heard((-900.0, 26.0, 1.26))[0]
+
+
+def test_a_tag_is_told_where_a_part_of_each_second_is_lost() -> None:
+    said = heard((1500.0, 26.0, 1.26), lost_each=(3, 12))
+    assert "1.5 kHz above tag 2" in said[0] + said[1]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -20,7 +20,7 @@ from uavrt.detection.coded import Cells
 from uavrt.dsp import FrontEnd
 from uavrt.errors import UavrtError
 from uavrt.messages import Tag
-from uavrt.radio import SampleSource
+from uavrt.radio import BlockTimes, SampleSource
 
 LONGEST_PULSE_S: Final = 0.006
 """Pulses of coded tags are short: 2.5 ms; those that beep have 8 ms and more."""
@@ -164,15 +164,17 @@ def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
 
 
 def _pulses(source: SampleSource, frequencies_hz: Sequence[float]) -> list[NDArray[np.float64]]:
-    """Starts of the strong pulses near each frequency [s from the recording's start]."""
+    """Starts of the strong pulses near each frequency [s from some time]."""
     front_end = FrontEnd(
         sample_rate_hz=source.sample_rate_hz,
         center_frequency_hz=source.center_frequency_hz,
         frequencies_hz=list(frequencies_hz),
     )
     parts: dict[int, list[NDArray[np.complex64]]] = {}
-    rates_hz: dict[int, tuple[float, float]] = {}
-    samples = 0
+    rate_hz = front_end.plan.channel_rate_hz
+    centers_hz: dict[int, float] = {}
+    times = BlockTimes(rate_hz)
+    samples = taken = 0
     while samples < _MOST_S * source.sample_rate_hz:
         try:
             block = source.read()
@@ -185,20 +187,26 @@ def _pulses(source: SampleSource, frequencies_hz: Sequence[float]) -> list[NDArr
         if block is None:
             continue
         samples += len(block.samples)
-        for one in front_end.process(block):
-            rates_hz[one.channel] = one.sample_rate_hz, one.center_frequency_hz
-            held = parts.setdefault(one.channel, [])
+        channels = front_end.process(block)
+        for one in channels:
+            centers_hz[one.channel] = one.center_frequency_hz
             # A band that is one channel hands on the source's own buffer.
-            held += [np.zeros(one.lost_before, np.complex64), one.samples.copy()]
+            parts.setdefault(one.channel, []).append(one.samples.copy())
+        if channels:  # all of equal times and lengths
+            times.add(taken, channels[0].time_ns)
+            taken += len(channels[0].samples)
     joined = {channel: np.concatenate(held) for channel, held in parts.items()}
-    return [
-        _starts(joined[channel], rates_hz[channel][0], frequency_hz - rates_hz[channel][1])
-        if channel in joined
-        else np.zeros(0)
-        for frequency_hz, channel in zip(
-            frequencies_hz, front_end.plan.frequency_channels, strict=True
-        )
-    ]
+    found = []
+    for frequency_hz, channel in zip(
+        frequencies_hz, front_end.plan.frequency_channels, strict=True
+    ):
+        starts = np.zeros(0)
+        if channel in joined:
+            offset_hz = frequency_hz - centers_hz[channel]
+            starts = rate_hz * _starts(joined[channel], rate_hz, offset_hz)
+            starts = np.sort(times.seconds(starts, times.start_ns))
+        found.append(starts)
+    return found
 
 
 def _starts(

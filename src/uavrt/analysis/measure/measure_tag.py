@@ -21,8 +21,8 @@ from uavrt.analysis.measure.pulse_search import SIDE_HZ, Bursts, BurstSearch
 from uavrt.dsp import FrontEnd
 from uavrt.errors import ConfigError, UavrtError, UsageError
 from uavrt.messages import ChannelBlock, IQBlock
-from uavrt.radio import SampleSource
-from uavrt.units import NANOSECONDS_PER_SECOND
+from uavrt.radio import BlockTimes, SampleSource
+from uavrt.units import ns_from_s
 
 WINDOW_HZ: Final = 2000.0
 GATHER_HZ: Final = 150.0
@@ -96,7 +96,7 @@ def measure_tags(
     report = on_progress or (lambda _part: None)
     with closing(open_source()) as source:
         blocks = _blocks(source, lambda p: report(0.5 * p), on_fault)
-        bursts, span_s = _search(source, blocks, frequency_hz, window_hz)
+        bursts, start_ns, span_s = _search(source, blocks, frequency_hz, window_hz)
         center_hz = source.center_frequency_hz
     found, others_hz = _gather(bursts, span_s)
     if on_bursts is not None:
@@ -106,7 +106,7 @@ def measure_tags(
     with closing(open_source()) as source:
         again = None if on_fault is None else lambda _fault: None  # told already
         blocks = _blocks(source, lambda p: report(0.5 + 0.5 * p), again)
-        windows = _cut(source, blocks, found)
+        windows = _cut(source, blocks, found, start_ns)
     measured = [
         measure_pulses(one.beats, cut, center_hz + one.frequency_hz)
         for one, cut in zip(found, windows, strict=True)
@@ -133,8 +133,11 @@ def _search(
     blocks: Iterator[IQBlock],
     frequency_hz: float | None,
     window_hz: float,
-) -> tuple[Bursts, float]:
-    """Bursts of the whole band or about a frequency; relative to the band's centre."""
+) -> tuple[Bursts, int, float]:
+    """Bursts of the whole band or about a frequency; relative to the band's centre.
+
+    They count from the time that comes second [ns]; the third is how much was heard.
+    """
     rate_hz = source.sample_rate_hz
     if frequency_hz is None:
         low_hz, high_hz = -rate_hz / 2, rate_hz / 2
@@ -149,14 +152,14 @@ def _search(
                 remedy="Correct --frequency, in hertz",
             )
     search = BurstSearch(sample_rate_hz=rate_hz, low_hz=low_hz, high_hz=high_hz)
+    times = BlockTimes(rate_hz)
     samples = 0
     for block in blocks:
-        for first in range(0, block.lost_before, 1 << 18):
-            count = min(1 << 18, block.lost_before - first)
-            search.process(np.zeros(count, np.complex64))
+        times.add(samples, block.time_ns)
         search.process(block.samples)
-        samples += block.lost_before + len(block.samples)
-    return search.finish(), samples / rate_hz
+        samples += len(block.samples)
+    bursts = search.finish().placed(times, rate_hz, times.start_ns)
+    return bursts, times.start_ns, samples / rate_hz
 
 
 def _blocks(
@@ -276,7 +279,7 @@ def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> boo
 
 
 def _cut(
-    source: SampleSource, blocks: Iterator[IQBlock], found: Sequence[_Found]
+    source: SampleSource, blocks: Iterator[IQBlock], found: Sequence[_Found], start_ns: int
 ) -> list[list[PulseWindow]]:
     """Cut the samples about each burst out of a narrow channel."""
     center_hz = source.center_frequency_hz
@@ -285,53 +288,62 @@ def _cut(
         center_frequency_hz=center_hz,
         frequencies_hz=[center_hz + one.frequency_hz for one in found],
     )
-    cutters = [_Cutter(one, center_hz + one.frequency_hz) for one in found]
+    rate_hz = front_end.plan.channel_rate_hz
+    cutters = [_Cutter(one, center_hz + one.frequency_hz, rate_hz, start_ns) for one in found]
     channels = front_end.plan.frequency_channels
-    start_ns: int | None = None
     for block in blocks:
-        start_ns = block.time_ns if start_ns is None else start_ns
         for channel in front_end.process(block):
             for cutter, number in zip(cutters, channels, strict=True):
                 if number == channel.channel:
-                    cutter.process(channel, start_ns)
+                    cutter.process(channel)
     return [cutter.windows for cutter in cutters]
 
 
 class _Cutter:
     """Cuts the windows of one tag out of the stream of its channel."""
 
-    def __init__(self, found: _Found, frequency_hz: float) -> None:
+    def __init__(
+        self, found: _Found, frequency_hz: float, rate_hz: float, start_ns: int
+    ) -> None:
         members = np.sort(np.concatenate([beat.members for beat in found.beats]))
-        self._pending = [(float(found.times_s[k]), int(k)) for k in members]
+        self._pending = [(start_ns + ns_from_s(found.times_s[k]), int(k)) for k in members]
         self._frequency_hz = frequency_hz
         self._apart_hz = found.bursts_hz - found.frequency_hz
+        self._rate_hz = rate_hz
+        self._margin = round(MARGIN_S * rate_hz)
+        self._times = BlockTimes(rate_hz)
         self._held = np.zeros(0, np.complex64)
         self.windows: list[PulseWindow] = []
 
-    def process(self, block: ChannelBlock, start_ns: int) -> None:
+    def process(self, block: ChannelBlock) -> None:
         """Take the channel's next block."""
-        rate_hz = block.sample_rate_hz
         if block.lost_before:
             self._held = self._held[:0]
+        self._times.add(block.sample_index, block.time_ns)
         held = np.concatenate((self._held, block.samples))
-        first_s = (block.time_ns - start_ns) / NANOSECONDS_PER_SECOND - len(
-            self._held
-        ) / rate_hz
-        end_s = first_s + len(held) / rate_hz
-        while self._pending and self._pending[0][0] + MARGIN_S <= end_s:
-            middle_s, burst = self._pending.pop(0)
-            low = round((middle_s - MARGIN_S - first_s) * rate_hz)
-            high = round((middle_s + MARGIN_S - first_s) * rate_hz)
-            if low >= 0 and high <= len(held):
+        first = block.sample_index - len(self._held)
+        end = first + len(held)
+        while self._pending:
+            middle = round(self._times.index(self._pending[0][0]))
+            if middle + self._margin > end:
+                break
+            _, burst = self._pending.pop(0)
+            low = middle - self._margin - first
+            if low >= 0:
+                # The clock may be corrected within the window: its middle counts.
+                begin_ns = self._times.time_ns(middle) - ns_from_s(self._margin / self._rate_hz)
                 self.windows.append(
                     PulseWindow(
-                        held[low:high].copy(),
-                        start_ns + round((first_s + low / rate_hz) * NANOSECONDS_PER_SECOND),
-                        rate_hz,
+                        held[low : middle + self._margin - first].copy(),
+                        begin_ns,
+                        self._rate_hz,
                         self._frequency_hz - block.center_frequency_hz,
                         float(self._apart_hz[burst]),
                         burst,
                     )
                 )
-        next_s = self._pending[0][0] - MARGIN_S if self._pending else end_s
-        self._held = held[max(0, min(len(held), int((next_s - first_s) * rate_hz))) :].copy()
+        # Where the clock is set forward, the next burst comes earlier than it seems now.
+        needed = end - 2 * self._margin
+        if self._pending:
+            needed = min(needed, round(self._times.index(self._pending[0][0])) - self._margin)
+        self._held = held[max(0, needed - first) :].copy()

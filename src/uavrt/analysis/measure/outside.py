@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.measure.pulse_search import MERGE_S, WINDOW_S, Bursts, BurstSearch
 from uavrt.messages import ChannelBlock, Tag
+from uavrt.radio import BlockTimes
 
 LEAST_DB: Final = 15.0
 """Weaker bursts are too often those of noise or of somebody else."""
@@ -72,6 +73,7 @@ class OutsideSearch:
         self._tags = tuple(tags)
         self._window_hz = frequency_window_hz
         self._channels: dict[int, tuple[float, float, BurstSearch]] = {}
+        self._times: dict[int, BlockTimes] = {}
         self._taken: dict[int, int] = {}
         self._waiting: dict[int, list[NDArray[np.complex64]]] = {}
 
@@ -89,8 +91,10 @@ class OutsideSearch:
                 glance=True,
             )
             self._channels[block.channel] = (block.center_frequency_hz, rate_hz, search)
+            self._times[block.channel] = BlockTimes(rate_hz)
         taken = self._taken.get(block.channel, 0)
         if taken < _MOST_S * rate_hz:
+            self._times[block.channel].add(taken, block.time_ns)
             self._taken[block.channel] = now = taken + len(block.samples)
             self._waiting.setdefault(block.channel, []).append(block.samples)
             if now // (_AT_ONCE_S * rate_hz) > taken // (_AT_ONCE_S * rate_hz):
@@ -105,9 +109,10 @@ class OutsideSearch:
     def finish(self) -> list[Outsider]:
         """Get what was found, the strongest first, one for each tag."""
         heard = []
+        start_ns = min((times.start_ns for times in self._times.values()), default=0)
         for channel, (center_hz, rate_hz, search) in self._channels.items():
             self._look(channel)
-            bursts = search.finish()
+            bursts = search.finish().placed(self._times[channel], rate_hz, start_ns)
             there = replace(bursts, frequencies_hz=center_hz + bursts.frequencies_hz)
             heard.append((center_hz, rate_hz, there, self._searched(there)))
         strong = _strong([(bursts, searched) for _, _, bursts, searched in heard])

@@ -14,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from uavrt.dsp import medians, transform_columns
+from uavrt.radio import BlockTimes
 
 WINDOW_S: Final = 0.016
 """Hann window, for pulses of 8 to 50 ms: it loses 3 dB of one of 16 ms, 1 dB of one of 30."""
@@ -51,11 +52,17 @@ class Bursts:
     """Bursts found, in order of time."""
 
     times_s: NDArray[np.float64]
-    """(n,) their middles, since sample 0."""
+    """(n,) their middles, since sample 0; or since the time that they were placed by."""
     frequencies_hz: NDArray[np.float64]
     """(n,) relative to the band's centre, to about a tenth of a bin (60 Hz / 10)."""
     levels_db: NDArray[np.float64]
     """(n,) over the noise in a cell."""
+
+    def placed(self, times: BlockTimes, sample_rate_hz: float, since_ns: int) -> "Bursts":
+        """Put them at the times of the samples, counted from some time."""
+        times_s = times.seconds(self.times_s * sample_rate_hz, since_ns)
+        order = np.argsort(times_s, kind="stable")
+        return Bursts(times_s[order], self.frequencies_hz[order], self.levels_db[order])
 
 
 class BurstSearch:
@@ -116,7 +123,7 @@ class BurstSearch:
         self._found: list[NDArray[np.float64]] = []
 
     def process(self, samples: NDArray[np.complex64]) -> None:
-        """Take the next samples; missing ones are given as zeros."""
+        """Take the next samples; missing ones are left out."""
         data = np.concatenate((self._tail, samples))
         length, hop = self._window.size, self._hop
         frames = (data.size - length) // hop + 1 if data.size >= length else 0
