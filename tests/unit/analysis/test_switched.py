@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gapped import GAP_S, KINDS, write_gapped
 from pulses import pulse_at
 
 from uavrt.analysis.measure.switched import (
@@ -167,6 +168,37 @@ def test_the_whole_way_from_a_scenario_to_a_bearing_by_the_command_line(
     assert found["method"] == "pseudo_doppler"
     assert found["pulses"] >= 6
     assert abs(difference_deg(found["bearing_deg"], truth[0].bearing_deg)) < 5.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_behind_a_gap_a_pulse_is_cut_at_its_true_time(tmp_path: Path, kind: str) -> None:
+    scenario = world(CIRCLE)
+    whole = recorded(scenario, tmp_path / "iq")
+    start_ns = scenario.start_time_ns
+    gap_s = (2.9, 2.9 + GAP_S)
+    gapped = write_gapped(
+        tmp_path / "band",
+        np.fromfile(whole.with_suffix(".sigmf-data"), np.complex64),
+        rate_hz=RATE_HZ,
+        center_hz=148.7e6,
+        start_ns=start_ns,
+        gap_s=gap_s,
+        kind=kind,
+        **{SWITCH_KEY: json.loads(whole.read_text())["global"][SWITCH_KEY]},
+    )
+    behind = 0
+    for one in detected(scenario):
+        at_s = (one.pulse.start_time_ns - start_ns) / 1e9
+        if gap_s[0] - 0.02 < at_s < gap_s[1]:
+            with pytest.raises(UsageError, match="lies in the recording"):
+                switched_bearings(gapped, [one])
+            continue
+        behind += at_s > gap_s[1]
+        (expected,) = switched_bearings(whole, [one])
+        (found,) = switched_bearings(gapped, [one])
+        off_deg = difference_deg(found.bearing.bearing_deg, expected.bearing.bearing_deg)
+        assert abs(off_deg) < 1e-6
+    assert behind >= 3
 
 
 def run(arguments: list[str]) -> None:

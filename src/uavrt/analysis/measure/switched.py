@@ -29,7 +29,7 @@ from uavrt.localization import (
 )
 from uavrt.localization.bearing import Steering
 from uavrt.messages import Pose, PulsePose
-from uavrt.radio import open_recording, sigmf_global
+from uavrt.radio import BlockTimes, open_recording, sigmf_global
 
 SWITCH_KEY = "uavrt:antenna_switch"
 """In the global part of the recording's metadata (docs/reference/formats.md)."""
@@ -164,7 +164,8 @@ def _measured(
     try:
         waiting = list(placed)
         kept = np.empty(0, np.complex64)
-        first, start_ns, rate_hz = 0, source.start_time_ns, source.sample_rate_hz
+        first, rate_hz = 0, source.sample_rate_hz
+        times = BlockTimes(rate_hz)
         while waiting:
             try:
                 block = source.read()
@@ -174,9 +175,10 @@ def _measured(
                 continue
             if block.lost_before or not len(kept):
                 kept, first = np.empty(0, np.complex64), block.sample_index
+            times.add(block.sample_index, block.time_ns)
             kept = np.concatenate([kept, block.samples])
             while waiting:
-                begin, end = _span(waiting[0], start_ns, rate_hz)
+                begin, end = _span(waiting[0], times, rate_hz)
                 if end > first + len(kept):
                     kept, first = kept[max(0, begin - first) :], max(first, begin)
                     break
@@ -198,11 +200,11 @@ def _measured(
         source.close()
 
 
-def _span(one: PulsePose, start_ns: int, rate_hz: float) -> tuple[int, int]:
-    """First and last sample of a pulse without its edges."""
+def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
+    """First and last sample of a pulse without its edges, lost ones counted."""
     width_ns = one.pulse.end_time_ns - one.pulse.start_time_ns
     edge_ns = _EDGE * width_ns
-    begin = (one.pulse.start_time_ns - start_ns + edge_ns) * 1e-9 * rate_hz
+    begin = times.index(one.pulse.start_time_ns + round(edge_ns))
     return round(begin), round(begin + (width_ns - 2.0 * edge_ns) * 1e-9 * rate_hz)
 
 
