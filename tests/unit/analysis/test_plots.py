@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +124,24 @@ def test_missing_samples_are_missing_cells() -> None:
     at_s = np.flatnonzero(gap) * shown.column_s
     assert 0.95 < at_s.min() < 1.05
     assert 2.95 < at_s.max() < 3.05
+
+
+@pytest.mark.parametrize("ppm", [-50.0, 50.0])
+def test_a_crystal_that_is_off_does_not_move_a_pulse(ppm: float) -> None:
+    count = round(3000 * RATE_HZ)
+    samples = noise(3750, 2) * np.float32(0.01)
+    shown = waterfall()
+    for first in range(0, count, 3750):
+        one = block(samples, first)
+        time_ns = one.time_ns + round(first / RATE_HZ * ppm * 1e3)
+        if first == 2990 * 3750:
+            tone = np.zeros(3750, np.complex64)
+            tone[:75] = np.exp(2j * np.pi * 1150.0 / RATE_HZ * np.arange(75))
+            one = replace(one, samples=samples + tone)
+            at_s = (time_ns - block(samples, 0).time_ns) / 1e9
+        shown.add(replace(one, time_ns=time_ns))
+    found_s = int(shown.trace.argmax()) * shown.trace_s + shown.frame_center_s
+    assert found_s == pytest.approx(at_s + 0.01, abs=0.02)
 
 
 def picture_size(path: Path) -> int:

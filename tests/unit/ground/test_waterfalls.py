@@ -4,10 +4,13 @@ import asyncio
 import base64
 import json
 import socket
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from gapped import GAP_S, KINDS, write_gapped
 from numpy.typing import NDArray
 from recorded import START_NS, frames, write_recording
 from websockets.asyncio.client import connect
@@ -15,7 +18,7 @@ from websockets.asyncio.client import connect
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.web.waterfalls import ChannelStream
+from uavrt.ground.web.waterfalls import ChannelStream, recorded_picture
 from uavrt.messages import Tag
 
 TAG = Tag(tag_id=2, frequency_hz=148_712_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
@@ -50,6 +53,29 @@ def test_a_pulse_stands_at_its_time_and_frequency(served: Any, flight_id: str) -
     step_hz = (record["high_hz"] - record["low_hz"]) / (record["rows"] - 1)
     assert record["low_hz"] + row * step_hz == pytest.approx(200.0, abs=2 * step_hz)
     assert np.median(cells) == pytest.approx(255 * 3 / 33, abs=2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_pulse_behind_a_gap_stands_at_its_time(tmp_path: Path, kind: str) -> None:
+    rng = np.random.default_rng(4)
+    rate_hz, start_ns = 48_000.0, 1_714_543_200_000_000_000
+    samples = (rng.normal(size=(240_000, 2)) * 0.01).astype(np.float32).view(np.complex64)[:, 0]
+    at = np.arange(round(4.0 * rate_hz), round(4.02 * rate_hz))
+    samples[at] += (0.01 * np.exp(2j * np.pi * 200.0 * at / rate_hz)).astype(np.complex64)
+    path = write_gapped(
+        tmp_path / "band",
+        samples,
+        rate_hz=rate_hz,
+        center_hz=TAG.frequency_hz,
+        start_ns=start_ns,
+        gap_s=(2.0, 2.0 + GAP_S),
+        kind=kind,
+    )
+    picture = recorded_picture(path, TAG, 0.0, 60.0)
+    cells = cells_of(asdict(picture))
+    column = int(np.unravel_index(int(cells.argmax()), cells.shape)[0])
+    time_s = (picture.start_time_ns - start_ns) / 1e9 + column * picture.column_s
+    assert time_s == pytest.approx(4.0, abs=0.03)
 
 
 def test_only_the_stretch_that_was_asked_for_is_drawn(served: Any, flight_id: str) -> None:

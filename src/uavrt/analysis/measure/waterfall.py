@@ -16,11 +16,15 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from uavrt.messages import ChannelBlock
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 COLUMNS: Final = 1024
 """About as many as a picture has pixels across; no pulse falls between two of them."""
 TRACE_POINTS: Final = 1 << 21
 """Longest trace: 5.8 h at a pulse of 20 ms before pairs are joined; 8 MiB."""
+
+_MOST_OFF: Final = 0.75
+"""Of a frame's distance from the next, half a pulse: so far one may stand beside its time."""
 
 
 class MaximumHold:
@@ -104,30 +108,29 @@ class Waterfall:
         self._hold = MaximumHold(self._bins.size, COLUMNS)
         self._trace = MaximumHold(1, TRACE_POINTS)
         self._tail = np.zeros(0, np.complex64)
-        self._first_index: int | None = None
-        self._next_index = 0
+        self._next_index: int | None = None
         self._frame = 0
         self.start_time_ns = 0
         """Time of the left edge [ns, UTC]."""
 
     def add(self, block: ChannelBlock) -> None:
         """Take the channel's next block."""
-        if self._first_index is None:
-            self._first_index = block.sample_index
-            self.start_time_ns = block.time_ns
-        elif block.sample_index != self._next_index:
+        if self._next_index is None:
+            self._next_index, self.start_time_ns = block.sample_index, block.time_ns
+        since_s = (block.time_ns - self.start_time_ns) / NANOSECONDS_PER_SECOND
+        since, samples = round(since_s * self._rate_hz), block.samples
+        if block.sample_index != self._next_index:
             # After a gap the frames begin anew, on their old grid.
-            since = block.sample_index - self._first_index
-            self._frame = max(self._frame, -(-since // self._hop))
             self._tail = self._tail[:0]
-            skip = self._frame * self._hop - since
-            if skip > 0:
-                block_samples = block.samples[skip:]
-                self._next_index = block.sample_index + len(block.samples)
-                self._take(block_samples)
-                return
+            self._frame = max(0, -(-since // self._hop))
+            samples = samples[self._frame * self._hop - since :]
+        else:
+            # A crystal that is off, or a clock that was corrected, moves them on it.
+            due = (since - len(self._tail)) / self._hop
+            if abs(due - self._frame) > _MOST_OFF and due > -1.0:
+                self._frame = max(0, round(due))
         self._next_index = block.sample_index + len(block.samples)
-        self._take(block.samples)
+        self._take(samples)
 
     @property
     def column_s(self) -> float:
