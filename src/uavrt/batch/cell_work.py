@@ -213,7 +213,9 @@ def _chunk(
         # The blocks are the same whoever computes; the last one is cut at the cell's end.
         if place + len(block.samples) > task.cell.end:
             block = replace(block, samples=block.samples[: task.cell.end - place])
-        gathered.lost += block.lost_before
+        # A gap in what is read again is counted in the cell whose own time it is of.
+        if task.cell.begin_ns is None or block.time_ns >= task.cell.begin_ns:
+            gathered.lost += block.lost_before
         gathered.pulses += chain.process(block)
         place += len(block.samples)
         on_samples(len(block.samples))

@@ -38,6 +38,7 @@ class RecordingRow:
     fault: str | None
     start_time_ns: int | None
     length_s: float
+    """Of its samples; lost ones do not count."""
     sample_rate_hz: float | None
     center_frequency_hz: float | None
     pulses: int

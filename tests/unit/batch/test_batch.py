@@ -12,13 +12,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from archived import CENTER_HZ, COLUMNS, RATE_HZ, TAGS, record
+from archived import CENTER_HZ, COLUMNS, RATE_HZ, START_NS, TAGS, record
+from gapped import write_gapped
 
 from uavrt.analysis.measure import TagSource
 from uavrt.batch import (
     BatchSettings,
     BatchSummary,
     BatchWatch,
+    find_flights,
     find_recordings,
     read_manifest,
     run_batch,
@@ -152,6 +154,31 @@ def test_what_was_changed_is_done_anew_and_nothing_else(archive: Path, tmp_path:
     third = run(folder, output, sought=TagSource(tags=TAGS[:1]))
     assert (third.done_now, third.done_before) == (2, 0)
     assert set(pulses(output)["tag_id"].to_pylist()) == {TAGS[0].tag_id}
+
+
+def test_a_gap_is_counted_once_and_a_flight_ends_after_it(tmp_path: Path) -> None:
+    folder, output = tmp_path / "archive", tmp_path / "output"
+    folder.mkdir()
+    record(tmp_path / "whole.cf32", 110.0, 5, tags=TAGS[:1])
+    write_gapped(
+        folder / "band",
+        np.fromfile(tmp_path / "whole.cf32", np.complex64),
+        rate_hz=RATE_HZ,
+        center_hz=CENTER_HZ,
+        start_ns=START_NS,
+        # Its end is read twice: what the last cell reads before its own time begins there.
+        gap_s=(25.0, 85.0),
+        kind="right",
+    )
+    (folder / "manifest.csv").write_text(LINES)
+    (row,) = run(folder, output).rows
+    assert (row.length_s, row.lost_samples, row.cells) == (50.0, round(60.0 * RATE_HZ), 3)
+    (flight,) = find_flights(output).flights
+    assert flight.end_time_ns == START_NS + 110 * 10**9
+    starts_s = (pulses(output)["start_time_ns"].to_numpy() - START_NS) / 1e9
+    interval_s = TAGS[0].pulse_intervals_s[0]
+    assert np.abs(starts_s / interval_s - np.round(starts_s / interval_s)).max() < 0.01
+    assert starts_s[starts_s > 84.0].size > 12
 
 
 def test_a_broken_recording_is_named_and_the_others_are_done(tmp_path: Path) -> None:
