@@ -12,7 +12,7 @@ from uavrt.clock import iso_utc
 GAP_S = 0.7
 DRIFT_S = 0.18
 """What a crystal that is 50 ppm off is wrong by after an hour."""
-KINDS = ("right", "slow", "fast", "counted anew", "times alone")
+KINDS = ("right", "slow", "fast", "uncounted", "counted anew", "times alone")
 
 
 def write_gapped(
@@ -29,10 +29,12 @@ def write_gapped(
     """Leave out a stretch of samples that stand at their true times.
 
     Until the gap a slow radio has counted fewer samples than its nominal rate makes, a fast one
-    more; one that was opened again counts from 0.
+    more; one that knows nothing of the gap goes on counting, one that was opened again counts
+    from 0.
     """
     begin, end = (round(each * rate_hz) for each in gap_s)
-    drift = round({"slow": -DRIFT_S, "fast": DRIFT_S}.get(kind, 0.0) * rate_hz)
+    drift_s = {"slow": -DRIFT_S, "fast": DRIFT_S, "uncounted": gap_s[0] - gap_s[1]}
+    drift = round(drift_s.get(kind, 0.0) * rate_hz)
     first: dict[str, Any] = {"core:sample_start": 0, "core:frequency": center_hz}
     second = first | {"core:sample_start": begin}
     if kind != "times alone":
