@@ -137,7 +137,8 @@ def integrate_flight(
     ConfigError
         There are no tags.
     RecordingError
-        The recording is too short for this, or the flight has no poses.
+        The recording is too short for this or holds nothing but zeros, or the flight has no
+        poses.
     UsageError
         Recording and poses are not of the same time.
     """
@@ -175,6 +176,11 @@ def integrate_flight(
                 f"the recording holds {seconds:.0f} s, fewer than {LEAST_PULSES} intervals of "
                 f"tag {tag.tag_id}",
                 remedy="Use uavrt detect for so short a recording",
+            )
+        if not samples.any():
+            raise RecordingError(
+                f"all samples of tag {tag.tag_id}'s channel are 0: the radio heard nothing",
+                remedy="Check the recording, and the radio's cable, antenna and gain",
             )
         energies = slot_energies(
             samples,

@@ -25,6 +25,8 @@ _LEVEL_ROWS = 5
 _SEEN_ALONE = 20.0
 """Power over noise that chance reaches once in 5e8 windows."""
 _MOST_GAP_S = 7200.0
+_DEAD_S = 0.1
+"""No noise is exactly 0 for so long: the radio was dead, or a gap was filled with zeros."""
 _CHUNK_S = 6.0
 _HOPS_BESIDE = 16
 """A window two pulses away holds nothing of a loud one's flanks."""
@@ -301,6 +303,7 @@ def slot_energies(
         slots_per_pulse=slots_per_pulse,
     )
     grid, per_slot, reach = layout.grid, layout.columns_per_slot, layout.reach
+    there = there & ~_dead(samples, round(_DEAD_S * sample_rate_hz))
     spectrogram = Spectrogram(grid)
     hop = grid.hop
     middle = grid.rows // 2
@@ -360,6 +363,17 @@ def slot_energies(
         if not tag.coded
         else SinglePulses(level=_tops(single, reach, at), starts_s=pulse_starts_s(tag)),
     )
+
+
+def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
+    """Samples in runs of at least so many that are exactly 0."""
+    edges = np.diff(np.concatenate(([False], samples == 0.0, [False])).astype(np.int8))
+    dead = np.zeros(len(samples), bool)
+    firsts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    long = ends - firsts >= least
+    for first, end in zip(firsts[long].tolist(), ends[long].tolist(), strict=True):
+        dead[first:end] = True
+    return dead
 
 
 def _zeros_around(

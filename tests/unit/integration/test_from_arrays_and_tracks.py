@@ -11,7 +11,7 @@ from command_line import uavrt
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
 from uavrt.config import write_tags
-from uavrt.errors import UsageError
+from uavrt.errors import RecordingError, UsageError
 from uavrt.localization import difference_deg, integrate
 from uavrt.messages import Pose
 from uavrt_experiments.detection.signals import START_NS
@@ -65,6 +65,19 @@ def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) ->
     assert any("samples of 50% of the flight" in text for text in found.limitations)
     half_ns = START_NS + round(0.5e9 * len(samples) / RATE_HZ)
     assert all(one.time_ns < half_ns for one in found.integrated_pulses)
+
+
+def test_a_dead_radio_is_no_silence_of_the_tag(weak: Rotation) -> None:
+    """Zeros were taken for a flight that heard no tag, and the map said where it is not."""
+    with pytest.raises(RecordingError, match="all samples of tag 2's channel are 0"):
+        judged(weak, np.zeros_like(weak.samples))
+    samples = weak.samples.copy()
+    samples[len(samples) // 2 :] = 0.0
+    found = judged(weak, samples)
+    assert any("samples of 50% of the flight" in text for text in found.limitations)
+    lost = weak.samples.copy()
+    lost[len(samples) // 2 :] = np.nan
+    assert found.score == pytest.approx(judged(weak, lost).score, abs=0.2)
 
 
 def test_what_was_heard_without_a_pose_counts_nothing(weak: Rotation) -> None:
