@@ -59,6 +59,7 @@ _NOT_SILENT = (
     "the search of the whole flight (uavrt integrate) says nothing here, as it was for {}: "
     "groups of pulses are told of; integrate again"
 )
+_WITHIN = "of a tag farther than {:g} Hz from its listed frequency it says nothing"
 _ANTENNA_ASSUMED = "nobody told which antenna the drone carried: it is taken for an {}"
 _AMBIGUOUS = (
     "a train on its frequency may be its own (uavrt integrate names it): it cannot be said to "
@@ -113,6 +114,8 @@ class ListenedFlight:
     verdicts: tuple[IntegratedVerdict, ...]
     way_m: tuple[NDArray[np.float64], NDArray[np.float64]]
     """East and north of the flight in the plane of the map."""
+    of_track: bool = False
+    """Whether no detector flew: poses and samples are another program's."""
 
     @classmethod
     def read(
@@ -143,7 +146,10 @@ class ListenedFlight:
             extent = max(float(np.ptp(east)), float(np.ptp(north))) + 2.0 * margin_m
             cell_m = max(_FINEST_M, round(extent / _CELLS))
         size = MapSize(margin_m=margin_m, cell_m=cell_m)
+        of_track = directory.is_file()
         try:
+            if of_track:
+                raise RecordingError("a track tells nothing of it", remedy="Take a flight")
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:
@@ -155,6 +161,7 @@ class ListenedFlight:
             noise_said=said,
             verdicts=tuple(read_integrated(directory)[0] if verdicts is None else verdicts),
             way_m=(east, north),
+            of_track=of_track,
         )
 
     def silent_map(
@@ -193,6 +200,8 @@ class ListenedFlight:
             on_pulse=on_pulse,
         )
         said = [*coverage.limitations, *doubts]
+        if self.of_track and searched is not None:
+            said.append(_WITHIN.format(searched.frequency_window_hz))
         if verdict is None:
             said.append(_NOT_JUDGED)
         elif searched is None and judged:
@@ -222,7 +231,7 @@ class ListenedFlight:
         if searched is None:
             return ()
         found = _otherwise(tag, searched)
-        window_hz = frequency_window_hz(self.flight)
+        window_hz = 0.0 if self.of_track else frequency_window_hz(self.flight)
         if searched.frequency_window_hz < window_hz:
             found.append(
                 f"frequencies within {searched.frequency_window_hz:g} Hz of the listed one, "

@@ -166,7 +166,25 @@ def test_silence_names_the_noise_that_it_is_told_by(
     uavrt(*with_words, "--clock-offset", "40", "--antenna", "RA-23K")
     said = " ".join(capsys.readouterr().out.split())
     assert "not found" in said
-    assert "the map: noise of the drone: not known, its radio's alone is counted" in said
+    assert (
+        "the map: noise of the drone: not known, its radio's alone is counted: a track tells "
+        "nothing of it" in said
+    )
+
+
+def test_silence_of_a_recording_with_a_track_is_that_of_the_search_made(
+    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was told of detectors' groups in 500 Hz, and no detector had been there."""
+    np.random.default_rng(3).normal(size=2 * len(weak.samples)).astype(np.float32).tofile(
+        recorded[2]
+    )
+    uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
+    (said,) = json.loads(capsys.readouterr().out)
+    assert said["silence"]["whole_flight"]
+    told = " ".join(said["silence"]["limitations"])
+    assert "farther than 150 Hz from its listed frequency it says nothing" in told
+    assert "detectors" not in told
 
 
 def test_what_nobody_told_of_a_recording_is_a_limitation(
