@@ -371,10 +371,28 @@ def _judged(
     }
     path = asked.recording or _band_recording(Path(flight.info.directory), wanted)
     if path is None:
+        _check_told_by_channels(asked.opened)
         return integrate_kept(flight, wanted, asked.pattern, on_fault=_tell, **how)
     with closing(open_recording(path, **asked.opened)) as source:
         found = integrate_flight(flight, source, wanted, asked.pattern, **how)
     return [replace(one, limitations=(*one.limitations, *asked.remarks)) for one in found]
+
+
+def _check_told_by_channels(opened: dict[str, Any]) -> None:
+    """Refuse what kept channels tell themselves; raises `ConfigError`."""
+    options = {
+        "format_name": "--format",
+        "sample_rate_hz": "--sample-rate",
+        "center_frequency_hz": "--center-frequency",
+        "start_time_ns": "--start-time",
+    }
+    for name, option in options.items():
+        if opened[name] is not None:
+            raise ConfigError(
+                f"{option} is of a --recording, and the channels that a flight kept tell it "
+                "themselves",
+                remedy=f"Leave {option} out, or name the recording",
+            )
 
 
 def _silent(
@@ -440,11 +458,13 @@ def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
     Raises
     ------
     ConfigError
-        One is not listed.
+        One is not listed, or none is.
     """
+    if not known:
+        raise ConfigError("there are no tags to look for", remedy="Name a tag file with --tags")
     missing = sorted(set(ids) - {one.tag_id for one in known})
     if missing:
-        listed = ", ".join(str(one.tag_id) for one in known) or "none"
+        listed = ", ".join(str(one.tag_id) for one in known)
         raise ConfigError(
             f"there is no tag {missing[0]}", remedy=f"Choose from {listed}, or name --tags"
         )

@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+import sqlite3
 import time
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import uavrt
 from numpy.typing import NDArray
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
@@ -119,6 +121,26 @@ def test_the_command_takes_what_the_flight_kept_by_itself(
     said = capsys.readouterr()
     assert [one["found"] for one in json.loads(said.out)] == [True, False]
     assert "channel_1_Hz_0001.sigmf-meta is not JSON" in " ".join(said.err.split())
+
+
+def test_a_flight_without_tags_is_told_what_it_lacks(
+    flown: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It ended with 1 and said nothing, as if tags had been looked for in vain."""
+    with closing(sqlite3.connect(FlightLayout(flown).database)) as database:
+        database.execute("DELETE FROM tags")
+        database.commit()
+    assert uavrt("integrate", str(flown)) == 2
+    assert "there are no tags to look for" in " ".join(capsys.readouterr().err.split())
+
+
+def test_what_kept_channels_tell_themselves_is_refused(
+    flown: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert uavrt("integrate", str(flown), "--sample-rate", "48000") == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "--sample-rate is of a --recording" in said
+    assert "Leave --sample-rate out" in said
 
 
 def test_a_tag_that_is_not_found_has_the_map_of_where_it_is_not(
