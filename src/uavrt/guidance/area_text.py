@@ -119,7 +119,7 @@ def _told(what: str, remedy: str) -> Iterator[None]:
         RecursionError,
         ET.ParseError,
     ) as error:
-        raise FormatError(f"{what}: {error}", remedy=remedy) from error
+        raise FormatError(f"{what}: {in_words(error)}", remedy=remedy) from error
 
 
 def _read(text: str, *, every: bool = False) -> list[_Outline]:
@@ -175,6 +175,15 @@ def json_in(text: str) -> Any:
         return json.loads(text)
     except json.JSONDecodeError as error:
         raise ValueError(f"it is not JSON from line {error.lineno} on") from None
+
+
+def in_words(error: Exception) -> str:
+    """What is wrong with a text; Python's own words for a strange one help nobody."""
+    if isinstance(error, KeyError):
+        return f"something in it has no {error}"
+    if isinstance(error, AttributeError | TypeError | IndexError):
+        return "it is neither GeoJSON nor a plan: a part of it is of another kind"
+    return str(error)
 
 
 def _of_json(text: str, every: bool) -> Iterator[_Outline]:

@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from uavrt.errors import FormatError
-from uavrt.guidance.area_text import MOST_TEXT, json_in
+from uavrt.guidance.area_text import MOST_TEXT, in_words, json_in
 from uavrt.guidance.orders import Place
 
 _WAYPOINTS = range(16, 23)
@@ -50,7 +50,7 @@ def way_in(text: str, name: str) -> tuple[Place, ...]:
         ET.ParseError,
     ) as error:
         raise FormatError(
-            f"{name} gives no way: {error}",
+            f"{name} gives no way: {in_words(error)}",
             remedy="Name a plan of QGroundControl (.plan), GeoJSON or KML",
         ) from error
     return places if len(places) > 1 else ()

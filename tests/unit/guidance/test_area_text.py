@@ -81,8 +81,9 @@ def test_a_fence_that_is_a_circle_has_corners_all_round() -> None:
     ("text", "reason"),
     [
         ("", "gives no area"),
-        ("[]", "gives no area"),
-        ("{}", "gives no area"),
+        ("[]", "neither GeoJSON nor a plan"),
+        ("null", "neither GeoJSON nor a plan"),
+        ("{}", "has no 'type'"),
         (geojson(RING, RING), "holes"),
         (kml("<innerBoundaryIs/>"), "holes"),
         (geojson(RING[:2]), "three corners"),
