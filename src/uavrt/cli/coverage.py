@@ -3,9 +3,9 @@
 # isort: off
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import (
-    Count,
     Decibels,
     DecibelsOfError,
+    GroupPulses,
     Heights,
     Interval,
     Metres,
@@ -60,7 +60,7 @@ def coverage(
     cell: Side | None = None,
     tags: Path | None = None,
     tag: TagIds = (),
-    pulses: Count = _PULSES,
+    pulses: GroupPulses = _PULSES,
     frequency: TagFrequency = _FREQUENCY_HZ,
     pulse_width: PulseWidth = _PULSE_WIDTH_S,
     interval: Interval = _INTERVAL_S,

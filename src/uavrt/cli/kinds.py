@@ -68,6 +68,8 @@ Count = Annotated[int, Parameter(validator=Between(least=1))]
 """How many, at least one."""
 Counts = tuple[Count, ...]
 """Several of them."""
+GroupPulses = Annotated[int, Parameter(validator=Between(least=1, most=100))]
+"""K, as tag files have it: of longer groups the detector's thresholds are not known."""
 Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """How many, perhaps none."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]

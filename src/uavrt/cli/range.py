@@ -9,8 +9,8 @@ from cyclopts import Parameter
 
 from uavrt.cli.kinds import (
     Count,
-    Counts,
     Decibels,
+    GroupPulses,
     Metres,
     NoiseFigure,
     Power,
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from uavrt.planning import LinkBudget
 
 PROBABILITIES = (0.5, 0.9)
+_PULSES, _FREQUENCY_HZ, _PULSE_WIDTH_S = (3, 10, 20, 40), 150e6, 0.020
+_ANTENNA, _FLIGHT_PULSES = "RA-23K", 400
 _TURN_DEG_S = 6.0
 """Of a drone that turns on the spot, when a whole flight is judged."""
 
@@ -34,16 +36,16 @@ def range(
     height: Metres = 60.0,
     tag_height: Metres = 0.5,
     tags: Path | None = None,
-    pulses: Counts = (3, 10, 20, 40),
-    frequency: TagFrequency = 150e6,
-    pulse_width: PulseWidth = 0.020,
+    pulses: tuple[GroupPulses, ...] = _PULSES,
+    frequency: TagFrequency = _FREQUENCY_HZ,
+    pulse_width: PulseWidth = _PULSE_WIDTH_S,
     antenna_gain: Decibels = 4.0,
     mismatch: Decibels = 3.0,
     noise_figure: NoiseFigure = 8.0,
     flight: tuple[Path, ...] = (),
     whole_flight: Annotated[bool, Parameter(negative="")] = False,
-    antenna: str = "RA-23K",
-    flight_pulses: Count = 400,
+    antenna: str = _ANTENNA,
+    flight_pulses: Count = _FLIGHT_PULSES,
     free_space: Annotated[bool, Parameter(negative="")] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -94,6 +96,23 @@ def range(
     """
     from uavrt.planning import LinkBudget
 
+    if tags is not None:
+        _refuse(
+            {
+                "--pulses": pulses != _PULSES,
+                "--frequency": frequency != _FREQUENCY_HZ,
+                "--pulse-width": pulse_width != _PULSE_WIDTH_S,
+            },
+            "is of a tag without a list, and --tags has its own",
+        )
+    if not whole_flight:
+        _refuse(
+            {
+                "--antenna": antenna != _ANTENNA,
+                "--flight-pulses": flight_pulses != _FLIGHT_PULSES,
+            },
+            "is of a --whole-flight, and groups are heard with --antenna-gain",
+        )
     noise = [_noise(one) for one in flight]
     budget = LinkBudget(
         frequency_hz=frequency,
@@ -129,6 +148,13 @@ def range(
         print(json.dumps([one | {"noise_from": noise} for one in rows], allow_nan=False))
     else:
         _print(rows, budget, noise)
+
+
+def _refuse(given: dict[str, bool], why: str) -> None:
+    """Refuse what would be ignored; raises `ConfigError`."""
+    for option, wrong in given.items():
+        if wrong:
+            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
 
 
 def _tags(
