@@ -182,6 +182,9 @@ def integrate_flight(
                 f"all samples of tag {tag.tag_id}'s channel are 0: the radio heard nothing",
                 remedy="Check the recording, and the radio's cable, antenna and gain",
             )
+        window_hz, beyond = _window_held(
+            tag, frequency_window_hz, centers_hz[channel], plan.channel_rate_hz
+        )
         energies = slot_energies(
             samples,
             there,
@@ -191,25 +194,35 @@ def integrate_flight(
             center_frequency_hz=centers_hz[channel],
             frequency_window_hz=frequency_window_hz,
         )
-        results.append(
-            judged_tag(
-                flight,
-                tag,
-                energies,
-                poses,
-                pattern,
-                searched_for(
-                    tag, pattern, frequency_window_hz, most_drift, assumed=antenna_assumed
-                ),
-                false_alarm_probability,
-                None if hills is None else hills.at(tag.frequency_hz),
-            )
+        judged = judged_tag(
+            flight,
+            tag,
+            energies,
+            poses,
+            pattern,
+            searched_for(tag, pattern, window_hz, most_drift, assumed=antenna_assumed),
+            false_alarm_probability,
+            None if hills is None else hills.at(tag.frequency_hz),
         )
+        results.append(replace(judged, limitations=(*judged.limitations, *beyond)))
         if on_tag is not None:
             on_tag(len(results))
     if not faults:
         return results
     return [replace(one, limitations=(*one.limitations, *faults)) for one in results]
+
+
+def _window_held(
+    tag: Tag, window_hz: float, center_hz: float, rate_hz: float
+) -> tuple[float, tuple[str, ...]]:
+    """Half-width around a tag's frequency that a channel holds on both sides; and in words."""
+    held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
+    if window_hz <= held_hz:
+        return window_hz, ()
+    return held_hz, (
+        f"the channel reaches {held_hz:.0f} Hz from its frequency on both sides: of a "
+        f"--frequency-window of {window_hz:g} Hz no more was searched there",
+    )
 
 
 def searched_for(

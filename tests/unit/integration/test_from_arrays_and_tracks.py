@@ -67,6 +67,21 @@ def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) ->
     assert all(one.time_ns < half_ns for one in found.integrated_pulses)
 
 
+def test_a_window_wider_than_the_channel_is_told_as_what_was_searched(weak: Rotation) -> None:
+    """5000 Hz were said to be searched, of a channel that holds 1875 on either side."""
+    found = integrate(
+        weak.samples,
+        weak.flight.poses,
+        weak.tag,
+        "RA-23K",
+        time_ns=START_NS,
+        sample_rate_hz=RATE_HZ,
+        center_frequency_hz=weak.tag.frequency_hz + 200.0,
+        frequency_window_hz=5000.0,
+    )
+    assert any("reaches 1675 Hz from its frequency" in text for text in found.limitations)
+
+
 def test_a_dead_radio_is_no_silence_of_the_tag(weak: Rotation) -> None:
     """Zeros were taken for a flight that heard no tag, and the map said where it is not."""
     with pytest.raises(RecordingError, match="all samples of tag 2's channel are 0"):
