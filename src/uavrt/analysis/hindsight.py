@@ -179,7 +179,8 @@ def _verdict(flight: Flight, one: IntegratedTag, pulses: int) -> IntegratedVerdi
         heard_live=live,
         remarks="; ".join((*_ambiguity(one), *one.limitations)),
         ambiguous=one.ambiguous is not None,
-        listened=iso_intervals(listened_in(one.energies)),
+        # None at all is a stretch of no length: empty, it would count as not known.
+        listened=iso_intervals(listened_in(one.energies) or ((one.energies.start_ns,) * 2,)),
         parts=() if place is None else parts_of(place),
         region50=() if place is None else rings_of(place, 0.5),
         region95=() if place is None else rings_of(place, 0.95),

@@ -202,6 +202,23 @@ def test_silence_of_a_recording_with_a_track_is_that_of_the_search_made(
     assert "detectors" not in told
 
 
+def test_a_radio_that_was_mostly_dead_finds_no_tag_silent(
+    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where no second was half heard, the map took all of the flight for listened to."""
+    samples = np.random.default_rng(3).normal(size=(len(weak.samples), 2)).astype(np.float32)
+    samples[np.arange(len(samples)) % 3750 > 1000] = 0.0
+    samples.tofile(recorded[2])
+    uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
+    (said,) = json.loads(capsys.readouterr().out)
+    assert (
+        "there are samples of 0% of the flight: of the rest nothing is known"
+        in (said["limitations"])
+    )
+    assert said["silence"]["sure_within_m"] is None
+    assert said["silence"]["share50"] == 0.0
+
+
 def test_what_nobody_told_of_a_recording_is_a_limitation(
     recorded: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
