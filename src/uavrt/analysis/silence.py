@@ -34,6 +34,7 @@ from uavrt.recording import (
     SearchedFor,
     SilentAround,
     read_integrated,
+    read_search_reports,
 )
 from uavrt.terrain import Elevation
 
@@ -50,6 +51,10 @@ for less."""
 _NOT_JUDGED = (
     "nobody has looked for it over the whole flight yet (uavrt integrate), which hears weaker "
     "tags"
+)
+_NOBODY_LISTENED = (
+    "nothing tells that a detector ran in this flight, no report of a search and no pulse: the "
+    "map is of one that would have; uavrt integrate tells what its samples hold"
 )
 _NOT_TOLD = (
     "an earlier version looked for it over the whole flight, and did not write down with which "
@@ -116,6 +121,8 @@ class ListenedFlight:
     """East and north of the flight in the plane of the map."""
     of_track: bool = False
     """Whether no detector flew: poses and samples are another program's."""
+    detectors_ran: bool = True
+    """Whether anything tells that detectors of groups of pulses listened."""
 
     @classmethod
     def read(
@@ -154,6 +161,7 @@ class ListenedFlight:
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:
             noise, said = None, f"not known, its radio's alone is counted: {error.message}"
+        reports = not of_track and (noise is not None or bool(read_search_reports(directory)))
         return cls(
             flight=flight,
             area=map_around(plane, east, north, elevation, size),
@@ -162,6 +170,7 @@ class ListenedFlight:
             verdicts=tuple(read_integrated(directory)[0] if verdicts is None else verdicts),
             way_m=(east, north),
             of_track=of_track,
+            detectors_ran=reports or bool(flight.pulse_poses),
         )
 
     def silent_map(
@@ -208,6 +217,9 @@ class ListenedFlight:
             said.append(_NOT_TOLD)
         if verdict is not None and verdict.ambiguous:
             said.append(_AMBIGUOUS)
+        heard = judged or self.detectors_ran
+        if not heard:
+            said.append(_NOBODY_LISTENED)
         if antenna is None and not antenna_is_told(self.flight):
             said.append(_ANTENNA_ASSUMED.format(named))
         coverage = replace(coverage, limitations=tuple(said))
@@ -223,7 +235,7 @@ class ListenedFlight:
             ambiguous=verdict is not None and verdict.ambiguous,
             noise=self.noise_said,
             antenna=named,
-            sure_within_m=sure_within_m(coverage, *self.way_m),
+            sure_within_m=sure_within_m(coverage, *self.way_m) if heard else None,
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:

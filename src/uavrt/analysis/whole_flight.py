@@ -370,7 +370,9 @@ def chance_in_words(probability: float, flights: int = 1) -> str:
     """Say how often noise alone would show as much, in one flight or in so many together."""
     what = "flights" if flights == 1 else f"groups of {flights} flights"
     if probability >= 0.01:
-        return f"noise alone shows as much in {100.0 * probability:.0f} of 100 {what}"
+        # 1.4 of 100 is not found at a limit of 1: rounded it would pass for found.
+        share = f"{100.0 * probability:.{1 if probability < 0.1 else 0}f}"
+        return f"noise alone shows as much in {share.removesuffix('.0')} of 100 {what}"
     if probability < 1e-9:
         return f"noise alone shows as much in fewer than one of a billion {what}"
     digits = max(0, math.floor(-math.log10(probability)))

@@ -2,8 +2,10 @@
 
 import base64
 import json
+import sqlite3
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -313,6 +315,20 @@ def test_silence_is_that_of_the_search_that_was_made(
     hindsight(flight, silent, found=False)
     told = covered(flight, area, capsys)[silent]
     assert "did not write down" in " ".join(told["limitations"])
+
+
+def test_where_nothing_tells_that_a_detector_ran_silence_is_not_called_sure(
+    write_flight: WriteFlight, area: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Poses alone are no listening: the flight had no samples, no reports and no pulses."""
+    listening, deaf = write_flight(tags=2, heard=1), write_flight(tags=2, heard=0)
+    with closing(sqlite3.connect(deaf / "flight.sqlite")) as database, database:
+        database.execute("DELETE FROM search_reports")
+    for flight, ran in ((listening, True), (deaf, False)):
+        for told in covered(flight, area, capsys).values():
+            doubted = "nothing tells that a detector ran" in " ".join(told["limitations"])
+            assert doubted == (not ran)
+            assert ran or told["sure_within_m"] is None
 
 
 def test_an_antenna_that_nobody_told_is_told_as_assumed(
