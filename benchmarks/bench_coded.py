@@ -23,6 +23,7 @@ from uavrt_experiments.detection.coded import (
     some_codes,
 )
 from uavrt_experiments.detection.signals import START_NS, noise
+from uavrt_experiments.statistics import count_interval
 
 BLOCK = 655
 SIGNAL_S = 20.0
@@ -78,8 +79,9 @@ def wrong_identities(
         [f"limits for {nominal:g}", f"{seen}", f"{count / hours:.3g}", ""]
         for nominal, seen, count in zip(LOWERED, wrong, counts, strict=True)
     ]
-    direct = -math.log(0.05) / (0.5 * hours) if not own else math.nan
-    rows.append([f"limits for {BAR:g}, counted", f"{own}", f"≤ {direct:.2g}", ""])
+    low, high = (bound / (0.5 * hours) for bound in count_interval([own]))
+    told = f"{2.0 * own / hours:.2g} ({low:.2g} … {high:.2g})" if own else f"≤ {high:.2g}"
+    rows.append([f"limits for {BAR:g}, counted", f"{own}", told, ""])
     rows.append([f"limits for {BAR:g}, from the power law", "", *_at_the_bar(counts, hours)])
     sender = "a listed one" if listed else "one that is not listed, but sends,"
     return Table(

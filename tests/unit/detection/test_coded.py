@@ -200,3 +200,26 @@ def test_bursts_are_sifted_together_as_each_is_weighed() -> None:
     ]
     assert 100 < sum(each) < 2900
     assert plausible(energies, good, limits).tolist() == each
+
+
+@pytest.mark.parametrize("enr_db", [20.0, 30.0])
+@pytest.mark.parametrize(
+    ("listed_s", "sent_s"),
+    [
+        ((0.0239, 0.0218, 0.0315), (0.0254, 0.0218, 0.0345)),
+        ((0.0651, 0.0552, 0.0686), (0.0654, 0.0524, 0.0711)),
+    ],
+)
+def test_a_code_that_is_not_listed_is_not_taken_for_one_4_ms_beside_it(
+    listed_s: tuple[float, ...], sent_s: tuple[float, ...], enr_db: float
+) -> None:
+    """The flanks of its pulses were: nine in ten of its bursts at 20 dB were another tag's."""
+    listed = replace(CODES[2], gaps_s=listed_s)
+    sent = replace(CODES[2], gaps_s=sent_s, pulse_intervals_s=(1.1,))
+    wrong = bursts = 0
+    for offset_hz in (-450.0, -250.0, 0.0, 130.0, 400.0):
+        samples = _noise(12.0)
+        bursts += len(_train(samples, sent, enr_db=enr_db, first_s=0.5, offset_hz=offset_hz))
+        wrong += sum(one.confirmed for one in find([listed], samples, RATE_HZ))
+    assert bursts > 40
+    assert wrong <= 1

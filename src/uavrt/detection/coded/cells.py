@@ -61,6 +61,8 @@ class Cells:
         spacing_hz = _ROW_SPACING / pulse_width_s
         rows = max(1, math.ceil((high_hz - low_hz) / spacing_hz)) + 1
         self.offsets_hz = np.linspace(low_hz, high_hz, rows)
+        self.rows_of_a_bin = min(rows - 1, math.ceil(1.0 / _ROW_SPACING))
+        """Rows to either side in which a pulse is heard: one over its width."""
         self._turns = -2j * np.pi * self.offsets_hz[:, None] / sample_rate_hz
         self._kept = math.ceil(kept_s / self.column_s)
         self._recent = math.ceil(recent_s / self.column_s)

@@ -36,6 +36,12 @@ _HIGHER = 2.3
 """Noise amplitudes by which a cell near a pulse may be above that of the pulse."""
 _BESIDE = 0.6
 """Of a pulse's amplitude, most that is just before and after it, beside noise."""
+_ASIDE_S, _ASIDE_NOISE_S = 0.75e-3, 3e-3
+"""A pulse that lies so far beside its place by the code, more than the others do, and so much
+over its amplitude for noise, is not the code's: half of the gaps' tolerance. By the flanks of
+its pulses a code was taken for one whose gaps are 4.5 ms away together, at 20 dB."""
+_FLANK = 0.8
+"""Of a pulse's amplitude, at most that of its flank; more is itself, beside what hits it."""
 _GUARD_S = 0.5e-3
 """Beyond a pulse width from a pulse, its filters' ringing."""
 _CERTAIN = 10.0
@@ -128,10 +134,11 @@ def measure(
     able = np.flatnonzero(could_be(energies, limits))
     seeds, offsets, at, energies = seeds[able], offsets[able], at[able], energies[able]
     rows = seeds[:, 1][:, None]
-    near, shift = _best(cells, rows, at, _POOL)
+    aside, highest = _aside(cells, rows, at)
+    near, shift = _best(cells.recent, rows, at, _POOL)
     at = at + shift
     tall = np.maximum(
-        _best(cells, rows, at, cells.pulse)[0],
+        _best(cells.recent, rows, at, cells.pulse)[0],
         np.maximum(
             cells.recent[np.maximum(rows - 1, 0), at],
             cells.recent[np.minimum(rows + 1, len(cells.recent) - 1), at],
@@ -144,6 +151,7 @@ def measure(
     beside = np.maximum(before, after)
     good = np.sqrt(tall) <= amplitude * (1.0 + _FADING) + _HIGHER
     good &= beside <= _BESIDE * amplitude + _HIGHER
+    good &= ~aside
     # A much stronger signal at another frequency leaks into all rows.
     everywhere = sliding_window_view(
         np.pad(cells.recent.max(axis=0), cells.pulse), 2 * cells.pulse + 1
@@ -155,6 +163,13 @@ def measure(
     usual = _median(amplitude, good)[:, np.newaxis]
     # Where nothing lies that could hide a pulse, a pulse is missing.
     enough &= ~((np.sqrt(near) < _HIT * usual) & ~good).any(axis=1)
+    # One beside its place that is as strong as the others is theirs: of another code. Nor do
+    # flanks of two pulses make a burst with nothing in the other places.
+    tops = np.sqrt(highest)
+    usual = _median(tops, good)[:, np.newaxis]
+    alike = np.abs(tops - usual) <= 3.0 * _FADING * tops + _HIGHER
+    aside &= amplitude < _FLANK * tops
+    enough &= ~((aside & alike) | (good & (tops < _HIT * usual))).any(axis=1)
     own = np.flatnonzero(enough)
     for i in own[plausible(energies[own], good[own], limits)].tolist():
         seed = seeds[i].tolist()
@@ -215,12 +230,32 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
     return best
 
 
+def _aside(
+    cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Which pulses lie beside their places by the code, otherwise than the burst's others.
+
+    And the energies where they are highest, within a pulse width and at any frequency near.
+
+    In a row beside a tag's frequency its pulses have two tops, each up to half a pulse from the
+    middle; where they are is seen in the row that is loudest.
+    """
+    around = cells.recent.copy()
+    for apart in range(1, cells.rows_of_a_bin + 1):
+        np.maximum(around[apart:], cells.recent[:-apart], out=around[apart:])
+        np.maximum(around[:-apart], cells.recent[apart:], out=around[:-apart])
+    highest, shift = _best(around, rows, at, cells.pulse)
+    allowed_s = _ASIDE_S + _ASIDE_NOISE_S / np.sqrt(np.maximum(highest, 1.0))
+    usual = np.median(shift, axis=1, keepdims=True)
+    return np.abs(shift - usual) * cells.column_s > allowed_s, highest
+
+
 def _best(
-    cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp], reach: int
+    recent: NDArray[np.float32], rows: NDArray[np.int32], at: NDArray[np.intp], reach: int
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Largest cells within so many columns, and where."""
-    padded = np.pad(cells.recent, ((0, 0), (reach, reach)), mode="edge")
-    columns = np.clip(at, 0, cells.recent.shape[1] - 1)
+    """Largest of some cells within so many columns, and where."""
+    padded = np.pad(recent, ((0, 0), (reach, reach)), mode="edge")
+    columns = np.clip(at, 0, recent.shape[1] - 1)
     windows = sliding_window_view(padded.ravel(), 2 * reach + 1)
     near = windows[rows.astype(np.intp) * padded.shape[1] + columns]
     which = near.argmax(axis=2)
