@@ -22,6 +22,11 @@ _TOLD = 0.25
 phase moves it by up to 20 Hz, and a pulse so far away passed for a burst."""
 
 
+def _quiet(_track: Track, _found: Measured) -> OnAir:
+    """Nothing else is on air; a function of the module, which detectors are pickled with."""
+    return QUIET
+
+
 class Follower:
     """Follows the tracks of one detector.
 
@@ -44,7 +49,7 @@ class Follower:
         self.epoch_ns = 0
         """Zero of the tracks' seconds."""
         self._tracks: list[Track] = []
-        self._around: Callable[[Track, Measured], OnAir] = lambda track, found: QUIET
+        self._around: Callable[[Track, Measured], OnAir] = _quiet
 
     def seconds(self, index: float) -> float:
         """Time of a sample, as the tracks count it [s]."""
