@@ -4,6 +4,7 @@ Made of the flights in a folder. A flight that lies there twice, as the ground s
 it and as the drone recorded it, counts once, as do the batteries that it flew with.
 """
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,6 +18,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 SAME_PULSES = 0.5
 """Share of the pulses of the shorter copy that the other has, too: the ground station may have
 come late."""
+_SAME_NS = 500_000
+"""A start that came over the link keeps no nanoseconds."""
 SAME_LEVEL_DB = 0.1
 """Of a pulse in two copies of a flight, at most; two drones differ by some 5 dB."""
 SAME_SPAN = 0.9
@@ -136,14 +139,29 @@ def _is_same(one: FlightOutline, other: FlightOutline) -> bool:
         return False
     if one.pulses and other.pulses:
         levels = [read_pulse_levels(each.directory) for each in (one, other)]
-        common = levels[0].keys() & levels[1].keys()
+        common = _common(*levels)
         # Drones side by side hear the same pulses, each as strong as at its own place.
-        same = sum(abs(levels[0][key] - levels[1][key]) <= SAME_LEVEL_DB for key in common)
+        same = sum(abs(first - second) <= SAME_LEVEL_DB for first, second in common)
         return len(common) >= SAME_PULSES * min(map(len, levels)) and same >= SAME_PULSES * len(
             common
         )
     longest = max(each.end_time_ns - each.info.start_time_ns for each in (one, other))
     return not _are_two(one, other) and overlap >= SAME_SPAN * longest
+
+
+def _common(
+    one: dict[tuple[int, int], float], other: dict[tuple[int, int], float]
+) -> list[tuple[float, float]]:
+    """Levels of the pulses that two records share: those of a tag within half a millisecond.
+
+    Not by rounded times: pulses an exact interval apart all lie on a rounding's edge together.
+    """
+    theirs, pairs = sorted(other), []
+    for (tag_id, start_ns), level in one.items():
+        at = bisect_left(theirs, (tag_id, start_ns - _SAME_NS))
+        if at < len(theirs) and theirs[at] <= (tag_id, start_ns + _SAME_NS):
+            pairs.append((level, other[theirs[at]]))
+    return pairs
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:

@@ -16,8 +16,7 @@ _HEARD = (
     " WHERE detection_status = 'confirmed' AND ghost_of_tag_id IS NULL GROUP BY tag_id"
 )
 _LEVELS = (
-    "SELECT tag_id, (start_time_ns + 500000) / 1000000, snr_db FROM pulses"
-    " WHERE detection_status = 'confirmed'"
+    "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
 
 
@@ -92,7 +91,7 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
-    """Read how strong each confirmed pulse was [dB], by tag and start [ms].
+    """Read how strong each confirmed pulse was [dB], by tag and start [ns].
 
     Copies of a flight share them to the last digit; two drones that hear the same pulse at the
     same time, each from its own place, do not. Over the link a start keeps no nanoseconds.
@@ -103,7 +102,7 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
         As `read_outline`.
     """
     with flight_database(directory) as database:
-        return {(tag_id, ms): level for tag_id, ms, level in database.execute(_LEVELS)}
+        return {(tag_id, ns): level for tag_id, ns, level in database.execute(_LEVELS)}
 
 
 def battery_note(percent: int) -> str:

@@ -100,6 +100,23 @@ def test_a_record_with_samples_counts_before_one_with_more_pulses(
     assert heard(output) == (["own"], 69)
 
 
+@pytest.mark.parametrize("beside_ns", [-499_999, -40_000, 0, 460_000, 499_999])
+def test_copies_are_found_wherever_in_a_millisecond_the_pulses_lie(
+    both: tuple[Path, Path], tmp_path: Path, beside_ns: int
+) -> None:
+    """At an edge of rounded milliseconds all pulses of an exact interval were others."""
+    ground, drone = both
+    for directory in both:
+        with closing(sqlite3.connect(directory / "flight.sqlite")) as database:
+            database.execute(
+                "UPDATE pulses SET start_time_ns = start_time_ns + ? - "
+                "(SELECT min(start_time_ns) % 1000000 FROM pulses)",
+                [beside_ns + (37_123 if directory == drone else 0)],
+            )
+            database.commit()
+    assert search(tmp_path / "searched", ground, drone).copies == 1
+
+
 def test_two_drones_that_hear_the_same_pulses_are_two_flights(
     both: tuple[Path, Path], tmp_path: Path
 ) -> None:
