@@ -106,12 +106,13 @@ def test_copies_are_found_wherever_in_a_millisecond_the_pulses_lie(
 ) -> None:
     """At an edge of rounded milliseconds all pulses of an exact interval were others."""
     ground, drone = both
+    with closing(sqlite3.connect(ground / "flight.sqlite")) as database:
+        (first_ns,) = database.execute("SELECT min(start_time_ns) FROM pulses").fetchone()
     for directory in both:
         with closing(sqlite3.connect(directory / "flight.sqlite")) as database:
             database.execute(
-                "UPDATE pulses SET start_time_ns = start_time_ns + ? - "
-                "(SELECT min(start_time_ns) % 1000000 FROM pulses)",
-                [beside_ns + (37_123 if directory == drone else 0)],
+                "UPDATE pulses SET start_time_ns = start_time_ns + ?",
+                [beside_ns - first_ns % 1_000_000],
             )
             database.commit()
     assert search(tmp_path / "searched", ground, drone).copies == 1
