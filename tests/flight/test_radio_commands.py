@@ -113,7 +113,8 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
                 await link.ask("clean_logs")
             await until(lambda: any("Raw capture in" in text for text in operator.texts()))
             await until(lambda: operator.state is SystemState.IDLE)
-            assert operator.steps(CommandId.RAW_CAPTURE)[-1] == COMPLETE
+            # The operation's last step comes in a message of its own.
+            await until(lambda: operator.steps(CommandId.RAW_CAPTURE)[-1] == COMPLETE)
             check_capture(Path(drone.settings.recording.directory), told)
             await link.upload_tags(drone.scenario.tags)
             await link.start_detection(gain=12)

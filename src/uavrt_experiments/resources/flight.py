@@ -148,8 +148,12 @@ class SteadyFlight:
     def _detecting(self) -> bool:
         searching = self.searching()
         serving = sum(health.counters["detectors"] for health in searching)
+        processes = self.status.processes if self.status else ()
+        # The supervisor's own list follows; until then a detector is a nameless helper.
+        named = {one.process for one in processes if one.pid is not None}
         return serving == len(self.tags) and all(
-            health.status in ("detecting", "receiving") for health in searching
+            health.status in ("detecting", "receiving") and health.process in named
+            for health in searching
         )
 
     def searching(self) -> list[Health]:
