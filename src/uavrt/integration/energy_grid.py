@@ -25,6 +25,11 @@ _LEVEL_ROWS = 5
 _SEEN_ALONE = 20.0
 """Power over noise that chance reaches once in 5e8 windows."""
 _MOST_GAP_S = 7200.0
+_MOST_OVERLAP_S = 0.1
+"""Of a block with those before it: a crystal that is 100 ppm fast gathers that in 17 minutes. A
+clock that was set back by more is not followed."""
+_LEAST_OVERLAP_S = 0.0005
+"""Less is how finely times are told (`TIME_STEP_NS` of kept channels)."""
 _DEAD_S = 0.1
 """No noise is exactly 0 for so long: the radio was dead, or a gap was filled with zeros."""
 _CHUNK_S = 6.0
@@ -233,6 +238,9 @@ def gather(
 ) -> tuple[NDArray[np.complex64], NDArray[np.bool_], int]:
     """Put a channel's blocks at their times; zeros stand where samples are missing.
 
+    A crystal that is fast gives more samples than there is time for: what overlaps is left out.
+    A clock that was set back, or by hours, is taken for one that was not.
+
     Parameters
     ----------
     blocks : iterable of (ndarray of complex64, int)
@@ -249,17 +257,22 @@ def gather(
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
-    start_ns = end = 0
+    start_ns = end = set_by = 0
     for samples, time_ns in blocks:
         if not parts:
             start_ns = time_ns
         due = round((time_ns - start_ns) / NANOSECONDS_PER_SECOND * sample_rate_hz)
-        gap = due - end
+        gap = due - end - set_by
+        if not -_MOST_OVERLAP_S * sample_rate_hz <= gap < _MOST_GAP_S * sample_rate_hz:
+            set_by += gap  # a clock that was set
+            gap = 0
         # A crystal off by 50 ppm is 0.2 of a sample late after a second; a loss is more.
-        if gap > 1 and gap < _MOST_GAP_S * sample_rate_hz:
+        if gap > 1:
             gaps.append((end, end + gap))
             parts.append(np.zeros(gap, np.complex64))
             end += gap
+        elif gap <= -max(2.0, _LEAST_OVERLAP_S * sample_rate_hz):
+            samples = samples[-gap:]
         parts.append(np.asarray(samples, np.complex64))
         end += len(samples)
     whole = np.concatenate(parts) if parts else np.zeros(0, np.complex64)
