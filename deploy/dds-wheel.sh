@@ -22,7 +22,7 @@ fetch() { # FILE
     "$python" -c 'import sys, urllib.request as r; r.urlretrieve(*sys.argv[1:])' "$from" "$1"
     echo "$sum  $1" | sha256sum --check --quiet
 }
-[ -z "$only" ] || { fetch "$only"; exit 0; }
+[ -z "$only" ] || { mkdir -p "$(dirname "$only")"; fetch "$only"; exit 0; }
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
 tag=$("$python" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')

@@ -43,6 +43,8 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 _Floats = NDArray[np.float64]
 _Places = tuple[tuple[float, float], ...]
 _LEAST_HEIGHT_M = 1.0
+_ELSEWHERE_M = 50e3
+"""An outline so far beyond the map is not of this ground."""
 MOST_PULSES = 20_000
 
 
@@ -160,11 +162,28 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
         There are none.
     """
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
-    if not cells.any():
+    if cells.any():
+        return np.asarray(cells)
+    corners = np.array(polygon.corners)
+    beyond = np.hypot(
+        corners[:, 0] - np.clip(corners[:, 0], ground.east_m[0], ground.east_m[-1]),
+        corners[:, 1] - np.clip(corners[:, 1], ground.north_m[0], ground.north_m[-1]),
+    )
+    away_m = float(beyond.min())
+    if not away_m:
         raise UsageError(
-            f"the {polygon.name} lies outside the map", remedy="Give a wider --margin"
+            f"the {polygon.name} holds the middle of no square of the map",
+            remedy="Choose smaller squares with --cell",
         )
-    return np.asarray(cells)
+    if away_m > _ELSEWHERE_M:
+        raise UsageError(
+            f"the {polygon.name} lies {away_m / 1e3:,.0f} km beyond the map",
+            remedy="Name an outline of this ground: is longitude written before latitude?",
+        )
+    raise UsageError(
+        f"the {polygon.name} lies {away_m:,.0f} m beyond the map",
+        remedy="Give a wider --margin",
+    )
 
 
 def map_around(
@@ -215,13 +234,7 @@ def map_around(
             f"the elevation files do not tell {ground.unknown_share:.1%} of the map: it has no "
             "figure there"
         )
-    if "ellipsoid" in elevation.datums:
-        limitations.append(
-            "the elevation files count from the ellipsoid: heights are taken from the take-off "
-            "on, for which only differences count"
-        )
-    if elevation.differing_datums is not None:
-        limitations.append(elevation.differing_datums)
+    limitations += elevation.cautions
     return MapArea(ground=ground, hills=True, limitations=tuple(limitations))
 
 

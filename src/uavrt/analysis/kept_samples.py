@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
@@ -45,7 +45,7 @@ def kept_channels(
             layout = sigmf_layout(path)
         except FormatError as error:
             if on_fault is not None:
-                on_fault(str(error))
+                on_fault(error.message)
             continue
         key = (layout.center_frequency_hz, layout.sample_rate_hz)
         count = sum(segment.count for segment in layout.segments)
@@ -86,12 +86,11 @@ def integrate_kept(
     elevation: Elevation | None = None,
     on_progress: Callable[[int, int | None], None] | None = None,
     on_tag: Callable[[int], None] | None = None,
-    on_fault: Callable[[str], None] | None = None,
 ) -> list[IntegratedTag]:
     """Judge a whole flight for each tag from the channels that it kept.
 
     Channel by channel, so that only one is in memory; ring pieces are joined, and what is
-    missing between them is a gap.
+    missing between them is a gap. Pieces that cannot be read are limitations of the result.
 
     Parameters
     ----------
@@ -103,8 +102,6 @@ def integrate_kept(
         As there.
     on_progress, on_tag : callable, optional
         As there.
-    on_fault : callable, optional
-        Takes what could not be read, in words.
 
     Raises
     ------
@@ -115,7 +112,8 @@ def integrate_kept(
     UsageError
         Samples and poses are not of the same time.
     """
-    channels = kept_channels(Path(flight.info.directory), on_fault)
+    unread: list[str] = []
+    channels = kept_channels(Path(flight.info.directory), unread.append)
     channel_of_tag = {tag.tag_id: channel_of(channels, tag) for tag in tags}
     without = [tag for tag in tags if channel_of_tag[tag.tag_id] is None]
     if without:
@@ -143,11 +141,19 @@ def integrate_kept(
                 on_progress=on_progress,
                 on_tag=_further(on_tag, len(results)),
             )
-        results |= {one.tag.tag_id: one for one in judged}
-        for fault in source.left_out:
-            if on_fault is not None:
-                on_fault(fault)
+            faults = left_out_in_words((*unread, *source.left_out))
+        results |= {
+            one.tag.tag_id: replace(one, limitations=(*one.limitations, *faults))
+            for one in judged
+        }
     return [results[tag.tag_id] for tag in tags]
+
+
+def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
+    """What to tell of pieces that cannot be read, each once."""
+    return tuple(
+        f"a piece of the kept samples was left out: {fault}" for fault in dict.fromkeys(faults)
+    )
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from uavrt.errors import ConfigError
+
 if TYPE_CHECKING:
     from uavrt.terrain import Elevation
 
@@ -12,9 +14,16 @@ def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
 
     Raises
     ------
+    ConfigError
+        Water is told of files that are not named.
     FormatError
         There are none, or one is cut off, damaged, or of a kind that is not read.
     """
+    if dem is None and sea:
+        raise ConfigError(
+            "--sea tells what lies beyond the files of --dem, and there are none",
+            remedy="Name them with --dem, or leave it out: without files the ground is level",
+        )
     if dem is None:
         return None
     from uavrt.terrain import open_elevation

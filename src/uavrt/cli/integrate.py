@@ -372,7 +372,7 @@ def _judged(
     path = asked.recording or _band_recording(Path(flight.info.directory), wanted)
     if path is None:
         _check_told_by_channels(asked.opened)
-        return integrate_kept(flight, wanted, asked.pattern, on_fault=_tell, **how)
+        return integrate_kept(flight, wanted, asked.pattern, **how)
     with closing(open_recording(path, **asked.opened)) as source:
         found = integrate_flight(flight, source, wanted, asked.pattern, **how)
     return [replace(one, limitations=(*one.limitations, *asked.remarks)) for one in found]
@@ -493,10 +493,6 @@ def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
             remedy="Name the samples with --recording, or fetch them: uavrt fetch --samples",
         )
     return found[0]
-
-
-def _tell(fault: str) -> None:
-    print(f"uavrt: left out: {fault}", file=sys.stderr)
 
 
 def _time_ns(text: str) -> int:

@@ -237,7 +237,7 @@ class OverGround:
             latitude_deg=float(poses.latitude_deg[first]),
             longitude_deg=float(poses.longitude_deg[first]),
         )
-        said = []
+        said = list(elevation.cautions)
         height_m = float(poses.height_m[first])
         if height_m > _ON_GROUND_M:
             said.append(
@@ -246,8 +246,6 @@ class OverGround:
             )
         if takeoff_amsl_m is not None:
             said += apart_in_words(hills.start_amsl_m, takeoff_amsl_m)
-        if elevation.differing_datums is not None:
-            said.append(elevation.differing_datums)
         return cls(hills=hills.noting(*said), poses=poses)
 
     def noting(self, *limitations: str) -> "OverGround":

@@ -36,7 +36,7 @@ class JoinedRecording:
             try:
                 layout = sigmf_layout(path)
             except FormatError as error:
-                self.left_out.append(str(error))
+                self.left_out.append(error.message)
                 continue
             if any(segment.count for segment in layout.segments):
                 layouts.append(layout)
@@ -81,7 +81,7 @@ class JoinedRecording:
                 self.close()
                 continue
             except FormatError as error:  # it ends in the middle of a sample
-                self.left_out.append(str(error))
+                self.left_out.append(error.message)
                 self.close()
                 continue
             assert block is not None
@@ -101,7 +101,7 @@ class JoinedRecording:
             try:
                 self._source = RecordingSource(layout)
             except FormatError as error:  # removed meanwhile
-                self.left_out.append(str(error))
+                self.left_out.append(error.message)
         if self._source is None:
             raise EOFError(f"{self.name} has ended")
 

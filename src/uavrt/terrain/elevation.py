@@ -15,6 +15,8 @@ from uavrt.errors import UsageError
 from uavrt.geodesy import utm
 from uavrt.units import wrap_degrees_180
 
+ELLIPSOID = "ellipsoid"
+"""The datum of heights that count from it."""
 _Floats = NDArray[np.float64]
 _Window = tuple[int, int, int, int]
 _MOST_POINTS = 150_000_000
@@ -76,14 +78,20 @@ class Elevation:
         return tuple(sorted({one.datum or "not said" for one in self.rasters}))
 
     @property
-    def differing_datums(self) -> str | None:
-        """Say that heights of one map count from several datums; None where they do not."""
-        if len(self.datums) < 2:
-            return None
-        return (
-            f"the elevation files count from several datums ({', '.join(self.datums)}): where "
-            "they meet the ground may have a step of some metres"
-        )
+    def cautions(self) -> tuple[str, ...]:
+        """What an operator must know of what the heights count from, in words."""
+        said = []
+        if ELLIPSOID in self.datums:
+            said.append(
+                "the elevation files count from the ellipsoid: heights are taken from the "
+                "take-off on, for which only differences count"
+            )
+        if len(self.datums) > 1:
+            said.append(
+                f"the elevation files count from several datums ({', '.join(self.datums)}): "
+                "where they meet the ground may have a step of some metres"
+            )
+        return tuple(said)
 
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
         """Heights of places, of any shape; NaN where nothing is known.

@@ -5,9 +5,8 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.terrain import geotiff, srtm
-from uavrt.terrain.elevation import Elevation, Raster
+from uavrt.terrain.elevation import ELLIPSOID, Elevation, Raster
 
-_ELLIPSOID = "ellipsoid"
 _REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder of these"
 
 
@@ -36,8 +35,8 @@ def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
 
 def _check_datums(path: Path, rasters: tuple[Raster, ...]) -> None:
     """Refuse heights over the ellipsoid beside others: a cliff of up to 100 m between them."""
-    above = next((one for one in rasters if one.datum == _ELLIPSOID), None)
-    other = next((one for one in rasters if one.datum != _ELLIPSOID), None)
+    above = next((one for one in rasters if one.datum == ELLIPSOID), None)
+    other = next((one for one in rasters if one.datum != ELLIPSOID), None)
     if above is not None and other is not None:
         says = "does not say what its heights count from"
         if other.datum is not None:

@@ -102,15 +102,20 @@ def geotiff_raster(path: Path) -> Raster:
             f"{path.name} {text}", remedy=f"Run: {command} {path.name} turned.tif"
         ) from None
     except _DAMAGED as error:
+        # Other errors are of the library that reads numbers, and mean nothing to a reader.
+        told = isinstance(error, OSError | ValueError) and not isinstance(error, UnicodeError)
+        why = str(error) if told else "its tags make no sense"
         raise FormatError(
-            f"{path.name} is no GeoTIFF, or cut off: {error}", remedy="Download it again"
+            f"{path.name} is no GeoTIFF, or cut off: {why}", remedy="Download it again"
         ) from error
 
 
 def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
     """Byte order, and the values of the first image's tags."""
     head = file.read(16)
-    order = {b"II": "<", b"MM": ">"}[head[:2]]
+    order = {b"II": "<", b"MM": ">"}.get(head[:2])
+    if order is None or len(head) < 8:
+        raise ValueError("it does not begin as a TIFF")
     version = struct.unpack(order + "H", head[2:4])[0]
     big = version == 43
     if version not in (42, 43):

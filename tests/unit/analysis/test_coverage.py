@@ -150,8 +150,21 @@ def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> N
     with pytest.raises(FormatError, match="gives no area"):
         coverage(tmp_path / "other.kml", tag_power=-50.0)
     far = outline(tmp_path / "far.geojson", 30_000.0, 31_000.0)
-    with pytest.raises(UsageError, match="outside the map"):
+    with pytest.raises(UsageError, match=r"lies 2\d,\d\d\d m beyond the map"):
         coverage(plan, tag_power=-50.0, area=far)
+    elsewhere = outline(tmp_path / "elsewhere.geojson", 3e6, 3.001e6)
+    with pytest.raises(UsageError, match=r"km beyond the map.* before latitude"):
+        coverage(plan, tag_power=-50.0, area=elsewhere)
+    small = outline(tmp_path / "small.geojson", 3.0, 4.0)
+    with pytest.raises(UsageError, match="no square of the map"):
+        coverage(plan, tag_power=-50.0, area=small)
+    with pytest.raises(ConfigError, match="--sea tells what lies beyond the files of --dem"):
+        coverage(plan, tag_power=-50.0, sea=True)
+    (tmp_path / "pictures").mkdir()
+    for content in (b"", b"no picture", b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x01"):
+        (tmp_path / "pictures" / "a.tif").write_bytes(content)
+        with pytest.raises(FormatError, match=r"cut off: it(s tags| does not begin)"):
+            coverage(plan, tag_power=-50.0, dem=tmp_path / "pictures")
 
 
 def test_a_scenario_file_flies_over_hills(tmp_path: Path) -> None:

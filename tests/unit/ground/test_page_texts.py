@@ -244,6 +244,7 @@ def test_what_is_wrong_between_tags_has_words() -> None:
 REMARKS = {
     "uavrt.analysis.coverage": ("map_around", "_above_ground"),
     "uavrt.analysis.hindsight": ("_ambiguity",),
+    "uavrt.analysis.kept_samples": ("left_out_in_words",),
     "uavrt.analysis.listening": ("missing_in_words", "limits_of"),
     "uavrt.analysis.measure.shapes": ("straight_walk",),
     "uavrt.analysis.silence": (
@@ -256,7 +257,7 @@ REMARKS = {
     ),
     "uavrt.localization.position.survey_walk": ("caution",),
     "uavrt.localization.survey_errors": ("cautions_of_survey",),
-    "uavrt.terrain.elevation": ("differing_datums",),
+    "uavrt.terrain.elevation": ("cautions",),
     "uavrt.terrain.hill_losses": ("told",),
 }
 """What says in words how far a place, a map or a verdict is to be trusted."""

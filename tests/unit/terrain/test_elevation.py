@@ -470,6 +470,6 @@ def test_tiles_of_one_datum_beside_a_picture_of_another_are_no_silent_cliff(
             open_elevation(tmp_path)
         return
     elevation = open_elevation(tmp_path)
-    assert elevation.differing_datums is not None
-    assert "EGM96" in elevation.differing_datums
-    assert open_elevation(tmp_path / "N47E008.hgt").differing_datums is None
+    (caution,) = elevation.cautions
+    assert "EGM96" in caution
+    assert open_elevation(tmp_path / "N47E008.hgt").cautions == ()
