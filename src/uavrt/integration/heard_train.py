@@ -18,14 +18,15 @@ from uavrt.integration.places import Places
 from uavrt.integration.whole_flight import FoldedTrain
 
 _Floats = NDArray[np.float64]
-AMPLITUDES = np.arange(0.0, 80.0, 0.1)
-"""Of pulses in noise: up to 38 dB."""
+AMPLITUDES = np.arange(0.0, 22.05, 0.1)
+"""Of pulses in noise, up to 27 dB. From there on a pulse is as far from a strength in decibels
+as the strongest of these is from one as much weaker: noise moves it by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
 STEP_DB = 0.1
 """Between two strengths that are looked up: at half a decibel the pulses of a lane are rounded
 alike, and places 20 m apart differ for that alone."""
 FADING_DB = 1.0
-"""Of single pulses, by what pattern, poses and ground do beyond the model."""
+"""Of single pulses, unless a loud tag shows more: a collar's tilt, a body, reflections."""
 _LEAST_LOG = -30.0
 _LOUD_AS = 6.0
 """A loud pulse of energy E counts as this times ln E: 18 at the limit, 41 at 30 dB."""
@@ -159,12 +160,22 @@ def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
         Energy over noise of the strongest.
     """
     table = likelihood_table(one)
-    amplitude = np.sqrt(np.maximum(one.pulses.energy, 0.0)) / AMPLITUDES[1]
-    column = np.minimum(np.rint(amplitude), len(AMPLITUDES) - 1).astype(np.intp)
-    gain_db = 10.0 * np.log10(gain + 1e-9)
+    column, beyond_db = looked_up(one.pulses.energy)
+    gain_db = 10.0 * np.log10(gain + 1e-9) - beyond_db
     strength = np.rint((gain_db + levels_db[:, np.newaxis] - STRENGTHS_DB[0]) / STEP_DB)
     strength = np.clip(strength, 0, len(table) - 1).astype(np.intp)
     return np.asarray(table[strength, column])
+
+
+def looked_up(energy: _Floats) -> tuple[NDArray[np.intp], _Floats]:
+    """Columns of `likelihood_table` for some energies, and by how much they are beyond it [dB].
+
+    A strength is looked up so much weaker.
+    """
+    amplitude = np.sqrt(np.maximum(energy, 0.0))
+    beyond_db = 20.0 * np.log10(np.maximum(amplitude / AMPLITUDES[-1], 1.0))
+    column = np.rint(np.minimum(amplitude, AMPLITUDES[-1]) / AMPLITUDES[1])
+    return column.astype(np.intp), beyond_db
 
 
 def noise_reaches(one: HeardTrain, share: float) -> float:
@@ -174,15 +185,25 @@ def noise_reaches(one: HeardTrain, share: float) -> float:
     return float(special.gammaincinv(pulses, (1.0 - share) ** (1.0 / many)) / pulses)
 
 
-def likelihood_table(one: HeardTrain) -> _Floats:
+def likelihood_table(one: HeardTrain, fading_db: float = FADING_DB) -> _Floats:
     """Log likelihood ratios of the energies of a train's pulses, or bursts.
 
-    Shape (strengths `STEP_DB` apart, amplitudes).
+    Parameters
+    ----------
+    one : HeardTrain
+    fading_db : float
+        Standard deviation of single pulses, by what pattern, poses and ground do beyond the
+        model.
+
+    Returns
+    -------
+    ndarray of float64, shape (strengths `STEP_DB` apart, amplitudes)
     """
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)
     finer = np.arange(STRENGTHS_DB[0], STRENGTHS_DB[-1] + 0.5 * STEP_DB, STEP_DB)
-    return np.asarray(interpolate.CubicSpline(STRENGTHS_DB, _log_ratios(many, pulses))(finer))
+    logs = _log_ratios(many, pulses, fading_db)
+    return np.asarray(interpolate.CubicSpline(STRENGTHS_DB, logs)(finer))
 
 
 def _exponentials(mean: float) -> float:
@@ -192,7 +213,7 @@ def _exponentials(mean: float) -> float:
     return float(many[int(np.argmin(np.abs(means - mean)))])
 
 
-def _log_ratios(many: float, pulses: int = 1) -> _Floats:
+def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
     """Log likelihood ratio of a slot's energy, shape (strengths, amplitudes).
 
     Of bursts the mean of their pulses stands in place of E, and of the largest of m one may be
@@ -207,7 +228,7 @@ def _log_ratios(many: float, pulses: int = 1) -> _Floats:
         density, law = log_ratio_parts(energy, strength, pulses)
         ratio = density / many + (many - 1.0) / many * law
     step = STRENGTHS_DB[1] - STRENGTHS_DB[0]
-    ratio = ndimage.gaussian_filter1d(ratio, FADING_DB / step, axis=0, mode="nearest")
+    ratio = ndimage.gaussian_filter1d(ratio, fading_db / step, axis=0, mode="nearest")
     ratio = (1.0 - _OUTLIER) * ratio + _OUTLIER
     return np.asarray(np.maximum(np.log(ratio), _LEAST_LOG))
 

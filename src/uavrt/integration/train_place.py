@@ -12,12 +12,12 @@ from scipy import interpolate, ndimage, special
 
 from uavrt.integration.cells import Cells, LikelyGround
 from uavrt.integration.heard_train import (
-    AMPLITUDES,
     FADING_DB,
     STEP_DB,
     STRENGTHS_DB,
     HeardTrain,
     likelihood_table,
+    looked_up,
 )
 from uavrt.integration.places import (
     BEARING_STEP_DEG,
@@ -60,6 +60,17 @@ _LASTING_DB2 = 4.0
 pulses are less, it limits what they say."""
 _NOISY_DB2 = 10.0
 """Variance of a level in noise up to which `_COUNTED` holds."""
+_FADINGS_DB = (FADING_DB, 1.5, 2.0, 3.0, 4.5)
+"""Of single pulses, one of which a loud tag's own levels choose: with 1 dB for all, places of
+tags 10 to 200 m away that fade by 2 dB or more were beside their regions."""
+_LEAST_LOUD = 30.0
+"""Energy of the strongest pulses from which they tell: below, noise moves them by more."""
+_MORE_FADING = 3.0
+"""By so much likelier, in logarithms, more fading than usual must be."""
+_FADING_CELLS = 300
+"""The likeliest cells, by which fadings are compared."""
+_MOST_FADINGS = 3
+"""Times that it is chosen: with more of it other places are likely."""
 _LEAST_FALL = 0.02
 """Share of a fall with distance from which regions hold for it."""
 
@@ -79,6 +90,8 @@ class PlaceBelief:
     arc95_deg: float
     level_db: float
     """Energy over noise of the strongest pulse."""
+    fading_db: float
+    """Standard deviation of single pulses' levels from the model."""
     probability: _Floats
     """(places,)."""
     cells: Cells
@@ -96,35 +109,77 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     heard : sequence of HeardTrain
         Of one flight, or of several of a tag that rested, around one plane's middle.
     """
-    levels_db = _levels_db(heard)
-    tables = [likelihood_table(one) for one in heard]
+    reading = _Reading.of(heard)
+    found = _placed(reading)
+    loudest = max(float(np.quantile(one.pulses.energy, 0.98)) for one in heard)
+    if loudest < _LEAST_LOUD:
+        return found
+    for _ in range(_MOST_FADINGS):
+        fading_db = _likeliest_fading_db(heard, found.cells)
+        if fading_db == reading.fading_db:
+            break
+        reading = _Reading.of(heard, fading_db)
+        found = _placed(reading)
+    return found
+
+
+def _placed(reading: "_Reading") -> PlaceBelief:
+    heard = reading.heard
     gains = common_gains([one.places for one in heard])
     here = heard[0].places
     from_here = (here.east_m, here.north_m)
     falls = _tells_falls(heard, from_here)
-    logs = _all_logs(heard, gains, from_here, tables, levels_db, falls=falls)
-    cells, level_db, probability = _fined(heard, logs, tables, levels_db)
-    return _summary(probability, level_db, cells)
+    logs = _all_logs(reading, gains, from_here, falls=falls)
+    cells, level_db, probability = _fined(reading, logs)
+    return _summary(probability, level_db, reading.fading_db, cells)
+
+
+def _likeliest_fading_db(heard: Sequence[HeardTrain], cells: Cells) -> float:
+    """How much single pulses fade, by their evidence over the likely places."""
+    which = np.argsort(-cells.probability, kind="stable")[:_FADING_CELLS]
+    bearing_deg, range_m = cells.bearing_deg[which], cells.range_m[which]
+    falls = len(cells.by_fall) > 1
+    evidence = []
+    for fading_db in _FADINGS_DB:
+        reading = _Reading.of(heard, fading_db)
+        logs = _logs_anywhere(reading, bearing_deg, range_m, falls=falls, tempered=False)
+        held, _ = _over_levels(logs, reading.levels_db)
+        evidence.append(float(special.logsumexp(held, b=cells.area[which])))
+    best = int(np.argmax(evidence))
+    return _FADINGS_DB[best if evidence[best] - evidence[0] > _MORE_FADING else 0]
 
 
 def train_evidence(one: HeardTrain) -> float:
     """Logarithm of how much likelier a train is with a tag, anywhere, than without one."""
-    levels_db = _levels_db([one])
+    reading = _Reading.of([replace(one, log_trains=None)])
     places = one.places
-    falls = _tells_falls([one], (places.east_m, places.north_m))
+    from_here = (places.east_m, places.north_m)
+    falls = _tells_falls([one], from_here)
     gains = common_gains([places])
-    logs = _all_logs(
-        [replace(one, log_trains=None)],
-        gains,
-        (places.east_m, places.north_m),
-        [likelihood_table(one)],
-        levels_db,
-        falls=falls,
-        tempered=False,
-    )
-    held, _ = _over_levels(logs, levels_db)
+    logs = _all_logs(reading, gains, from_here, falls=falls, tempered=False)
+    held, _ = _over_levels(logs, reading.levels_db)
     share = np.log(places.area / places.area.sum())
     return float(special.logsumexp(held + share))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Reading:
+    """Energies of a tag's flights, and how levels are read from them."""
+
+    heard: Sequence[HeardTrain]
+    fading_db: float
+    tables: tuple[_Floats, ...]
+    levels_db: _Floats
+    """Of the strongest pulse."""
+
+    @classmethod
+    def of(cls, heard: Sequence[HeardTrain], fading_db: float = FADING_DB) -> "_Reading":
+        return cls(
+            heard=heard,
+            fading_db=fading_db,
+            tables=tuple(likelihood_table(one, fading_db) for one in heard),
+            levels_db=_levels_db(heard),
+        )
 
 
 def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
@@ -150,9 +205,9 @@ def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
         return 1.0
     likely = np.argsort(-place.probability, kind="stable")[:_LIKELY]
     held = place.probability[likely]
-    table = likelihood_table(one)
+    table = likelihood_table(one, place.fading_db)
     levels_db = place.level_db + _BETWEEN_DB * np.linspace(-2.0, 2.0, 13)
-    logs = _logs(one, _gain_db(one, gain[likely]), table, levels_db, tempered=False)
+    logs = _logs(one, _gain_db(one, gain[likely]), table, levels_db)
     weight = np.exp(-0.5 * np.linspace(-2.0, 2.0, 13) ** 2)
     own = special.logsumexp(logs, axis=1, b=weight / weight.sum())
     return float(held @ special.expit(own - one.log_trains) / held.sum())
@@ -166,11 +221,9 @@ def _tells_falls(heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floa
 
 
 def _all_logs(
-    heard: Sequence[HeardTrain],
+    reading: _Reading,
     gains: Sequence[_Floats],
     east_north_m: tuple[_Floats, _Floats],
-    tables: Sequence[_Floats],
-    levels_db: _Floats,
     *,
     falls: bool,
     tempered: bool = True,
@@ -180,9 +233,10 @@ def _all_logs(
     Without `falls` there is one, as none can be told from another. Tempered it allows for what
     pulses have in common beyond the model, as places are told apart by it.
     """
+    heard = reading.heard
     gains_db = [_gain_db(one, gain) for one, gain in zip(heard, gains, strict=True)]
     if not falls:
-        return _joint_logs(heard, gains_db, tables, levels_db, tempered)[np.newaxis]
+        return _joint_logs(reading, gains_db, tempered)[np.newaxis]
     away_db = [_away_db(one, *east_north_m) for one in heard]
     top_db = _strongest(gains_db)
     logs = []
@@ -193,7 +247,7 @@ def _all_logs(
         ]
         shift_db = top_db - _strongest(turned_db)  # levels are of the strongest pulse
         turned_db = [one + shift_db for one in turned_db]
-        logs.append(_joint_logs(heard, turned_db, tables, levels_db, tempered))
+        logs.append(_joint_logs(reading, turned_db, tempered))
     return np.asarray(np.stack(logs) + np.log(_EXPONENT_SHARES)[:, np.newaxis, np.newaxis])
 
 
@@ -222,18 +276,15 @@ def _strongest(gains_db: Sequence[_Floats]) -> _Floats:
     return np.asarray(np.max([one.max(axis=1) for one in gains_db], axis=0))[:, np.newaxis]
 
 
-def _joint_logs(
-    heard: Sequence[HeardTrain],
-    gains_db: Sequence[_Floats],
-    tables: Sequence[_Floats],
-    levels_db: _Floats,
-    tempered: bool,
-) -> _Floats:
+def _joint_logs(reading: _Reading, gains_db: Sequence[_Floats], tempered: bool) -> _Floats:
     """Log likelihood ratio of each place and level, over all flights."""
+    heard, levels_db = reading.heard, reading.levels_db
     logs = np.zeros((len(gains_db[0]), len(levels_db)))
-    for one, gain_db, table in zip(heard, gains_db, tables, strict=True):
-        chance = one.log_trains is not None
-        own = _logs(one, gain_db, table, levels_db, tempered=tempered and not chance)
+    for one, gain_db, table in zip(heard, gains_db, reading.tables, strict=True):
+        counted = 1.0
+        if tempered and one.log_trains is None:
+            counted = _counted(one, reading.fading_db)
+        own = _logs(one, gain_db, table, levels_db, counted)
         if one.log_trains is not None:
             # Whether it is the tag's train all of its evidence tells; where it is, less.
             own = _COUNTED * np.logaddexp(0.0, own - one.log_trains)
@@ -259,18 +310,22 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 
 
 def _logs(
-    one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, *, tempered: bool
+    one: HeardTrain,
+    gain_db: _Floats,
+    table: _Floats,
+    levels_db: _Floats,
+    counted: float = 1.0,
 ) -> _Floats:
     """Log likelihood ratio of each place and level, levels a whole number of steps apart.
+
+    Of that of each pulse a share is counted.
 
     Of a tag with several rates the pulses' are not just added up: it may have been at another
     one, and what is silent then says nothing of where it is.
     """
-    amplitude = np.sqrt(np.maximum(one.pulses.energy, 0.0))
-    column = np.minimum(np.rint(amplitude / AMPLITUDES[1]), len(AMPLITUDES) - 1)
-    chosen = table[:, column.astype(np.intp)].T.astype(np.float32)
-    if tempered:
-        chosen *= np.asarray(_counted(one), np.float32)
+    column, beyond_db = looked_up(one.pulses.energy)
+    chosen = table[:, column].T.astype(np.float32)
+    chosen *= np.float32(counted)
     # Levels lie so many of the table's steps apart: those of a place and pulse follow each
     # other among every so many of its rows.
     apart = round((levels_db[1] - levels_db[0]) / STEP_DB)
@@ -289,7 +344,8 @@ def _logs(
     block = max(1, _BLOCK // max(len(at), 1)) if one.rates == 1 else _BLOCK_OF_RATES
     for low in range(0, len(gain_db), block):
         some = slice(low, low + block)
-        first = np.rint((gain_db[some] + levels_db[0] - STRENGTHS_DB[0]) / STEP_DB)
+        told_db = gain_db[some] - beyond_db + levels_db[0]
+        first = np.rint((told_db - STRENGTHS_DB[0]) / STEP_DB)
         first = np.clip(first, -beyond, chosen.shape[1] - 1).astype(np.intp) + beyond
         logs[some] = levels[first % apart, at, first // apart].sum(axis=1)
         if one.rates > 1:
@@ -298,7 +354,7 @@ def _logs(
     return logs
 
 
-def _counted(one: HeardTrain) -> float:
+def _counted(one: HeardTrain, fading_db: float) -> float:
     """Share of a flight's evidence that counts: less where loud pulses make it.
 
     A level of energy E over noise has a variance of 37.7/E dB² by noise (of noncentral
@@ -307,16 +363,14 @@ def _counted(one: HeardTrain) -> float:
     wrong in common would move the place.
     """
     above = np.maximum(one.pulses.energy - one.mean_noise_energy, 0.01)
-    told = 1.0 / (37.7 / above + FADING_DB**2)
+    told = 1.0 / (37.7 / above + fading_db**2)
     beyond = float(told @ np.maximum(told - 1.0 / _NOISY_DB2, 0.0)) / float(told.sum())
     return 1.0 / (1.0 / _COUNTED + _LASTING_DB2 * beyond)
 
 
-def _fined(
-    heard: Sequence[HeardTrain], logs: _Floats, tables: Sequence[_Floats], levels_db: _Floats
-) -> tuple[Cells, float, _Floats]:
+def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
     """Cells, the likely ones in parts; the mean level [dB]; how likely each place is."""
-    places = heard[0].places
+    places, levels_db = reading.heard[0].places, reading.levels_db
     count = len(places.east_m)
     held, level_db = _over_levels(logs, levels_db)
     each = (np.exp(held - held.max()) * places.area).sum(axis=0)
@@ -334,7 +388,7 @@ def _fined(
         if not len(which):
             break
         parts = ground.parts(which)
-        found = _logs_anywhere(heard, parts, tables, levels_db, falls=len(logs) > 1)
+        found = _logs_anywhere(reading, parts.bearing_deg, parts.range_m, falls=len(logs) > 1)
         held, level_db = _over_levels(found, levels_db)
         ground = ground.with_parts(which, replace(parts, logs=held, level_db=level_db))
     held = ground.held
@@ -352,25 +406,28 @@ def _fined(
 
 
 def _logs_anywhere(
-    heard: Sequence[HeardTrain],
-    ground: LikelyGround,
-    tables: Sequence[_Floats],
-    levels_db: _Floats,
+    reading: _Reading,
+    bearing_deg: _Floats,
+    range_m: _Floats,
     *,
     falls: bool,
+    tempered: bool = True,
 ) -> _Floats:
     """As `_all_logs` of cells that are not among the flight's places."""
-    from_here = east_north(ground.bearing_deg, ground.range_m)
+    heard = reading.heard
+    from_here = east_north(bearing_deg, range_m)
     each_db = [one.places.track.gain_db(*from_here) for one in heard]
     strongest_db = np.stack([gain_db.max(axis=1) for gain_db in each_db])
     gains = [
         10.0 ** ((gain_db - strongest_db.max(axis=0)[:, np.newaxis]) / 10.0)
         for gain_db in each_db
     ]
-    return _all_logs(heard, gains, from_here, tables, levels_db, falls=falls)
+    return _all_logs(reading, gains, from_here, falls=falls, tempered=tempered)
 
 
-def _summary(probability: _Floats, level_db: float, cells: Cells) -> PlaceBelief:
+def _summary(
+    probability: _Floats, level_db: float, fading_db: float, cells: Cells
+) -> PlaceBelief:
     held = cells.probability
     east, north = cells.middle_m()
     radius50, radius95 = cells.radii_m(east, north, (0.5, 0.95))
@@ -386,6 +443,7 @@ def _summary(probability: _Floats, level_db: float, cells: Cells) -> PlaceBelief
         arc50_deg=cells.arc_deg(mean, 0.5),
         arc95_deg=cells.arc_deg(mean, 0.95),
         level_db=level_db,
+        fading_db=fading_db,
         probability=probability,
         cells=cells,
     )
