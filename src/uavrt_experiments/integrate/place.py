@@ -61,6 +61,7 @@ def placed(
     enr_db: float,
     pattern_db: float,
     second_s: float | None = None,
+    fading_db: float = 0.0,
 ) -> Placed | None:
     """Fly, search and place; None when it was not found.
 
@@ -74,6 +75,8 @@ def placed(
         By which the true pattern differs from the table.
     second_s : float, optional
         Interval at which the tag is in the second half of the flight.
+    fading_db : float
+        Standard deviation of single pulses' levels from what the course makes of them.
     """
     world = replace(narrow_world(course), second_s=second_s)
     pattern = PATTERNS[course.antenna]
@@ -81,7 +84,12 @@ def placed(
         pattern = disturbed(rng, pattern, pattern_db)
     truth = world.truth(rng)
     samples = silence(rng, course)
-    add_pulses(rng, samples, world.pulses(rng, truth, enr_db, pattern=pattern))
+    sent = world.pulses(rng, truth, enr_db, pattern=pattern)
+    if fading_db:
+        sent = [
+            replace(one, enr_db=one.enr_db + float(rng.normal(0.0, fading_db))) for one in sent
+        ]
+    add_pulses(rng, samples, sent)
     energies = world.energies(samples)
     train = best_train(world, energies)
     if train.false_alarm_probability > NOMINAL:
@@ -211,17 +219,19 @@ def _case(
     *,
     pattern_db: float = 0.0,
     second_s: float | None = None,
+    fading_db: float = 0.0,
     kind: str,
 ) -> Case:
     wrong = f", pattern {pattern_db:g} dB wrong" if pattern_db else ""
     switched = "" if second_s is None else ", another rate in the second half"
-    name = f"{course.name}, {enr_db:g} dB{wrong}{switched}"
+    fades = f", fading by {fading_db:g} dB" if fading_db else ""
+    name = f"{course.name}, {enr_db:g} dB{wrong}{switched}{fades}"
     return Case(
         name=name,
         trials=600,
         seconds=1.0,
-        trial=lambda rng, _: placed(rng, course, enr_db, pattern_db, second_s),
-        rows=_rows(name, kind, barred=not pattern_db),
+        trial=lambda rng, _: placed(rng, course, enr_db, pattern_db, second_s, fading_db),
+        rows=_rows(name, kind, barred=not (pattern_db or fading_db)),
         least=4,
     )
 
@@ -285,6 +295,8 @@ I4 = Experiment(
         _case(passing(), 5.0, kind="mirror"),
         _case(lawnmower(tag="inside"), 12.0, kind="loud"),
         _case(lawnmower(tag="inside"), 25.0, kind="loud"),
+        _case(lawnmower(tag="inside"), 30.0, fading_db=2.5, kind="loud"),
+        _case(lawnmower(tag="inside"), 45.0, fading_db=2.5, kind="loud"),
         _case(stops(), 16.0, second_s=_SECOND_S, kind="loud"),
         _case(stops(), 20.0, pattern_db=1.5, kind="loud"),
     ),

@@ -6,11 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from uavrt.integration import HeardTrain, train_pulses
 from uavrt.integration.cells import Cells, LikelyGround
+from uavrt.integration.heard_train import slot_logs
 from uavrt.integration.train_place import _EXPONENT_SHARES, _EXPONENTS
 from uavrt.localization import Propagation
-from uavrt_experiments.integrate.flights import PLANE, lawnmower
+from uavrt_experiments.integrate.flights import (
+    PLANE,
+    add_pulses,
+    lawnmower,
+    looked_at,
+    silence,
+)
 from uavrt_experiments.integrate.place import placed
+from uavrt_experiments.integrate.sensitivity import best_train, narrow_world
 from uavrt_experiments.integrate.several import fly_past, worlds
 
 
@@ -113,6 +122,47 @@ def test_a_loud_tag_between_lanes_is_as_near_as_its_pulses_tell() -> None:
     assert len(found) == 5
     assert np.median([one.off_m / one.bound_m for one in found]) < 1.3
     assert all(one.held for one in found)
+
+
+def test_levels_of_loud_pulses_are_told_apart() -> None:
+    """All above 28 dB were alike: a tag 30 m beside the way was 500 m off."""
+    rng = np.random.default_rng(4)
+    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
+    world = narrow_world(course)
+    truth = world.truth(rng)
+    samples = silence(rng, course)
+    add_pulses(rng, samples, world.pulses(rng, truth, 45.0))
+    energies = world.energies(samples)
+    places, chosen = looked_at(course)
+    train = best_train(world, energies)
+    pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
+    heard = HeardTrain.among(energies, pulses, places, rates=1)
+    told_db = 10.0 * np.log10(pulses.energy)
+    assert told_db.max() > 42.0
+    levels_db = np.arange(-10.0, 55.0, 0.5)
+    logs = slot_logs(heard, np.ones(len(told_db)), levels_db)
+    loud = told_db > 22.0
+    assert levels_db[logs.argmax(axis=0)][loud] == pytest.approx(told_db[loud] + 1.0, abs=1.1)
+    # A strength 6 dB beside it is not as likely.
+    for beside_db in (-6.0, 6.0):
+        at = np.searchsorted(levels_db, told_db + 1.0 + beside_db)
+        inside = loud & (at < len(levels_db))
+        less = logs.max(axis=0) - logs[np.minimum(at, len(levels_db) - 1), np.arange(len(at))]
+        assert less[inside].min() > 3.0
+
+
+@pytest.mark.parametrize("fading_db", [0.0, 2.5])
+def test_a_loud_tag_tells_how_much_it_fades(fading_db: float) -> None:
+    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
+    flown = [
+        placed(np.random.default_rng((13, seed)), course, 45.0, 0.0, fading_db=fading_db)
+        for seed in range(6)
+    ]
+    found = [one for one in flown if one is not None]
+    assert len(found) == 6
+    assert sum(one.held for one in found) >= 5
+    assert np.median([one.off_m for one in found]) < 8.0
+    assert max(one.off_m for one in found) < 25.0
 
 
 def test_a_strong_tag_as_far_from_both_flights_is_placed() -> None:
