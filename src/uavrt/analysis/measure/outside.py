@@ -6,7 +6,7 @@ repeat at a tag's interval, outside all windows, are reported.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -58,6 +58,55 @@ class Outsider:
         )
 
 
+@dataclass(slots=True, kw_only=True)
+class _Channel:
+    """A channel that is looked at, and what has come of it."""
+
+    center_frequency_hz: float
+    sample_rate_hz: float
+    search: BurstSearch
+    times: BlockTimes
+    most: float
+    """Samples that are looked at."""
+    due: float
+    """Samples from which on it is time to look."""
+    taken: int = 0
+    looked: int = 0
+    """Samples of those that were looked at."""
+    waiting: list[tuple[NDArray[np.complex64], int]] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, block: ChannelBlock) -> "_Channel":
+        rate_hz = block.sample_rate_hz
+        reach_hz = _REACH * rate_hz
+        return cls(
+            center_frequency_hz=block.center_frequency_hz,
+            sample_rate_hz=rate_hz,
+            search=BurstSearch(
+                sample_rate_hz=rate_hz,
+                low_hz=-reach_hz,
+                high_hz=reach_hz,
+                least_db=LEAST_DB,
+                hop_s=_HOP_S,
+                glance=True,
+            ),
+            times=BlockTimes(rate_hz),
+            most=_MOST_S * rate_hz,
+            due=_AT_ONCE_S * rate_hz,
+        )
+
+    def look(self) -> None:
+        """Look for bursts in what has come."""
+        waiting, self.waiting = self.waiting, []
+        for samples, time_ns in waiting:
+            self.times.add(self.looked, time_ns)
+            self.looked += len(samples)
+        if waiting:
+            self.search.process(np.concatenate([samples for samples, _ in waiting]))
+        at_once = _AT_ONCE_S * self.sample_rate_hz
+        self.due = (self.taken // at_once + 1.0) * at_once
+
+
 class OutsideSearch:
     """Looks for tags' pulses beside their windows.
 
@@ -72,47 +121,32 @@ class OutsideSearch:
     def __init__(self, tags: Sequence[Tag], frequency_window_hz: float) -> None:
         self._tags = tuple(tags)
         self._window_hz = frequency_window_hz
-        self._channels: dict[int, tuple[float, float, BurstSearch]] = {}
-        self._times: dict[int, BlockTimes] = {}
-        self._taken: dict[int, int] = {}
-        self._waiting: dict[int, list[NDArray[np.complex64]]] = {}
+        self._channels: dict[int, _Channel] = {}
 
     def add(self, block: ChannelBlock) -> None:
-        """Process the next block of a channel."""
-        rate_hz = block.sample_rate_hz
-        if block.channel not in self._channels:
-            reach_hz = _REACH * rate_hz
-            search = BurstSearch(
-                sample_rate_hz=rate_hz,
-                low_hz=-reach_hz,
-                high_hz=reach_hz,
-                least_db=LEAST_DB,
-                hop_s=_HOP_S,
-                glance=True,
-            )
-            self._channels[block.channel] = (block.center_frequency_hz, rate_hz, search)
-            self._times[block.channel] = BlockTimes(rate_hz)
-        taken = self._taken.get(block.channel, 0)
-        if taken < _MOST_S * rate_hz:
-            self._times[block.channel].add(taken, block.time_ns)
-            self._taken[block.channel] = now = taken + len(block.samples)
-            self._waiting.setdefault(block.channel, []).append(block.samples)
-            if now // (_AT_ONCE_S * rate_hz) > taken // (_AT_ONCE_S * rate_hz):
-                self._look(block.channel)
+        """Process the next block of a channel.
 
-    def _look(self, channel: int) -> None:
-        """Look for bursts in what has come of a channel."""
-        waiting = self._waiting.pop(channel, None)
-        if waiting:
-            self._channels[channel][2].process(np.concatenate(waiting))
+        They come a thousand times a second for a hundred tags, and nearly all only wait.
+        """
+        channel = self._channels.get(block.channel)
+        if channel is None:
+            channel = self._channels[block.channel] = _Channel.of(block)
+        if channel.taken >= channel.most:
+            return
+        channel.waiting.append((block.samples, block.time_ns))
+        channel.taken += len(block.samples)
+        if channel.taken >= channel.due:
+            channel.look()
 
     def finish(self) -> list[Outsider]:
         """Get what was found, the strongest first, one for each tag."""
         heard = []
-        start_ns = min((times.start_ns for times in self._times.values()), default=0)
-        for channel, (center_hz, rate_hz, search) in self._channels.items():
-            self._look(channel)
-            bursts = search.finish().placed(self._times[channel], rate_hz, start_ns)
+        for channel in self._channels.values():
+            channel.look()
+        start_ns = min((one.times.start_ns for one in self._channels.values()), default=0)
+        for channel in self._channels.values():
+            center_hz, rate_hz = channel.center_frequency_hz, channel.sample_rate_hz
+            bursts = channel.search.finish().placed(channel.times, rate_hz, start_ns)
             there = replace(bursts, frequencies_hz=center_hz + bursts.frequencies_hz)
             heard.append((center_hz, rate_hz, there, self._searched(there)))
         strong = _strong([(bursts, searched) for _, _, bursts, searched in heard])

@@ -149,9 +149,10 @@ class DetectionChain:
                 channel = self._finite(channel)
             if self._on_channel is not None:
                 self._on_channel(channel)
-            if channel.channel in self._group:
-                self._group.put(channel.channel, channel.samples, channel.time_ns)
-            if (coded := self._coded.get(channel.channel)) is not None:
+            number = channel.channel
+            if number in self._group:
+                self._group.put(number, channel.samples, channel.time_ns)
+            if self._coded and (coded := self._coded.get(number)) is not None:
                 bursts += coded.process(channel.samples, channel.time_ns)
         return self._reported(self._group.collect() + bursts)
 
