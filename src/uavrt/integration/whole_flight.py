@@ -58,6 +58,10 @@ _LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 _LOUD_SHARE = 0.02
 """Of the false alarms, for trains of pulses each of which is loud: they are beyond doubt."""
 _LEAST_LOUD = 4
+_ALIKE = 0.95
+"""Share of the best train's logarithm from which another may be of the same marks."""
+_FOR_MIDDLES = 0.4
+"""Of a pulse, so that it never counts as one more or less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -422,6 +426,9 @@ def search_flight(
     weak = _weak_trains(energies, weights, folded, tag, most)
     loud = _loud_trains(energies, tag, most)
     both = sorted([*weak, *loud], key=lambda one: one.false_alarm_probability)
+    if both and both[0].loud:  # of trains of the same pulses the most central
+        first = next(one for one in loud if one.rate == both[0].rate)
+        both = [first, *(one for one in both if one is not first)]
     return both[:most]
 
 
@@ -512,8 +519,9 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
         return []
     trains = []
     plain = plain_weights(energies)
+    marks = _marks(energies, rows, min(low_s for low_s, _ in intervals_searched(tag)))
     parts = [
-        peaks(energies.loud.astype(np.float32), rows, plain, energies.slot_s, between)
+        peaks(marks, rows, plain, energies.slot_s, between)
         for between in intervals_searched(tag)
     ]
     cells = _cells(energies, tag) * len(energies.energy)
@@ -522,9 +530,43 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
         logs = loud_tail(energies, found, plain)
         trains += [
             _train(energies, found, at, float(logs[at]), hypotheses, rate, loud=True)
-            for at in np.argsort(logs, kind="stable")[:most].tolist()
+            for at in _through_middles(logs, found, energies)[:most].tolist()
         ]
     return trains
+
+
+def _through_middles(logs: _Floats, found: Peaks, energies: SlotEnergies) -> NDArray[np.intp]:
+    """Order of peaks of marks: the likeliest, but of nearly as likely ones the most central.
+
+    A frequency beside a pulse's has fewer marks, so as many of them are a little less likely.
+    """
+    order = np.argsort(logs, kind="stable")
+    alike = order[logs[order] <= _ALIKE * logs[order[0]]] if len(order) else order
+    seen = found.score[alike] / np.sqrt(found.interval[alike] * energies.slot_s)
+    central = alike[np.argsort(-seen, kind="stable")]
+    return np.concatenate((central, order[len(alike) :]))
+
+
+def _marks(
+    energies: SlotEnergies, rows: NDArray[np.intp], shortest_s: float
+) -> NDArray[np.float32]:
+    """Marks of loud pulses, 1 each and less than a half more in all of a train.
+
+    A pulse marks the slots within its jitter and the frequencies of its flanks, so many trains
+    have as many marks; the one through their middles, at the loudest, has the most.
+    """
+    marks = np.zeros(energies.loud.shape, np.float32)
+    most = max(energies.loud.shape[1] * energies.slot_s / shortest_s, 1.0)
+    loudest = np.maximum(energies.level.max(axis=0), 1e-9)
+    for row in rows.tolist():
+        loud = energies.loud[row]
+        at = np.arange(len(loud))
+        before = at - np.maximum.accumulate(np.where(loud, -1, at))
+        after = np.minimum.accumulate(np.where(loud, len(at), at)[::-1])[::-1] - at
+        middle = np.minimum(before, after) / np.maximum(np.maximum(before, after), 1)
+        more = middle * energies.level[row] / loudest
+        marks[row] = np.where(loud, 1.0 + _FOR_MIDDLES / most * more, 0.0)
+    return marks
 
 
 def loud_tail(energies: SlotEnergies, found: Peaks, plain: Weights) -> _Floats:
