@@ -70,7 +70,9 @@ def train_pulses(
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
     count = int((span_s - train.phase_s) / train.interval_s) + 1
-    weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
+    weight = np.ones(slots)
+    if not train.loud:  # its marks tell of no place
+        weight = np.interp(energies.time_s, gain_time_s, gain / (0.5 + gain))
     step_s = slot_s / max(count - 1, 1)
     row = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
     rows = range(max(0, row - 1), min(len(energies.energy), row + 2))

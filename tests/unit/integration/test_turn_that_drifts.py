@@ -53,6 +53,16 @@ def carried(rng: np.random.Generator, speed_m_s: float, away_m: float) -> Course
     )
 
 
+def still(course: Course) -> Course:
+    """The same turn in the middle of its way."""
+    middle = np.ones_like(course.east_m)
+    return replace(
+        course,
+        east_m=course.east_m.mean() * middle,
+        north_m=course.north_m.mean() * middle,
+    )
+
+
 def flight_of(course: Course, world: World) -> Flight:
     """The flight with the poses of a course."""
     poses = course.poses
@@ -91,7 +101,9 @@ def flight_of(course: Course, world: World) -> Flight:
     )
 
 
-def turned(seed: int, path: Path, speed_m_s: float, enr_db: float) -> Told:
+def turned(
+    seed: int, path: Path, speed_m_s: float, enr_db: float, *, in_one_place: bool = False
+) -> Told:
     rng = np.random.default_rng((31, seed))
     course = carried(rng, speed_m_s, 200.0 + 50.0 * seed)
     world = World(course=course, window_hz=WINDOW_HZ, spread_s=0.04)
@@ -107,7 +119,7 @@ def turned(seed: int, path: Path, speed_m_s: float, enr_db: float) -> Told:
     )
     try:
         (one,) = integrate_flight(
-            flight_of(course, world),
+            flight_of(still(course) if in_one_place else course, world),
             source,
             [world.tag],
             PATTERNS["RA-23K"],
@@ -138,5 +150,6 @@ def test_a_turn_carried_off_by_the_wind_finds_and_places_its_tag(
 
 
 def test_where_the_drone_was_at_each_pulse_counts(tmp_path: Path) -> None:
-    """Taken as turning in one place, this tag 400 m away is 8° off, and not 1°."""
-    assert turned(4, tmp_path, 1.0, 14.0).off_deg < 4.0
+    """At 4 m/s, 200 m from the tag: taken as turning in one place it is 19° off."""
+    assert turned(0, tmp_path, 4.0, 20.0).off_deg < 4.0
+    assert turned(0, tmp_path, 4.0, 20.0, in_one_place=True).off_deg > 10.0
