@@ -137,12 +137,13 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 def _likeliest_fading_db(heard: Sequence[HeardTrain], cells: Cells) -> float:
     """How much single pulses fade, by their evidence over the likely places."""
     which = np.argsort(-cells.probability, kind="stable")[:_FADING_CELLS]
-    bearing_deg, range_m = cells.bearing_deg[which], cells.range_m[which]
+    from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
+    gains = _gains_anywhere(heard, from_here)
     falls = len(cells.by_fall) > 1
     evidence = []
     for fading_db in _FADINGS_DB:
         reading = _Reading.of(heard, fading_db)
-        logs = _logs_anywhere(reading, bearing_deg, range_m, falls=falls, tempered=False)
+        logs = _all_logs(reading, gains, from_here, falls=falls, tempered=False)
         held, _ = _over_levels(logs, reading.levels_db)
         evidence.append(float(special.logsumexp(held, b=cells.area[which])))
     best = int(np.argmax(evidence))
@@ -388,7 +389,9 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
         if not len(which):
             break
         parts = ground.parts(which)
-        found = _logs_anywhere(reading, parts.bearing_deg, parts.range_m, falls=len(logs) > 1)
+        from_here = east_north(parts.bearing_deg, parts.range_m)
+        gains = _gains_anywhere(reading.heard, from_here)
+        found = _all_logs(reading, gains, from_here, falls=len(logs) > 1)
         held, level_db = _over_levels(found, levels_db)
         ground = ground.with_parts(which, replace(parts, logs=held, level_db=level_db))
     held = ground.held
@@ -405,24 +408,13 @@ def _fined(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Floats]:
     return cells, float((held * ground.level_db).sum()), each / each.sum()
 
 
-def _logs_anywhere(
-    reading: _Reading,
-    bearing_deg: _Floats,
-    range_m: _Floats,
-    *,
-    falls: bool,
-    tempered: bool = True,
-) -> _Floats:
-    """As `_all_logs` of cells that are not among the flight's places."""
-    heard = reading.heard
-    from_here = east_north(bearing_deg, range_m)
-    each_db = [one.places.track.gain_db(*from_here) for one in heard]
-    strongest_db = np.stack([gain_db.max(axis=1) for gain_db in each_db])
-    gains = [
-        10.0 ** ((gain_db - strongest_db.max(axis=0)[:, np.newaxis]) / 10.0)
-        for gain_db in each_db
-    ]
-    return _all_logs(reading, gains, from_here, falls=falls, tempered=tempered)
+def _gains_anywhere(
+    heard: Sequence[HeardTrain], east_north_m: tuple[_Floats, _Floats]
+) -> list[_Floats]:
+    """As `common_gains` of places that are not among the flights' own."""
+    each_db = [one.places.track.gain_db(*east_north_m) for one in heard]
+    strongest_db = np.max([gain_db.max(axis=1) for gain_db in each_db], axis=0)
+    return [10.0 ** ((gain_db - strongest_db[:, np.newaxis]) / 10.0) for gain_db in each_db]
 
 
 def _summary(
