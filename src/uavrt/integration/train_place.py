@@ -60,12 +60,12 @@ _LASTING_DB2 = 4.0
 pulses are less, it limits what they say."""
 _NOISY_DB2 = 10.0
 """Variance of a level in noise up to which `_COUNTED` holds."""
-_FADINGS_DB = (FADING_DB, 1.5, 2.0, 3.0, 4.5)
+_FADINGS_DB = (FADING_DB, 2.0, 3.0, 4.5)
 """Of single pulses, one of which a loud tag's own levels choose: with 1 dB for all, places of
 tags 10 to 200 m away that fade by 2 dB or more were beside their regions."""
 _LEAST_LOUD = 30.0
 """Energy of the strongest pulses from which they tell: below, noise moves them by more."""
-_MORE_FADING = 3.0
+_MORE_FADING = 10.0
 """By so much likelier, in logarithms, more fading than usual must be."""
 _FADING_CELLS = 300
 """The likeliest cells, by which fadings are compared."""
