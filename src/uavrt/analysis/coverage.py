@@ -1,5 +1,6 @@
 """Maps of where a tag is heard: before a flight of its plan, after it of its poses."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -164,12 +165,14 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():
         return np.asarray(cells)
-    corners = np.array(polygon.corners)
-    beyond = np.hypot(
-        corners[:, 0] - np.clip(corners[:, 0], ground.east_m[0], ground.east_m[-1]),
-        corners[:, 1] - np.clip(corners[:, 1], ground.north_m[0], ground.north_m[-1]),
-    )
-    away_m = float(beyond.min())
+    half_m = 0.5 * ground.cell_m
+    beyond = [
+        along - np.clip(along, middles[0] - half_m, middles[-1] + half_m)
+        for along, middles in zip(
+            np.array(polygon.corners).T, (ground.east_m, ground.north_m), strict=True
+        )
+    ]
+    away_m = float(np.hypot(*beyond).min())
     if not away_m:
         raise UsageError(
             f"the {polygon.name} holds the middle of no square of the map",
@@ -178,10 +181,10 @@ def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
     if away_m > _ELSEWHERE_M:
         raise UsageError(
             f"the {polygon.name} lies {away_m / 1e3:,.0f} km beyond the map",
-            remedy="Name an outline of this ground: is longitude written before latitude?",
+            remedy="Name an outline of this ground; maybe its coordinates are swapped",
         )
     raise UsageError(
-        f"the {polygon.name} lies {away_m:,.0f} m beyond the map",
+        f"the {polygon.name} lies {math.ceil(away_m):,} m beyond the map",
         remedy="Give a wider --margin",
     )
 

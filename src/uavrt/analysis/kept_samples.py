@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
-from uavrt.errors import FormatError, RecordingError
+from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.localization import AntennaPattern
 from uavrt.messages import Tag
 from uavrt.radio import JoinedRecording, sigmf_layout
@@ -117,9 +117,12 @@ def integrate_kept(
     channel_of_tag = {tag.tag_id: channel_of(channels, tag) for tag in tags}
     without = [tag for tag in tags if channel_of_tag[tag.tag_id] is None]
     if without:
-        raise RecordingError(
+        none = (
             f"{flight.info.directory} kept no samples of tag {without[0].tag_id}, at "
-            f"{without[0].frequency_hz / 1e6:.4f} MHz",
+            f"{without[0].frequency_hz / 1e6:.4f} MHz"
+        )
+        raise RecordingError(
+            "; ".join((none, *left_out_in_words(unread))),
             remedy="Name a recording with --recording, or only tags of the flight with --tag",
         )
     results: dict[int, IntegratedTag] = {}
@@ -128,19 +131,27 @@ def integrate_kept(
         if not some:
             continue
         with closing(JoinedRecording(channel.paths)) as source:
-            judged = integrate_flight(
-                flight,
-                source,
-                some,
-                pattern,
-                frequency_window_hz=frequency_window_hz,
-                false_alarm_probability=false_alarm_probability,
-                most_drift=most_drift,
-                antenna_assumed=antenna_assumed,
-                elevation=elevation,
-                on_progress=on_progress,
-                on_tag=_further(on_tag, len(results)),
-            )
+            try:
+                judged = integrate_flight(
+                    flight,
+                    source,
+                    some,
+                    pattern,
+                    frequency_window_hz=frequency_window_hz,
+                    false_alarm_probability=false_alarm_probability,
+                    most_drift=most_drift,
+                    antenna_assumed=antenna_assumed,
+                    elevation=elevation,
+                    on_progress=on_progress,
+                    on_tag=_further(on_tag, len(results)),
+                )
+            except (RecordingError, UsageError) as error:
+                faults = left_out_in_words((*unread, *source.left_out))
+                if not faults:
+                    raise
+                raise type(error)(
+                    "; ".join((error.message, *faults)), remedy=error.remedy
+                ) from error
             faults = left_out_in_words((*unread, *source.left_out))
         results |= {
             one.tag.tag_id: replace(one, limitations=(*one.limitations, *faults))

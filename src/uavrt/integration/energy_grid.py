@@ -28,8 +28,8 @@ _MOST_GAP_S = 7200.0
 _MOST_OVERLAP_S = 0.1
 """Of a block with those before it: a crystal that is 100 ppm fast gathers that in 17 minutes. A
 clock that was set back by more is not followed."""
-_LEAST_OVERLAP_S = 0.0005
-"""Less is how finely times are told (`TIME_STEP_NS` of kept channels)."""
+_LEAST_STEP_S = 0.0015
+"""Times are not known more finely: each step that is followed costs a window."""
 _DEAD_S = 0.1
 """No noise is exactly 0 for so long: the radio was dead, or a gap was filled with zeros."""
 _CHUNK_S = 6.0
@@ -239,7 +239,7 @@ def gather(
     """Put a channel's blocks at their times; zeros stand where samples are missing.
 
     A crystal that is fast gives more samples than there is time for: what overlaps is left out.
-    A clock that was set back, or by hours, is taken for one that was not.
+    A clock that was set back, or by hours, is treated as if it had not been set.
 
     Parameters
     ----------
@@ -258,7 +258,10 @@ def gather(
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
     start_ns = end = set_by = 0
+    least = max(2.0, _LEAST_STEP_S * sample_rate_hz)
     for samples, time_ns in blocks:
+        if not len(samples):
+            continue
         if not parts:
             start_ns = time_ns
         due = round((time_ns - start_ns) / NANOSECONDS_PER_SECOND * sample_rate_hz)
@@ -266,12 +269,11 @@ def gather(
         if not -_MOST_OVERLAP_S * sample_rate_hz <= gap < _MOST_GAP_S * sample_rate_hz:
             set_by += gap  # a clock that was set
             gap = 0
-        # A crystal off by 50 ppm is 0.2 of a sample late after a second; a loss is more.
-        if gap > 1:
+        if gap >= least:
             gaps.append((end, end + gap))
             parts.append(np.zeros(gap, np.complex64))
             end += gap
-        elif gap <= -max(2.0, _LEAST_OVERLAP_S * sample_rate_hz):
+        elif gap <= -least:
             samples = samples[-gap:]
         parts.append(np.asarray(samples, np.complex64))
         end += len(samples)

@@ -19,8 +19,8 @@ from uavrt.integration.whole_flight import FoldedTrain
 
 _Floats = NDArray[np.float64]
 AMPLITUDES = np.arange(0.0, 22.05, 0.1)
-"""Of pulses in noise, up to 27 dB. From there on a pulse is as far from a strength in decibels
-as the strongest of these is from one as much weaker: noise moves it by less than 0.3 dB."""
+"""Of pulses in noise, up to 27 dB. A stronger pulse is compared as if it and the strength were
+both weaker by the same decibels: noise moves it by less than 0.3 dB."""
 STRENGTHS_DB = np.arange(-40.0, 44.0, 0.5)
 STEP_DB = 0.1
 """Between two strengths that are looked up: at half a decibel the pulses of a lane are rounded
@@ -37,7 +37,10 @@ so that a tag that was passed seemed farther away than it was."""
 _LEAST_QUIET = 200
 """Slots without pulses from which the noise is taken."""
 _OUTLIER = 0.02
-"""Share of the pulses that tell nothing: blocked, covered, a moved head."""
+"""Share of the pulses that tell nothing: blocked, covered, a moved head. As many are there, but
+much weaker or stronger than they should be …"""
+_ODD_FADING_DB = 6.0
+"""… by so much: half hidden by a body, two at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -230,8 +233,11 @@ def _log_ratios(many: float, pulses: int, fading_db: float) -> _Floats:
         density, law = log_ratio_parts(energy, strength, pulses)
         ratio = density / many + (many - 1.0) / many * law
     step = STRENGTHS_DB[1] - STRENGTHS_DB[0]
-    ratio = ndimage.gaussian_filter1d(ratio, fading_db / step, axis=0, mode="nearest")
-    ratio = (1.0 - _OUTLIER) * ratio + _OUTLIER
+    usual, odd = (
+        ndimage.gaussian_filter1d(ratio, one_db / step, axis=0, mode="nearest")
+        for one_db in (fading_db, max(fading_db, _ODD_FADING_DB))
+    )
+    ratio = (1.0 - 2.0 * _OUTLIER) * usual + _OUTLIER * odd + _OUTLIER
     return np.asarray(np.maximum(np.log(ratio), _LEAST_LOG))
 
 

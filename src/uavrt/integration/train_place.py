@@ -69,8 +69,6 @@ _MORE_FADING = 10.0
 """By so much likelier, in logarithms, more fading than usual must be."""
 _FADING_CELLS = 300
 """The likeliest cells, by which fadings are compared."""
-_MOST_FADINGS = 3
-"""Times that it is chosen: with more of it other places are likely."""
 _LEAST_FALL = 0.02
 """Share of a fall with distance from which regions hold for it."""
 
@@ -114,12 +112,10 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     loudest = max(float(np.quantile(one.pulses.energy, 0.98)) for one in heard)
     if loudest < _LEAST_LOUD:
         return found
-    for _ in range(_MOST_FADINGS):
-        fading_db = _likeliest_fading_db(heard, found.cells)
-        if fading_db == reading.fading_db:
-            break
-        reading = _Reading.of(heard, fading_db)
-        found = _placed(reading)
+    tried = {reading.fading_db}
+    while (fading_db := _likeliest_fading_db(heard, found.cells)) not in tried:
+        tried.add(fading_db)
+        found = _placed(_Reading.of(heard, fading_db))
     return found
 
 
@@ -139,7 +135,8 @@ def _likeliest_fading_db(heard: Sequence[HeardTrain], cells: Cells) -> float:
     which = np.argsort(-cells.probability, kind="stable")[:_FADING_CELLS]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
     gains = _gains_anywhere(heard, from_here)
-    falls = len(cells.by_fall) > 1
+    # A fall that is told, and not the usual one, must not pass for fading.
+    falls = _tells_falls(heard, (heard[0].places.east_m, heard[0].places.north_m))
     evidence = []
     for fading_db in _FADINGS_DB:
         reading = _Reading.of(heard, fading_db)

@@ -408,6 +408,8 @@ def search_flight(
 ) -> list[FoldedTrain]:
     """Find the likeliest trains of a tag, the least likely by chance first.
 
+    Of loud ones of the same pulses, whose chances are alike, the most central comes first.
+
     All its rates are searched, for weak pulses by their weighted energies, and for loud ones,
     which these leave out, by their number.
 
@@ -528,23 +530,31 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
     hypotheses = _LOUD_INDEPENDENT * cells / _LOUD_SHARE
     for rate, found in enumerate(parts, 1):
         logs = loud_tail(energies, found, plain)
+        order, logs = _through_middles(logs, found, energies)
         trains += [
             _train(energies, found, at, float(logs[at]), hypotheses, rate, loud=True)
-            for at in _through_middles(logs, found, energies)[:most].tolist()
+            for at in order[:most].tolist()
         ]
     return trains
 
 
-def _through_middles(logs: _Floats, found: Peaks, energies: SlotEnergies) -> NDArray[np.intp]:
+def _through_middles(
+    logs: _Floats, found: Peaks, energies: SlotEnergies
+) -> tuple[NDArray[np.intp], _Floats]:
     """Order of peaks of marks: the likeliest, but of nearly as likely ones the most central.
 
     A frequency beside a pulse's has fewer marks, so as many of them are a little less likely.
+    They are the same pulses': all of them have the least of their chances.
     """
     order = np.argsort(logs, kind="stable")
-    alike = order[logs[order] <= _ALIKE * logs[order[0]]] if len(order) else order
+    if not len(order):
+        return order, logs
+    alike = order[logs[order] <= _ALIKE * logs[order[0]]]
     seen = found.score[alike] / np.sqrt(found.interval[alike] * energies.slot_s)
     central = alike[np.argsort(-seen, kind="stable")]
-    return np.concatenate((central, order[len(alike) :]))
+    shared = logs.copy()
+    shared[alike] = logs[order[0]]
+    return np.concatenate((central, order[len(alike) :])), shared
 
 
 def _marks(
@@ -556,7 +566,7 @@ def _marks(
     have as many marks; the one through their middles, at the loudest, has the most.
     """
     marks = np.zeros(energies.loud.shape, np.float32)
-    most = max(energies.loud.shape[1] * energies.slot_s / shortest_s, 1.0)
+    most = math.ceil(energies.loud.shape[1] * energies.slot_s / shortest_s) + 1
     loudest = np.maximum(energies.level.max(axis=0), 1e-9)
     for row in rows.tolist():
         loud = energies.loud[row]

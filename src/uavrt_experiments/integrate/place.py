@@ -53,6 +53,8 @@ class Placed:
     """From the nearest of the places told."""
     bound_m: float
     """Median of that by the bound."""
+    fading_db: float
+    """Of single pulses, as the flight tells it."""
 
 
 def placed(
@@ -110,6 +112,7 @@ def placed(
         mirror=belief.cells.holds(*from_middle(belief, -truth.east_m, truth.north_m), 0.95),
         off_m=_nearest_m(belief, truth),
         bound_m=position_bound_m(world, truth, enr_db, heard.mean_noise_energy),
+        fading_db=belief.fading_db,
     )
 
 

@@ -210,6 +210,28 @@ def test_a_tag_between_two_channels_has_the_nearer_one(flown: Path, weak: Rotati
     assert [found(offset) for offset in (900.0, 3_700.0, 6_600.0)] == [0.0, None, 7_500.0]
 
 
+def test_a_tag_whose_only_piece_is_damaged_is_told_of_the_damage(
+    flown: Path, weak: Rotation
+) -> None:
+    for path in FlightLayout(flown).channels_directory.glob("*.sigmf-meta"):
+        path.write_text("{")
+    with pytest.raises(UavrtError, match=r"kept no samples of tag .* was left out: .*not JSON"):
+        integrate_kept(read_flight(flown), [weak.tag], PATTERNS["RA-23K"])
+
+
+def test_what_is_damaged_is_told_when_the_rest_is_too_little(
+    flown: Path, weak: Rotation
+) -> None:
+    first, _ = kept_channels(flown)
+    for path in first.paths[1:]:
+        path.write_text("{")
+    data = first.paths[0].with_suffix(".sigmf-data")
+    with data.open("r+b") as file:
+        file.truncate(4 * 3750)
+    with pytest.raises(UavrtError, match=r"was left out: .*not JSON"):
+        integrate_kept(read_flight(flown), [weak.tag], PATTERNS["RA-23K"])
+
+
 def test_pieces_become_one_stream_whose_indices_count_what_is_missing(flown: Path) -> None:
     (first, _) = kept_channels(flown)
     with closing(JoinedRecording(tuple(reversed(first.paths)))) as source:

@@ -151,9 +151,9 @@ def test_levels_of_loud_pulses_are_told_apart() -> None:
         assert less[inside].min() > 3.0
 
 
-@pytest.mark.parametrize("fading_db", [0.0, 2.5])
-def test_a_loud_tag_tells_how_much_it_fades(fading_db: float) -> None:
-    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
+@pytest.mark.parametrize(("fading_db", "exponent"), [(0.0, 2.0), (2.5, 2.0), (0.0, 3.5)])
+def test_a_loud_tag_tells_how_much_it_fades(fading_db: float, exponent: float) -> None:
+    course = lawnmower(tag="inside", legs=4, side_m=1000.0, exponent=exponent)
     flown = [
         placed(np.random.default_rng((13, seed)), course, 45.0, 0.0, fading_db=fading_db)
         for seed in range(6)
@@ -161,6 +161,8 @@ def test_a_loud_tag_tells_how_much_it_fades(fading_db: float) -> None:
     found = [one for one in flown if one is not None]
     assert len(found) == 6
     assert sum(one.held for one in found) >= 5
+    told_db = [one.fading_db for one in found]
+    assert np.median(told_db) == pytest.approx(fading_db or 1.0, abs=0.5)
     assert np.median([one.off_m for one in found]) < 8.0
     assert max(one.off_m for one in found) < 25.0
 
