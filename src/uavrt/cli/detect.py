@@ -269,7 +269,7 @@ def _finish(listeners: "Sequence[Listener]") -> None:
 
 def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
     """One call to the same method of all listeners; None without listeners."""
-    methods = [getattr(listener, name) for listener in listeners]
+    methods: list[Callable[[Any], None]] = [getattr(one, name) for one in listeners]
     if len(methods) == 1:
         return methods[0]
 

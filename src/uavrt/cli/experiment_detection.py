@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 def detection(
     *,
     only: str | None = None,
+    case: str = "",
     trials: Count = 50,
     seed: Seed = 1,
     workers: Count | None = None,
@@ -43,6 +44,8 @@ def detection(
     ----------
     only
         Experiments to run, e.g. E3,E8; by default all.
+    case
+        Only cases with this in their names; their rows are shown and not written.
     trials
         Decisions for each point of a Pd curve; everything else scales with it. 50 take eight
         minutes on two idle cores; the target figures require 600.
@@ -72,9 +75,16 @@ def detection(
     from uavrt_experiments.measured import measured_now
 
     chosen = _chosen(only)
-    if plots:
+    if case and not any(case in one.name for each in chosen for one in each.cases):
+        raise UsageError(
+            f'no case has "{case}" in its name',
+            remedy="Choose from: "
+            + "; ".join(one.name for each in chosen for one in each.cases),
+        )
+    if plots and not case:
         require_matplotlib()
-    make_directory(output_dir, "--output-dir")
+    if not case:
+        make_directory(output_dir, "--output-dir")
     earlier = read_results(output_dir / RESULTS)
     # Of the code that was loaded: an edit while the campaign runs must not count.
     measured = measured_now(FOLDERS)
@@ -84,18 +94,22 @@ def detection(
             trials=trials,
             seed=seed,
             workers=workers or os.cpu_count() or 1,
+            case=case,
             on_progress=on_progress,
         )
     origin = Origin(version=uavrt.__version__, seed=seed, trials=trials, measured=measured)
     new = Results(rows=tuple(rows), origins={e.name: origin for e in chosen})
-    results = earlier.merged(new)
-    paths = write_results(output_dir, results)
-    if plots:
-        paths += draw_all(output_dir, results.rows)
+    paths: list[Path] = []
+    if not case:
+        results = earlier.merged(new)
+        paths += write_results(output_dir, results)
+        if plots:
+            paths += draw_all(output_dir, results.rows)
     if json_summary:
         print(json.dumps(as_json(new)))
     else:
         _show(new)
+    if paths and not json_summary:
         print("Written: " + ", ".join(str(path) for path in paths))
     sys.exit(1 if any(row.contradicted for row in new.rows) else 0)
 

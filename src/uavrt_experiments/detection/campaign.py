@@ -78,6 +78,7 @@ def run_experiments(
     trials: int,
     seed: int,
     workers: int = 1,
+    case: str = "",
     on_progress: Callable[[float, str], None] = lambda part, what: None,
 ) -> list[Row]:
     """Run experiments and make their rows.
@@ -90,6 +91,8 @@ def run_experiments(
     seed : int
     workers : int
         Processes; 1: this one only.
+    case : str
+        Only cases with this in their names.
     on_progress : callable
         Takes the share done, by the CPU time that was expected, and what was done last.
 
@@ -99,8 +102,11 @@ def run_experiments(
         In the order of the experiments.
     """
     chosen = list(experiments)
-    chunks = [c for e in chosen for c in _chunks(e, trials, seed)]
-    cases = {(e.name, i): case for e in chosen for i, case in enumerate(e.cases)}
+    cases = {
+        (e.name, i): one for e in chosen for i, one in enumerate(e.cases) if case in one.name
+    }
+    every = [c for e in chosen for c in _chunks(e, trials, seed)]
+    chunks = [c for c in every if (c.experiment, c.case) in cases]
     weights = {
         chunk: (chunk.last - chunk.first) * cases[chunk.experiment, chunk.case].seconds
         for chunk in chunks
@@ -113,8 +119,8 @@ def run_experiments(
         nonlocal done
         outcomes[chunk] = outcome
         done += weights[chunk]
-        case = cases[chunk.experiment, chunk.case]
-        on_progress(done / total, f"{chunk.experiment} {case.name}")
+        name = cases[chunk.experiment, chunk.case].name
+        on_progress(done / total, f"{chunk.experiment} {name}")
 
     together = [c for c in chunks if not cases[c.experiment, c.case].alone]
     if workers > 1:
@@ -127,9 +133,9 @@ def run_experiments(
         if chunk not in outcomes:
             take(chunk, run_chunk(chunk))
     rows: list[Row] = []
-    for key, case in cases.items():
+    for key, one in cases.items():
         mine = [c for c in chunks if (c.experiment, c.case) == key]
-        rows += case.rows([outcome for chunk in mine for outcome in outcomes[chunk]])
+        rows += one.rows([outcome for chunk in mine for outcome in outcomes[chunk]])
     return rows
 
 
