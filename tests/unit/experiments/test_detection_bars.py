@@ -303,6 +303,21 @@ def test_the_command_writes_table_and_curve_and_keeps_earlier_rows(
     assert again.origins["E8"].seed == 1
 
 
+def test_single_cases_are_shown_and_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "table"
+    with pytest.raises(SystemExit):
+        detection(only="E3", case="K = 1, false", trials=1, workers=1, output_dir=folder)
+    shown = capsys.readouterr().out
+    assert "K = 1, whole channel, nominal 5 %" in shown
+    assert "K = 2" not in shown
+    assert "Written" not in shown
+    assert not folder.exists()
+    with pytest.raises(UsageError, match=r'"nobody" in its name.* K = 1; K = 2'):
+        detection(only="E3", case="nobody", output_dir=folder)
+
+
 def test_an_experiment_that_is_not_there_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="E99"):
         detection(only="E2,E99", output_dir=tmp_path)
