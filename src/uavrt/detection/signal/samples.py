@@ -127,8 +127,13 @@ class SampleBuffer:
         least_ns, added = self._tolerance_ns, 0
         for samples, time_ns in blocks:
             upto = used + len(samples)
-            if upto == used or upto > room or not -least_ns < due_ns - time_ns < least_ns:
+            if upto == used or not -least_ns < due_ns - time_ns < least_ns:
                 break
+            if upto > room:
+                self.end = self.start + used
+                self._make_room(len(samples))
+                data, used = self._data, self.end - self.start
+                upto, room = used + len(samples), len(data)
             indices.append(self.start + used)
             times_ns.append(time_ns)
             data[used:upto] = samples
@@ -180,23 +185,27 @@ class SampleBuffer:
 
     def _write(self, samples: NDArray[np.complex64]) -> None:
         count = len(samples)
+        if self.end - self.start + count > len(self._data):
+            self._make_room(count)
         used = self.end - self.start
-        if used + count > len(self._data):
-            kept = min(used, self._keep)
-            if kept + count > len(self._data):
-                grown = np.zeros(kept + count + self._keep, np.complex64)
-                grown[:kept] = self._data[used - kept : used]
-                self._data = grown
-            else:
-                # One move within the buffer; a NumPy assignment would make a copy first.
-                data = self._data.view(np.uint8).data
-                size = self._data.itemsize
-                data[: kept * size] = data[(used - kept) * size : used * size]
-            self.start = self.end - kept
-            self._forget()
-            used = kept
         self._data[used : used + count] = samples
         self.end += count
+
+    def _make_room(self, count: int) -> None:
+        """Move what is kept to the front, so that so many more fit in."""
+        used = self.end - self.start
+        kept = min(used, self._keep)
+        if kept + count > len(self._data):
+            grown = np.zeros(kept + count + self._keep, np.complex64)
+            grown[:kept] = self._data[used - kept : used]
+            self._data = grown
+        else:
+            # One move within the buffer; a NumPy assignment would make a copy first.
+            data = self._data.view(np.uint8).data
+            size = self._data.itemsize
+            data[: kept * size] = data[(used - kept) * size : used * size]
+        self.start = self.end - kept
+        self._forget()
 
     def _forget(self) -> None:
         """Drop the times and holes of samples that are gone; keep one time before them."""
