@@ -112,10 +112,11 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     loudest = max(float(np.quantile(one.pulses.energy, 0.98)) for one in heard)
     if loudest < _LEAST_LOUD:
         return found
+    readings = [reading, *(_Reading.of(heard, fading_db) for fading_db in _FADINGS_DB[1:])]
     tried = {reading.fading_db}
-    while (fading_db := _likeliest_fading_db(heard, found.cells)) not in tried:
-        tried.add(fading_db)
-        found = _placed(_Reading.of(heard, fading_db))
+    while (reading := _likeliest(readings, found.cells)).fading_db not in tried:
+        tried.add(reading.fading_db)
+        found = _placed(reading)
     return found
 
 
@@ -130,21 +131,28 @@ def _placed(reading: "_Reading") -> PlaceBelief:
     return _summary(probability, level_db, reading.fading_db, cells)
 
 
-def _likeliest_fading_db(heard: Sequence[HeardTrain], cells: Cells) -> float:
-    """How much single pulses fade, by their evidence over the likely places."""
+def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
+    """The reading whose fading has the most evidence over the likely places.
+
+    Parameters
+    ----------
+    readings : sequence of _Reading
+        By fading; the first is the usual one, and stays unless another is plainly likelier.
+    cells : Cells
+    """
+    heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[:_FADING_CELLS]
     from_here = east_north(cells.bearing_deg[which], cells.range_m[which])
     gains = _gains_anywhere(heard, from_here)
     # A fall that is told, and not the usual one, must not pass for fading.
     falls = _tells_falls(heard, (heard[0].places.east_m, heard[0].places.north_m))
     evidence = []
-    for fading_db in _FADINGS_DB:
-        reading = _Reading.of(heard, fading_db)
+    for reading in readings:
         logs = _all_logs(reading, gains, from_here, falls=falls, tempered=False)
         held, _ = _over_levels(logs, reading.levels_db)
         evidence.append(float(special.logsumexp(held, b=cells.area[which])))
     best = int(np.argmax(evidence))
-    return _FADINGS_DB[best if evidence[best] - evidence[0] > _MORE_FADING else 0]
+    return readings[best if evidence[best] - evidence[0] > _MORE_FADING else 0]
 
 
 def train_evidence(one: HeardTrain) -> float:
