@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
+PYTEST := $(BIN)/pytest -r fEsxR --durations 15 --durations-min 5
 CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
@@ -15,22 +16,32 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test collected tests checks lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check test computing unit system flights claims lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
-test: $(STAMP) browser disk-tools  ## lint, types, import contracts, manual, all tests
-	$(MAKE) --no-print-directory -j 2 lint collected
-	$(MAKE) --no-print-directory -j 2 checks tests
+check: $(STAMP)         ## before each commit: style, types, import contracts, quick unit tests
+	$(MAKE) --no-print-directory -j 2 lint types
+	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
-collected: $(STAMP)     ## every test compiled once, before all workers would do that
-	$(BIN)/pytest --collect-only -qq >/dev/null || true  # the tests tell what cannot be imported
+test: $(STAMP) browser disk-tools  ## everything that belongs to a change: check, manual, all tests
+	$(MAKE) --no-print-directory -j 2 flights computing
+	$(MAKE) --no-print-directory system
 
-tests: $(STAMP)         ## all tests alone; tests/drivers/workers.py shares them out
-	$(BIN)/pytest -n 4 --dist loadfile --no-loadscope-reorder -r fEsxR --durations 25 --durations-min 10
+computing: $(STAMP)     ## what only computes, at low priority: flights at the same time must lose nothing
+	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
 
-checks: $(STAMP)        ## types and manual, at low priority: flights beside them must lose nothing
-	nice -n 19 $(MAKE) --no-print-directory types docs
+unit: $(STAMP)          ## all unit tests
+	$(PYTEST) -n 2 --dist loadfile tests/unit
+
+system: $(STAMP)        ## tests with sockets, programs and threads in real time
+	$(PYTEST) -n 4 --dist loadfile tests/system
+
+flights: $(STAMP)       ## whole flights in real time, and the page in a browser
+	$(PYTEST) -n 2 --dist loadfile tests/flight
+
+claims: $(STAMP) browser disk-tools  ## hours: campaigns, guides word by word, new random examples, emulated ARM
+	UAVRT_NEW_EXAMPLES=1 $(PYTEST) -n 2 --dist loadfile tests/claims tests/unit/property
 
 lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .

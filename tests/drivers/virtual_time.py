@@ -1,15 +1,18 @@
 """An asyncio loop whose clock stands still while there is something to do.
 
-Programs that talk through sockets on this computer run in it unchanged and in no time; what
-they wait for is what they made each other wait for, not what a busy machine did.
+Programs that exchange datagrams on this computer run in it unchanged. A wait costs no time: the
+loop moves its clock forward to the next timer, so results depend on what the programs made
+each other wait for and not on how busy the machine is.
 """
 
 import asyncio
 import selectors
+import threading
 import time
-from collections.abc import Coroutine
-from types import SimpleNamespace
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
@@ -18,16 +21,45 @@ from uavrt.simulation.datagrams import DatagramPort
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 START_S = 100_000.0
-"""In 1970: an arrival that the kernel stamps is far in the future and not believed."""
+"""The monotonic clock at the start of a test [s]."""
+WALL_OFFSET_S = 1_700_000_000
+"""Wall clock minus monotonic clock [s].
+
+The wall clock then shows 2023, so the kernel's time stamps of datagrams lie in the future and
+are not used.
+"""
+THREAD_PAUSE_S = 0.0005
+"""How long the loop really waits for other threads before it moves its clock [s]."""
 
 
-T = TypeVar("T")
+class VirtualClock:
+    """Stands in for the module `time` in `uavrt.clock`; one for each test."""
+
+    process_time = staticmethod(time.process_time)
+
+    def __init__(self) -> None:
+        self.now_s = START_S
+
+    def monotonic(self) -> float:
+        """Virtual seconds of the monotonic clock."""
+        return self.now_s
+
+    def monotonic_ns(self) -> int:
+        """Virtual nanoseconds of the monotonic clock."""
+        return round(self.now_s * NANOSECONDS_PER_SECOND)
+
+    def time_ns(self) -> int:
+        """Virtual nanoseconds of the wall clock."""
+        return self.monotonic_ns() + WALL_OFFSET_S * NANOSECONDS_PER_SECOND
 
 
 class _Jumping(selectors.DefaultSelector):
-    """Waits by setting the clock forward."""
+    """Waits for a timer by moving the clock to it."""
 
-    now_s = START_S
+    def __init__(self, virtual: VirtualClock) -> None:
+        super().__init__()
+        self._virtual = virtual
+        self._threads = threading.active_count()
 
     def select(self, timeout: float | None = None) -> Any:
         found = super().select(0)
@@ -35,31 +67,56 @@ class _Jumping(selectors.DefaultSelector):
             return found
         if timeout is None:
             return super().select(None)
-        self.now_s += max(timeout, 1e-6)
+        if threading.active_count() > self._threads:
+            found = super().select(THREAD_PAUSE_S)
+            if found:
+                return found
+        self._virtual.now_s += max(timeout, 1e-6)
         return super().select(0)
 
 
-def run_in_virtual_time(main: Coroutine[Any, Any, T], patch: pytest.MonkeyPatch) -> T:
-    """Run `main` in a loop of virtual time, with every clock of the package."""
-    selector = _Jumping()
-    loop = asyncio.SelectorEventLoop(selector)
+class VirtualLoop(asyncio.SelectorEventLoop):
+    """A loop on a virtual clock; work for other threads is done at once in this one."""
 
-    def now_ns() -> int:
-        return round(selector.now_s * NANOSECONDS_PER_SECOND)
+    def __init__(self, virtual: VirtualClock) -> None:
+        self._virtual = virtual
+        super().__init__(_Jumping(virtual))
 
-    loop.time = lambda: selector.now_s  # type: ignore[method-assign]
-    patch.setattr(
-        clock,
-        "time",
-        SimpleNamespace(
-            monotonic_ns=now_ns,
-            time_ns=now_ns,
-            monotonic=lambda: selector.now_s,
-            process_time=time.process_time,
-        ),
-    )
-    patch.setattr(DatagramPort, "_arrival_ns", lambda self, ancillary: now_ns())
-    try:
-        return loop.run_until_complete(main)
-    finally:
-        loop.close()
+    def time(self) -> float:
+        return self._virtual.now_s
+
+    def run_in_executor(  # type: ignore[override]  # a future, as of a loop that waits
+        self, executor: Executor | None, func: Callable[..., Any], *args: Any
+    ) -> asyncio.Future[Any]:
+        future = self.create_future()
+        try:
+            future.set_result(func(*args))
+        except Exception as error:  # noqa: BLE001 - raised where the future is awaited
+            future.set_exception(error)
+        return future
+
+
+class _Policy(asyncio.DefaultEventLoopPolicy):
+    """Makes every new loop a virtual one."""
+
+    def __init__(self, virtual: VirtualClock) -> None:
+        super().__init__()
+        self._virtual = virtual
+
+    def new_event_loop(self) -> asyncio.AbstractEventLoop:
+        return VirtualLoop(self._virtual)
+
+
+@contextmanager
+def virtual_time() -> Iterator[VirtualClock]:
+    """Put every clock of the package and every new asyncio loop on one virtual clock."""
+    virtual = VirtualClock()
+    before = asyncio.get_event_loop_policy()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(clock, "time", virtual)
+        patch.setattr(DatagramPort, "_arrival_ns", lambda self, _: self._clock.now_ns())
+        asyncio.set_event_loop_policy(_Policy(virtual))
+        try:
+            yield virtual
+        finally:
+            asyncio.set_event_loop_policy(before)

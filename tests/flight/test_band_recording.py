@@ -14,7 +14,6 @@ from uavrt.config.settings import RecordingSettings
 from uavrt.recording import read_flight
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(150)
 def test_a_flight_that_records_its_band_is_found_again_pulse_by_pulse(
     drone_bay: Any, thesis_scenario: Any, tmp_path: Path

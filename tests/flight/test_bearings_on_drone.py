@@ -13,7 +13,6 @@ from uavrt.localization.angles import difference_deg
 from uavrt.messages import LiveBearing, PulsePose
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(150)
 def test_a_link_that_loses_half_of_all_messages_brings_a_bearing_of_all_pulses(
     drone_bay: Any, thesis_scenario: Any

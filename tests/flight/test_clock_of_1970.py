@@ -11,7 +11,7 @@ from listening import Listening
 
 from uavrt.recording import flights_in_order, read_flight
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+pytestmark = pytest.mark.timeout(150)
 
 EARLIER = """
 import os, socket, time

@@ -82,7 +82,6 @@ def state_of(drone: Any) -> SystemState:
     return SystemState([r.state for topic, r in records if topic == "system_status"][-1])
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(150)
 def test_pulses_survive_loss_a_killed_connection_and_a_restarted_ground_station(
     drone_bay: Any, thesis_scenario: Any

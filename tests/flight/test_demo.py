@@ -16,7 +16,6 @@ from uavrt.recording import read_flight
 CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(180)
 def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path) -> None:
     finished = subprocess.run(
@@ -59,7 +58,6 @@ def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path
             assert found_s == pytest.approx(gaps_s, abs=2e-3)
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(180)
 def test_ctrl_c_ends_the_demo_with_its_table_and_where_the_flight_is(tmp_path: Path) -> None:
     running = subprocess.Popen(

@@ -12,7 +12,7 @@ from loop_card import LoopCard, loop_card
 
 from uavrt.recording import read_flight
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from uavrt.mavlink import FrameParser, FrameWriter, dialect
 from uavrt.simulation import Scenario
 from uavrt.simulation.flying import MODES, NOWHERE, Flavour
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 OURS = "1/191"
 

@@ -84,7 +84,6 @@ def slowness_of_the_radio(counters: dict[str, float]) -> float:
     return took_s * 3e6 / (counters["samples"] + counters["samples_lost"])
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(480)
 def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone_kept(
     drone_bay: Any, tmp_path: Path

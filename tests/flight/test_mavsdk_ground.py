@@ -92,7 +92,6 @@ def mavsdk_ground(port: int, system_id: int | None) -> Iterator[MavsdkGround]:
         sdk.destroy()
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(180)
 def test_mavsdk_uploads_the_thesis_tag_starts_and_receives_its_pulses(
     drone_bay: Any, thesis_scenario: Any

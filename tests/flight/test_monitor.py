@@ -16,7 +16,7 @@ from uavrt.messages import SystemState
 from uavrt.monitor import MonitorView, start_detection, stop_detection
 from uavrt.recording import read_flight
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+pytestmark = pytest.mark.timeout(150)
 
 
 def show_until(drone: Any, view: MonitorView, condition: Any, timeout_s: float = 40.0) -> None:

@@ -13,7 +13,7 @@ import pytest
 from uavrt.config.settings import DetectionSettings, Shape
 from uavrt.recording import FlightLayout, read_detector_config
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(90)]
+pytestmark = pytest.mark.timeout(90)
 
 BESIDE_HZ = 700.0
 """Beyond the window of the search: only the mode that takes the whole channel hears the tag."""

@@ -20,7 +20,7 @@ from uavrt.ipc.pulse_datagram import PulseRecord
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
 from uavrt.recording import read_detector_config
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+pytestmark = pytest.mark.timeout(150)
 
 RATE_HZ = 3750.0
 START_NS = 1_714_543_200_123_456_789

@@ -82,7 +82,6 @@ def yaw_error_deg(scenario: Scenario, item: PulsePose) -> float:
     return (told - truth + 180.0) % 360.0 - 180.0
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(150)
 def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_step(
     drone_bay: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path

@@ -84,7 +84,6 @@ def radio_arguments(pid: int) -> list[list[str]]:
     return found
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(240)
 def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
     drone_bay: Any, thesis_scenario: Scenario, tmp_path: Path

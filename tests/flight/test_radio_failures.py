@@ -16,7 +16,7 @@ import pytest
 from uavrt.config.settings import RadioSettings
 from uavrt.messages import ProcessStatus, StatusText, SystemStatus
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(120)]
+pytestmark = pytest.mark.timeout(120)
 
 FAULTS = {
     "works, then is unplugged": "AIRSPY_ERROR_NOT_FOUND",

@@ -31,7 +31,7 @@ from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus, Tag
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
 from uavrt.recording import read_flight
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+pytestmark = pytest.mark.timeout(150)
 
 RATE_HZ = 3750.0
 CENTER_HZ = 150.3e6

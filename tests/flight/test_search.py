@@ -28,7 +28,7 @@ from uavrt.simulation import Antenna, Flight, Radio, Scenario
 from uavrt.simulation.flying import Flavour
 from uavrt.supervisor.tree import pss_mb
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.timeout(300)
 KILLS = int(os.environ.get("UAVRT_KILLS", "1"))
 GUIDE_MB = 80.0
 VICTIMS = ("guide", "connection", "supervisor")

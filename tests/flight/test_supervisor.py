@@ -15,7 +15,7 @@ from uavrt.messages import SystemStatus
 from uavrt.recording import read_flight
 from uavrt.supervisor.tree.usage import children_of
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+pytestmark = pytest.mark.timeout(150)
 
 
 def descendants(pid: int) -> set[int]:

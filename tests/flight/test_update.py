@@ -24,7 +24,7 @@ from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.simulation import demo_scenario, write_scenario
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 STARTED = '{"event": "started"'
 RESTART = f"""\

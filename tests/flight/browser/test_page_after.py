@@ -18,7 +18,7 @@ from uavrt.recording import (
     write_integrated,
 )
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 SILENT = replace(TAG, tag_id=4, name="fox", frequency_hz=148_752_000.0)
 MISSING = replace(TAG, tag_id=6, name="owl", frequency_hz=148_792_000.0)
 

@@ -8,7 +8,7 @@ from page_driver import WAIT_MS, Ground, Watched
 from past_flight import write_flight
 from playwright.sync_api import Browser, expect
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 
 def test_what_the_set_up_tells_stands_in_the_report(

@@ -11,7 +11,7 @@ from willing_drone import WillingDrone
 from uavrt.demo.programs import free_udp_port
 from uavrt.messages import SystemState
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(150)]
+pytestmark = pytest.mark.timeout(150)
 
 
 def test_a_second_vehicle_is_served_seen_and_stopped_without_touching_the_first(

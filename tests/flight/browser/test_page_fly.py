@@ -17,8 +17,6 @@ from uavrt.simulation import Scenario
 from uavrt.simulation.flying import Flavour
 
 pytestmark = [
-    pytest.mark.flight,
-    pytest.mark.browser,
     pytest.mark.timeout(900 if VIDEO else 240),
 ]
 OURS = "1/191"

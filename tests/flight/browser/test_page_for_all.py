@@ -17,7 +17,7 @@ from zxingcpp import read_barcodes
 
 from uavrt.demo.programs import free_udp_port
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 VIEWS = ("fly", "plots", "setup", "log", "flights", "check")
 CONTROLS = """() => [...document.querySelectorAll(

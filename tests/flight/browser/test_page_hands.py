@@ -19,7 +19,7 @@ from uavrt.demo.programs import free_udp_port
 from uavrt.messages import SystemState
 from uavrt.simulation import demo_scenario
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 MANUAL = Path(__file__).parents[3] / "docs" / "how-to" / "use-the-ground-station.md"
 NO_WEBGL = """() => {

@@ -18,7 +18,7 @@ from recorded import frames, write_recording
 
 from uavrt.demo.programs import free_udp_port
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 
 def exported(page: Page, row: str, name: str) -> bytes:

@@ -12,7 +12,7 @@ from willing_drone import WillingDrone
 from uavrt.config import load_settings, write_default_settings
 from uavrt.demo.programs import free_udp_port
 
-pytestmark = [pytest.mark.flight, pytest.mark.browser, pytest.mark.timeout(240)]
+pytestmark = pytest.mark.timeout(240)
 
 
 def typed(page: Page, *texts: str) -> None:

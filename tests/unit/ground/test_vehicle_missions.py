@@ -6,7 +6,6 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
-from virtual_time import run_in_virtual_time
 
 from uavrt.attitude import from_euler_deg
 from uavrt.clock import Clock
@@ -42,9 +41,7 @@ def pose(time_ns: int) -> Pose:
     )
 
 
-def with_vehicle(
-    patch: pytest.MonkeyPatch, flavour: Flavour, work: Work, *, loss: float = 0.0, seed: int = 1
-) -> Any:
+def with_vehicle(flavour: Flavour, work: Work, *, loss: float = 0.0, seed: int = 1) -> Any:
     async def main() -> Any:
         port, clock = free_udp_port(), Clock.start()
         settings = AutopilotSettings(
@@ -70,7 +67,7 @@ def with_vehicle(
                 with suppress(asyncio.CancelledError):
                     await task
 
-    return run_in_virtual_time(main(), patch)
+    return asyncio.run(main())
 
 
 def held(autopilot: FakeAutopilot, kind: int = 0) -> list[MissionItem]:
@@ -112,7 +109,7 @@ def holds(autopilot: FakeAutopilot, items: tuple[MissionItem, ...], kind: int = 
 @BOTH
 @pytest.mark.parametrize("loss", [0.0, 0.2])
 def test_a_survey_becomes_the_vehicles_mission_and_moves_nothing(
-    monkeypatch: pytest.MonkeyPatch, flavour: Flavour, loss: float
+    flavour: Flavour, loss: float
 ) -> None:
     async def work(link: GroundLink, autopilot: FakeAutopilot) -> Any:
         assert autopilot.flown is not None
@@ -125,25 +122,23 @@ def test_a_survey_becomes_the_vehicles_mission_and_moves_nothing(
         return done
 
     for seed in range(1 if loss == 0.0 else 6):
-        done = with_vehicle(monkeypatch, flavour, work, loss=loss, seed=seed)
+        done = with_vehicle(flavour, work, loss=loss, seed=seed)
         assert done.items == len(ITEMS)
         assert (done.sent_again == 0) == (loss == 0.0)
         assert done.strange == 0 or loss > 0.0
 
 
 @BOTH
-def test_the_vehicles_fence_is_read(monkeypatch: pytest.MonkeyPatch, flavour: Flavour) -> None:
+def test_the_vehicles_fence_is_read(flavour: Flavour) -> None:
     async def work(link: GroundLink, autopilot: FakeAutopilot) -> VehicleFence:
         holds(autopilot, fence_items(FENCE), 1)
         return await link.missions.fence()
 
-    assert with_vehicle(monkeypatch, flavour, work, loss=0.2) == FENCE
+    assert with_vehicle(flavour, work, loss=0.2) == FENCE
 
 
 @BOTH
-def test_a_vehicle_that_flies_a_mission_is_given_none(
-    monkeypatch: pytest.MonkeyPatch, flavour: Flavour
-) -> None:
+def test_a_vehicle_that_flies_a_mission_is_given_none(flavour: Flavour) -> None:
     async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
         assert autopilot.flown is not None
         holds(autopilot, ITEMS[:3])
@@ -153,13 +148,11 @@ def test_a_vehicle_that_flies_a_mission_is_given_none(
             await link.missions.upload(ITEMS)
         assert len(held(autopilot)) == 3
 
-    with_vehicle(monkeypatch, flavour, work)
+    with_vehicle(flavour, work)
 
 
 @BOTH
-def test_an_upload_ends_when_a_mission_is_started_meanwhile(
-    monkeypatch: pytest.MonkeyPatch, flavour: Flavour
-) -> None:
+def test_an_upload_ends_when_a_mission_is_started_meanwhile(flavour: Flavour) -> None:
     async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
         assert autopilot.flown is not None
         holds(autopilot, ITEMS[:3])
@@ -171,25 +164,25 @@ def test_an_upload_ends_when_a_mission_is_started_meanwhile(
             await upload
         assert len(held(autopilot)) == 3
 
-    with_vehicle(monkeypatch, flavour, work)
+    with_vehicle(flavour, work)
 
 
-def test_a_vehicle_that_falls_silent_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_vehicle_that_falls_silent_is_told_of() -> None:
     async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
         autopilot.ground.inward._loss = 1.0
         with pytest.raises(LinkError, match="did not answer in 12 s"):
             await link.missions.fence()
 
-    with_vehicle(monkeypatch, "px4", work)
+    with_vehicle("px4", work)
 
 
-def test_what_is_no_fence_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_no_fence_is_refused() -> None:
     async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
         holds(autopilot, fence_items(FENCE)[:2], 1)
         with pytest.raises(FormatError, match="corner of the vehicle's fence is missing"):
             await link.missions.fence()
 
-    with_vehicle(monkeypatch, "px4", work)
+    with_vehicle("px4", work)
 
 
 def test_a_mission_that_is_not_held_as_sent_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,10 +201,10 @@ def test_a_mission_that_is_not_held_as_sent_is_told_of(monkeypatch: pytest.Monke
         with pytest.raises(CommandRefused, match="its item 3 differs"):
             await link.missions.upload(ITEMS)
 
-    with_vehicle(monkeypatch, "px4", work)
+    with_vehicle("px4", work)
 
 
-def test_no_autopilot_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_autopilot_is_told_of() -> None:
     async def main() -> None:
         link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
         with pytest.raises(LinkError, match="no autopilot was heard"):
@@ -219,4 +212,4 @@ def test_no_autopilot_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(LinkError, match="the autopilot is not heard"):
             await link.missions.upload(ITEMS)
 
-    run_in_virtual_time(main(), monkeypatch)
+    asyncio.run(main())

@@ -7,7 +7,7 @@ import pytest
 from film import SIZE, Film
 from playwright.sync_api import Browser
 
-pytestmark = [pytest.mark.browser, pytest.mark.timeout(120)]
+pytestmark = pytest.mark.timeout(120)
 
 PLAY = """
 (film) => new Promise((done) => {

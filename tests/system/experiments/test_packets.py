@@ -59,7 +59,6 @@ def test_the_model_loses_none_where_the_ground_acknowledges() -> None:
             assert row.received < 150
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(150)
 def test_a_short_flight_through_a_lossy_radio_brings_every_pulse(tmp_path: Path) -> None:
     from uavrt_experiments.packets import fly

@@ -10,7 +10,7 @@ import pytest
 SHORT = Path(__file__).parents[2] / "deploy/arm64/short.sh"
 NOT_HERE = 77
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(1200)]
+pytestmark = pytest.mark.timeout(1200)
 
 
 def test_an_arm_computer_finds_the_same_pulses(pytestconfig: pytest.Config) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.unit.ground.test_session import SECOND_NS, Drone, until
+from tests.system.ground.test_session import SECOND_NS, Drone, until
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from willing_drone import WillingDrone

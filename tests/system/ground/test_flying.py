@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from tests.unit.ground.test_session import Drone, until
+from tests.system.ground.test_session import Drone, until
 
 from uavrt.errors import FormatError
 from uavrt.ground.link.flying import area_of_file

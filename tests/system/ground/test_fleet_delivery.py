@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.unit.ground.test_session import SECOND_NS, pulse_at, until
+from tests.system.ground.test_session import SECOND_NS, pulse_at, until
 
 from uavrt.mavlink import FrameParser, FrameWriter, Message, PacedQueue, Priority, dialect
 from uavrt.mavlink.pacing import Tunnelled

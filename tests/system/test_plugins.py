@@ -121,7 +121,6 @@ def test_a_radio_kind_that_nobody_adds_is_refused_with_those_that_are(
     assert "airspyhf" in finished.stderr
 
 
-@pytest.mark.flight
 def test_a_radio_of_another_package_is_flown_with(installed: Path, tmp_path: Path) -> None:
     (tmp_path / "uavrt.toml").write_text(
         '[radio]\nkind = "toy_beeper"\nsample_rate_hz = 250000.0\n'

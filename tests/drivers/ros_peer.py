@@ -1,0 +1,235 @@
+"""The ROS 2 gateway process, and a participant on its network that shares no code with ours.
+
+The participant takes the messages from the ament package's files and from `rosbags`, which also
+makes and reads its bytes; ours are made by `uavrt.ros2.cdr`. Everything stays on the loopback.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from until import until
+
+from uavrt.clock import Clock
+from uavrt.config.settings import Settings
+from uavrt.ipc import Assignment, decode_record, encode_record
+from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
+from uavrt.messages import FlightInfo
+
+INTERFACES = Path(__file__).parents[2] / "ros" / "uavrt_interfaces" / "msg"
+LOOPBACK = (
+    "<CycloneDDS><Domain><General><Interfaces>"
+    '<NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>'
+    "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
+    "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
+    '<Peers><Peer address="localhost"/></Peers></Discovery></Domain></CycloneDDS>'
+)
+
+
+class RosPeer:
+    """Listens and publishes like any ROS 2 program."""
+
+    def __init__(self, domain_id: int) -> None:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.domain import Domain, DomainParticipant
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        self.types = get_typestore(Stores.ROS2_JAZZY)
+        for path in INTERFACES.glob("*.msg"):
+            name = f"uavrt_interfaces/msg/{path.stem}"
+            self.types.register(get_types_from_msg(path.read_text(encoding="utf-8"), name))
+        self._domain = Domain(domain_id, LOOPBACK)
+        self._participant = DomainParticipant(
+            domain_id, qos=Qos(Policy.Userdata(b"enclave=/;"))
+        )
+        self._structs: dict[str, Any] = {}
+        self._topics: dict[str, Any] = {}
+        self._writers: dict[str, Any] = {}
+
+    def new(self, name: str, *values: object) -> Any:
+        """Make a message by its full name and its fields in order."""
+        return self.types.types[name](*values)
+
+    def listen(
+        self, topic: str, type_name: str, *, prefix: str = "rt/", keep: bool = False
+    ) -> Callable[[], list[bytes]]:
+        """Subscribe like `ros2 topic echo`; the result gives the bytes that came since."""
+        reader = self.reader(topic, type_name, prefix=prefix, keep=keep)
+        return lambda: [s.cdr for s in reader.take(1000) if hasattr(s, "cdr")]
+
+    def reader(
+        self, topic: str, type_name: str, *, prefix: str = "rt/", keep: bool = False
+    ) -> Any:
+        """Get the reader itself."""
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.sub import DataReader
+        from cyclonedds.util import duration
+
+        qos = Qos(
+            Policy.Reliability.Reliable(duration(seconds=1)),
+            Policy.Durability.TransientLocal if keep else Policy.Durability.Volatile,
+            Policy.History.KeepLast(1000),
+            Policy.DataRepresentation(use_cdrv0_representation=True),
+        )
+        topic_entity = self._topic(prefix + topic, type_name)
+        return DataReader(self._participant, topic_entity, qos=qos)
+
+    def advertise(self, topic: str, type_name: str, *, subscribers: int = 1) -> Any:
+        """Make a publisher like `ros2 topic pub -w N`; wait until so many listen."""
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.util import duration
+
+        qos = Qos(
+            Policy.Reliability.Reliable(duration(seconds=1)),
+            Policy.Durability.Volatile,
+            Policy.History.KeepLast(200),
+            Policy.DataRepresentation(use_cdrv0_representation=True),
+            Policy.WriterDataLifecycle(autodispose=False),
+        )
+        writer = DataWriter(self._participant, self._topic(f"rt/{topic}", type_name), qos=qos)
+        until(lambda: len(writer.get_matched_subscriptions()) >= subscribers)
+        self._writers[topic] = writer
+        return writer
+
+    def publish_bytes(self, topic: str, cdr: bytes) -> None:
+        """Publish bytes as they are, sense or nonsense."""
+        writer = self._writers[topic]
+        sample = writer.data_type.__new__(writer.data_type)
+        sample.cdr = cdr
+        writer.write(sample)
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish a message of `new`."""
+        cdr = self.types.serialize_cdr(message, message.__msgtype__)
+        self.publish_bytes(topic, bytes(cdr))
+
+    def read(self, cdr: bytes, type_name: str) -> Any:
+        """Read bytes as a message."""
+        return self.types.deserialize_cdr(cdr, type_name)
+
+    def endpoints(self) -> dict[str, Any]:
+        """All publishers on the network that are not ours, by the name of their topic."""
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+
+        reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        own = self._participant.guid
+        return {s.topic_name: s for s in reader.read(500) if s.participant_key != own}
+
+    def _topic(self, name: str, type_name: str) -> Any:
+        from cyclonedds.topic import Topic
+
+        if name not in self._topics:
+            self._topics[name] = Topic(self._participant, name, self._struct(type_name))
+        return self._topics[name]
+
+    def _struct(self, type_name: str) -> Any:
+        """The DDS type of a message, made from the definitions that `rosbags` has."""
+        from cyclonedds.idl import make_idl_struct
+
+        if type_name not in self._structs:
+            package, _, short = type_name.split("/")
+            _, fields = self.types.fielddefs[type_name]
+            struct: Any = make_idl_struct(
+                short,
+                f"{package}.msg.dds_.{short}_",
+                {name: self._idl(definition) for name, definition in fields},
+            )
+            struct.serialize = lambda self, *_, **__: self.cdr
+            struct.deserialize = classmethod(lambda _, data, *__, **___: _Raw(data))
+            struct.deserialize_key = classmethod(lambda _, data, *__, **___: _Raw(data))
+            self._structs[type_name] = struct
+        return self._structs[type_name]
+
+    def _idl(self, definition: Any) -> Any:
+        from cyclonedds.idl import types
+
+        kind, what = definition
+        match kind.name:
+            case "BASE" if what[0] == "string":
+                return types.bounded_str[what[1]] if what[1] else str
+            case "BASE":
+                plain = {"bool": bool, "byte": types.byte, "char": types.uint8}
+                return plain.get(what[0]) or getattr(types, what[0])
+            case "NAME":
+                return self._struct(what)
+            case "ARRAY":
+                return types.array[self._idl(what[0]), what[1]]
+            case _:
+                return types.sequence[self._idl(what[0])]
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._writers.clear()
+        self._topics.clear()
+        del self._participant, self._domain
+
+
+class _Raw:
+    """Bytes of a sample; the binding adds an attribute."""
+
+    sample_info: Any
+
+    def __init__(self, cdr: bytes) -> None:
+        self.cdr = cdr
+
+
+class GatewayProcess:
+    """The real gateway process, with us in the supervisor's place."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        flight: FlightInfo | None = None,
+        prefix: tuple[str, ...] = (),
+        **environment: str,
+    ) -> None:
+        self._sock, theirs = socket.socketpair()
+        self._lines = LineBuffer()
+        self.clock = Clock.start()
+        with theirs:
+            self.process = subprocess.Popen(
+                [*prefix, sys.executable, "-m", "uavrt.processes.ros2_gateway"],
+                pass_fds=(theirs.fileno(),),
+                env=os.environ | {LINK_VARIABLE: str(theirs.fileno())} | environment,
+            )
+        self.send(
+            "assignment",
+            Assignment(
+                process="ros2",
+                settings=settings,
+                clock_offset_ns=self.clock.offset_ns,
+                flight=flight,
+            ),
+        )
+
+    def send(self, topic: str, record: object) -> None:
+        self._sock.sendall(encode_record(topic, record))
+
+    def receive(self, topic: str, count: int = 1, timeout_s: float = 30.0) -> list[Any]:
+        """The next records of a topic; others are passed over."""
+        found: list[Any] = []
+        deadline_s = time.monotonic() + timeout_s
+        while len(found) < count:
+            self._sock.settimeout(max(0.01, deadline_s - time.monotonic()))
+            data = self._sock.recv(1 << 16)
+            assert data, "the gateway has ended"
+            for line in self._lines.feed(data):
+                name, record = decode_record(line)
+                found += [record] * (name == topic)
+        return found
+
+    def close(self) -> int:
+        """Ask it to end; get its exit code."""
+        self.process.terminate()
+        try:
+            return self.process.wait(10.0)
+        finally:
+            self.process.kill()
+            self.process.wait()
+            self._sock.close()

@@ -1,0 +1,57 @@
+"""Tests that only compute: no program is started, and a wait costs no time.
+
+`asyncio.run` runs in virtual time here. What needs a program, a thread that waits, a pseudo
+terminal or real TCP belongs to `tests/system`.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+from virtual_time import VirtualClock, virtual_time
+
+REFUSED = {
+    "os.fork",
+    "os.forkpty",
+    "os.posix_spawn",
+    "os.system",
+    "time.sleep",
+    "subprocess.Popen",
+}
+"""Audit events of the interpreter that end a test of this folder."""
+
+_running: list[str] = []
+"""The test that runs now; a hook of the interpreter cannot be removed again."""
+
+
+def _refuse(event: str, arguments: tuple[object, ...]) -> None:
+    if _running and event in REFUSED:
+        raise AssertionError(
+            f"{event}{arguments} in {_running[-1]}: it belongs to tests/system"
+        )
+
+
+sys.addaudithook(_refuse)
+
+
+@pytest.fixture(autouse=True)
+def nothing_waits(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """Refuse real waiting and the starting of programs while a test runs."""
+
+    def sleep(seconds: float) -> None:
+        _refuse("time.sleep", (seconds,))
+
+    _running.append(request.node.nodeid)
+    monkeypatch.setattr(time, "sleep", sleep)
+    yield
+    _running.pop()
+
+
+@pytest.fixture(autouse=True)
+def clock_of_test() -> Iterator[VirtualClock]:
+    """Run the test on a virtual clock."""
+    with virtual_time() as virtual:
+        yield virtual
