@@ -33,11 +33,17 @@ THESIS_TAG = SimulatedTag(
 )
 
 
-def hovering_scenario(duration_s: float = 120.0) -> Scenario:
-    """The thesis's tag, and a drone that turns on the spot."""
+FLIGHT_RATE_HZ = 250_000.0
+"""Sample rate of flights that do not test the load of 3 MS/s: a twelfth of its work."""
+
+
+def hovering_scenario(
+    duration_s: float = 120.0, sample_rate_hz: float = FLIGHT_RATE_HZ
+) -> Scenario:
+    """Simulate the thesis's tag, and a drone that turns on the spot."""
     return Scenario(
         duration_s=duration_s,
-        radio=Radio(center_frequency_hz=148_705_000.0),
+        radio=Radio(center_frequency_hz=148_705_000.0, sample_rate_hz=sample_rate_hz),
         tag=(THESIS_TAG,),
         flight=Flight(
             height_m=40.0,
@@ -138,6 +144,12 @@ def drone_bay(tmp_path: Path) -> Iterator[DroneBay]:
 @pytest.fixture
 def thesis_scenario() -> Scenario:
     return hovering_scenario()
+
+
+@pytest.fixture
+def full_rate_scenario() -> Scenario:
+    """Simulate the same at 3 MS/s."""
+    return hovering_scenario(sample_rate_hz=3_000_000.0)
 
 
 def living_children(pid: int) -> set[int]:
