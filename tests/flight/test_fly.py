@@ -25,7 +25,6 @@ from uavrt.simulation import Scenario
 from uavrt.simulation.flying import MODES, NOWHERE, Flavour
 
 pytestmark = pytest.mark.timeout(240)
-BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 OURS = "1/191"
 
 
@@ -286,9 +285,10 @@ class Field:
                         return int(one.pid)
 
 
-@pytest.fixture(params=["px4", "ardupilot"])
+@pytest.fixture
 def field(request: Any, drone_bay: DroneBay, tmp_path: Path) -> Any:
-    made = Field(drone_bay, request.param, tmp_path)
+    """Fly PX4 unless a test asks for ArduPilot; `tests/unit/guidance` flies both."""
+    made = Field(drone_bay, getattr(request, "param", "px4"), tmp_path)
     yield made
     made.qgc.close()
 

@@ -1,14 +1,14 @@
 """The operating mode of the settings reaches the detectors of a flight in every shape."""
 
 import sqlite3
-import time
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import pytest
+from until import until
 
 from uavrt.config.settings import DetectionSettings, Shape
 from uavrt.recording import FlightLayout, read_detector_config
@@ -30,23 +30,24 @@ def pulses_at_hz(flights: Path) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize("shape", ["workers", "stages", "one"])
-def test_a_flight_searches_in_the_mode_of_its_settings_and_says_so(
-    drone_bay: Any, thesis_scenario: Any, shape: Shape
+def test_a_flight_of_each_shape_searches_in_the_mode_of_its_settings_and_says_so(
+    drone_bay: Any, thesis_scenario: Any
 ) -> None:
     (true_tag,) = thesis_scenario.tags
     tags = [replace(true_tag, frequency_hz=true_tag.frequency_hz - BESIDE_HZ)]
-    drone = drone_bay.launch(
-        thesis_scenario,
-        msgspec.json.encode(tags).decode(),
-        detection=DetectionSettings(shape=shape, operating_mode="freqAllNeverLock"),
-    )
-    flights = drone.directory / "flights"
-    deadline_s = time.monotonic() + 60.0
-    while len(heard := pulses_at_hz(flights)) < 4:
-        assert time.monotonic() < deadline_s
-        time.sleep(0.5)
-    assert heard[-1] == pytest.approx(true_tag.frequency_hz, abs=30.0)
-    (directory,) = flights.glob("flight_log_*")
-    config = read_detector_config(FlightLayout(directory).tag_config(true_tag.tag_id))
-    assert config.operating_mode == "freqAllNeverLock"
+    shapes: tuple[Shape, ...] = get_args(Shape)
+    drones = [
+        drone_bay.launch(
+            thesis_scenario,
+            msgspec.json.encode(tags).decode(),
+            detection=DetectionSettings(shape=shape, operating_mode="freqAllNeverLock"),
+        )
+        for shape in shapes
+    ]
+    for drone in drones:
+        flights = drone.directory / "flights"
+        until(lambda: len(pulses_at_hz(flights)) >= 4, 60.0)  # noqa: B023 - called at once
+        assert pulses_at_hz(flights)[-1] == pytest.approx(true_tag.frequency_hz, abs=30.0)
+        (directory,) = flights.glob("flight_log_*")
+        config = read_detector_config(FlightLayout(directory).tag_config(true_tag.tag_id))
+        assert config.operating_mode == "freqAllNeverLock"

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.flight.conftest import FLIGHT_RATE_HZ
 
 from uavrt.attitude import euler_deg
 from uavrt.clock import Clock
@@ -65,7 +66,7 @@ def turning_scenario(duration_s: float) -> Scenario:
     )
     return Scenario(
         duration_s=duration_s,
-        radio=Radio(center_frequency_hz=148_705_000.0),
+        radio=Radio(center_frequency_hz=148_705_000.0, sample_rate_hz=FLIGHT_RATE_HZ),
         tag=tags,
         flight=Flight(
             height_m=40.0,

@@ -85,13 +85,13 @@ def order(ros_peer: Any, what: str) -> Any:
 
 def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     drone_bay: Any,
-    thesis_scenario: Any,
+    full_rate_scenario: Any,
     ros_domain: int,
     ros_peer: Any,
     subscriber: subprocess.Popen[str],
     wait_until: Any,
 ) -> None:
-    scenario = replace(thesis_scenario, tag=(*thesis_scenario.tag, CODED_TAG))
+    scenario = replace(full_rate_scenario, tag=(*full_rate_scenario.tag, CODED_TAG))
     drone = drone_bay.launch(scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain))
     watch = Watch(drone, ros_peer.listen("pulse_pose", PULSE_POSE))
     bursts = ros_peer.listen("burst", BURST)
@@ -167,5 +167,5 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
         time = message.pulse.start_time
         assert time.sec * 10**9 + time.nanosec in starts_ns
         assert message.antenna_pose.position.x == pytest.approx(
-            thesis_scenario.home.latitude_deg, abs=0.01
+            full_rate_scenario.home.latitude_deg, abs=0.01
         )
