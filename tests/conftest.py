@@ -142,3 +142,28 @@ def launch(ros_domain: int) -> Iterator[Launch]:
     for gateway in started:
         if gateway.process.poll() is None:
             gateway.close()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, for the tests of the page."""
+    from page_driver import chromium
+
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def start_ground() -> Iterator[Callable[..., Any]]:
+    """Start ground stations with a page; every one of them ends with the test."""
+    from page_driver import Ground
+
+    started: list[Ground] = []
+
+    def start(directory: Path, port: int = 0, *more: str) -> Ground:
+        started.append(Ground(directory, port, *more))
+        return started[-1]
+
+    yield start
+    for ground in started:
+        ground.stop()

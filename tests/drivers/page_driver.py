@@ -106,15 +106,20 @@ class Watched:
     """A page, everything it asked for, and everything that went wrong in it.
 
     A light that pulses is drawn sixty times a second, which takes a core without a graphics
-    processor: unless a test says otherwise, its reader wants less motion.
+    processor: unless a test says otherwise, its reader wants less motion. So does the map drawn
+    by WebGL: a test that does not look at its pixels or layers uses the plain map.
     """
 
-    def __init__(self, browser: Browser, address: str, **context: Any) -> None:
+    def __init__(
+        self, browser: Browser, address: str, *, plain_map: bool = True, **context: Any
+    ) -> None:
         context = {"reduced_motion": "reduce"} | context
         self._context = browser.new_context(
             viewport={"width": 1024, "height": 600}, accept_downloads=True, **context
         )
         self._context.set_default_timeout(WAIT_MS)
+        if plain_map:
+            self._context.add_init_script("localStorage.setItem('plain', 'yes')")
         self.page: Page = self._context.new_page()
         self.hosts: set[str] = set()
         self.errors: list[str] = []

@@ -165,31 +165,6 @@ def living_children(pid: int) -> set[int]:
     return found - {os.getpid()}
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Chromium, for the tests of the page."""
-    from page_driver import chromium
-
-    with chromium() as running:
-        yield running
-
-
-@pytest.fixture
-def start_ground() -> Iterator[Callable[..., Any]]:
-    """Start ground stations with a page; every one of them ends with the test."""
-    from page_driver import Ground
-
-    started: list[Ground] = []
-
-    def start(directory: Path, port: int = 0, *more: str) -> Ground:
-        started.append(Ground(directory, port, *more))
-        return started[-1]
-
-    yield start
-    for ground in started:
-        ground.stop()
-
-
 @pytest.fixture
 def quiet_radio() -> Iterator[Callable[[int, int], Any]]:
     """Radios between autopilots and ground stations, given the ports of both."""

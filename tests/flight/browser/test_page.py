@@ -100,7 +100,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     tmp_path: Path,
 ) -> None:
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     scenario = demo_scenario(FLIGHT_S, 1)
     if not (SCREENSHOTS or VIDEO):
@@ -193,7 +193,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     before = page.evaluate("() => window.uavrt.store.pulses.count")
     page.reload()
     page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
-    second = Watched(browser, ground.address, color_scheme="dark")
+    second = Watched(browser, ground.address, color_scheme="dark", plain_map=False)
     second.page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
     second.page.wait_for_selector(".rose", timeout=WAIT_MS)
 
@@ -302,7 +302,7 @@ def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
 ) -> None:
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    watched = Watched(browser, ground.address)
+    watched = Watched(browser, ground.address, plain_map=False)
     page = watched.page
     options = page.locator("#set-generation option")
     told = options.evaluate_all("(all) => all.map((one) => one.value)")
@@ -363,7 +363,7 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     write_map(folder / "valley.mbtiles")
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    watched = Watched(browser, ground.address)
+    watched = Watched(browser, ground.address, plain_map=False)
     page = watched.page
     page.click("#tab-setup")
     page.click("#tag-add")

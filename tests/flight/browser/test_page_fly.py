@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from page_driver import VIDEO, Ground, Watched, axe_findings, colour_at, type_tags
 from playwright.sync_api import Browser, Page, expect
-from tests.flight.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
 from tests.flight.conftest import Drone, DroneBay, hovering_scenario
 from tests.flight.test_search import animal
+from tests.system.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import circle

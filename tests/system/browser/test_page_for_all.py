@@ -103,7 +103,7 @@ def states(page: Page) -> Iterator[str]:
 def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_language(
     browser: Browser, station: str, scheme: str, locale: str
 ) -> None:
-    watched = Watched(browser, station, color_scheme=scheme, locale=locale)
+    watched = Watched(browser, station, color_scheme=scheme, locale=locale, plain_map=False)
     page = watched.page
     expect(page.locator("html")).to_have_attribute("lang", locale[:2])
     ready(page)
@@ -124,7 +124,9 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_la
 def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
     browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
-    watched = Watched(browser, start_ground(tmp_path, 0).address, locale="de-DE")
+    watched = Watched(
+        browser, start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False
+    )
     page = watched.page
     page.click("#tab-flights")
     page.click("#season-show")
@@ -137,7 +139,9 @@ def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
 def test_the_page_finds_the_words_that_the_tests_find(
     browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
-    watched = Watched(browser, start_ground(tmp_path, 0).address, locale="de-DE")
+    watched = Watched(
+        browser, start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False
+    )
     texts = [*filled_forms("7"), *filled_forms(GOES_ON), *filled_forms("link. Try again")]
     texts += ["no answer about x. Nobody has words for this", GOES_ON, "17 m · not heard · new"]
     said = watched.page.evaluate(
@@ -155,7 +159,7 @@ def test_the_page_finds_the_words_that_the_tests_find(
 def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(
     browser: Browser, station: str
 ) -> None:
-    watched = Watched(browser, station, color_scheme="light")
+    watched = Watched(browser, station, color_scheme="light", plain_map=False)
     page = watched.page
     ready(page)
     lost: list[tuple[str, str]] = []
@@ -180,7 +184,7 @@ def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(
 def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
     browser: Browser, station: str
 ) -> None:
-    watched = Watched(browser, station, color_scheme="light")
+    watched = Watched(browser, station, color_scheme="light", plain_map=False)
     page = watched.page
     ready(page)
     page.focus("#tab-setup")
@@ -208,7 +212,7 @@ def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
     browser: Browser, station: str
 ) -> None:
     """Each move begins with a coarser picture, which must not be drawn within a frame."""
-    watched = Watched(browser, station, color_scheme="light")
+    watched = Watched(browser, station, color_scheme="light", plain_map=False)
     page = watched.page
     page.click("#tab-fly")
     page.evaluate(SLOW_FRAMES)
@@ -223,7 +227,7 @@ def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
 
 
 def test_the_language_that_is_chosen_is_kept(browser: Browser, station: str) -> None:
-    watched = Watched(browser, station, color_scheme="light", locale="de-DE")
+    watched = Watched(browser, station, color_scheme="light", locale="de-DE", plain_map=False)
     page = watched.page
     expect(page.locator("#tab-setup")).to_have_text("Einrichten")
     page.click("#tab-setup")
@@ -245,7 +249,9 @@ def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
     monkeypatch.setenv("UAVRT_GROUND_PASSWORD", "marmot")
     monkeypatch.setenv("UAVRT_ACCESS_POINT", wi_fi)
     ground = start_ground(tmp_path, 0, "--listen", "0.0.0.0", "--host-name", "lynx-1.local")
-    watched = Watched(browser, f"http://127.0.0.1:{ground.port}/", color_scheme="dark")
+    watched = Watched(
+        browser, f"http://127.0.0.1:{ground.port}/", color_scheme="dark", plain_map=False
+    )
     page = watched.page
     page.fill("input[type=password]", "marmot")
     page.keyboard.press("Enter")

@@ -37,7 +37,7 @@ def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(
     here.mkdir()
     first, _ = write_flight(here, 120.0, 300.0), write_flight(here, 150.0, 300.0)
     ground = start_ground(tmp_path, 0)
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     page.click("#tab-flights")
     star = page.locator(f'tr[data-flight="{first}"] .star')
@@ -76,7 +76,7 @@ def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
     (without / "duckdb.py").write_text("raise ImportError(name='duckdb')\n")
     monkeypatch.setenv("PYTHONPATH", str(without))
     ground = start_ground(tmp_path, 0)
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     rows, archived = page.locator("tr[data-flight]"), page.locator("tr[data-archived]")
     page.click("#tab-flights")
@@ -132,7 +132,7 @@ def test_flights_are_fetched_compared_and_exported(
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
     drone = FileDrone(port, on_drone)
     try:
-        watched = Watched(browser, ground.address, color_scheme="light")
+        watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
         page = watched.page
         page.click("#tab-flights")
         expect(page.locator("tr[data-flight]")).to_have_count(2)
@@ -219,7 +219,7 @@ def test_a_vector_map_of_the_folder_is_drawn(
     write_vector_map(folder / "sea.pmtiles")
     (folder / "broken.pmtiles").write_bytes(b"no map")
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     page.wait_for_function("() => window.uavrt.map().getLayer('base-fill-water')")
     page.evaluate("() => window.uavrt.map().jumpTo({ center: [8, 46.5], zoom: 3.4 })")
@@ -248,7 +248,7 @@ def test_a_slow_computer_pans_coarsely_and_shows_the_rest_sharp(
     browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address)
+    watched = Watched(browser, ground.address, plain_map=False)
     page = watched.page
     page.wait_for_function("() => window.uavrt.map().loaded()", timeout=WAIT_MS)
     full, least = page.evaluate(

@@ -91,7 +91,7 @@ def test_the_strength_of_each_height_is_seen_by_itself(
 ) -> None:
     flight_id = write_survey(tmp_path / "ground")
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     page.click("#tab-flights")
     page.locator(f'tr[data-flight="{flight_id}"] .open-flight').click()
@@ -134,7 +134,7 @@ def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does
 ) -> None:
     flight_id = write_survey(tmp_path / "ground")
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     page.click("#tab-setup")
     page.select_option("#set-antenna", "monopole")
