@@ -1,7 +1,6 @@
 """Tables of results are of the code as it is, or say that they are not."""
 
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,6 @@ from uavrt_experiments.measured import (
     SOURCE,
     digest,
     enter,
-    in_history,
     main,
     read_parts,
     report,
@@ -34,37 +32,6 @@ def test_every_table_of_bars_names_the_code_that_it_was_measured_with() -> None:
     for name in table.origins:
         assert set(parts[name].folders) == set(FOLDERS)
         assert name in EXPERIMENTS
-
-
-def test_a_commit_that_is_not_in_the_history_is_told(tmp_path: Path) -> None:
-    def git(where: Path, *command: str) -> str:
-        who = (
-            "-c",
-            "user.name=A",
-            "-c",
-            "user.email=a@b.c",
-            "-c",
-            "protocol.file.allow=always",
-        )
-        line = ("git", "-C", str(where), *who, *command)
-        return subprocess.run(line, capture_output=True, text=True, check=True).stdout.strip()
-
-    whole, shallow = tmp_path / "whole", tmp_path / "shallow"
-    whole.mkdir()
-    git(whole, "init", "-q")
-    for number in range(2):
-        git(whole, "commit", "-q", "--allow-empty", "-m", str(number))
-    first = git(whole, "rev-parse", "--short", "HEAD~1")
-    git(whole, "checkout", "-q", "-b", "left", first)
-    git(whole, "commit", "-q", "--allow-empty", "-m", "left behind")
-    left = git(whole, "rev-parse", "--short", "HEAD")
-    git(whole, "checkout", "-q", "-")
-    assert in_history(f"{first}-dirty", whole) is True
-    assert in_history(left, whole) is False
-    assert in_history("0badbad", whole) is False
-    git(tmp_path, "clone", "-q", "--depth", "1", whole.as_uri(), "shallow")
-    assert in_history(first, shallow) is None
-    assert in_history(first, tmp_path) is None
 
 
 CODE = '''"""A module."""
