@@ -1,4 +1,4 @@
-"""The unit as systemd examines it."""
+"""The unit as systemd examines it, and this computer as the doctor does."""
 
 import shutil
 import subprocess
@@ -6,9 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.unit.test_computer import PLAN
+from tests.unit.test_computer import PLAN, bench_settings
 
+from uavrt.computer import examine
 from uavrt.computer.service import unit_text
+from uavrt.demo.programs import free_udp_port
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
@@ -30,3 +32,30 @@ def test_systemd_finds_the_unit_well_confined_and_without_faults(tmp_path: Path)
         check=False,
     )
     assert "uavrt.service" not in verified.stderr, verified.stderr
+
+
+def test_another_link_is_listened_to_where_one_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uavrt.computer.checks.LISTEN_S", 0.2)
+    port = free_udp_port()
+    address = f"udpin://127.0.0.1:{port}"
+    findings = {f.what: f for f in examine(bench_settings(tmp_path), None, mavlink=address)}
+    assert not findings["autopilot"].ok
+    assert f"nothing heard at {address}" in findings["autopilot"].text
+
+
+def test_a_bench_without_autopilot_is_examined_line_by_line(tmp_path: Path) -> None:
+    findings = list(examine(bench_settings(tmp_path), None))
+    assert [f.what for f in findings] == [
+        "radio",
+        "permissions",
+        "autopilot",
+        "clock",
+        "disk",
+        "card",
+        "processor",
+        "temperature",
+    ]
+    for finding in findings:
+        assert finding.ok or finding.remedy, finding

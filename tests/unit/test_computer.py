@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.cli.app import app
-from uavrt.computer import ServicePlan, checks, examine, install, remove, status
+from uavrt.computer import ServicePlan, checks, install, remove, status
 from uavrt.computer.service import RULE_PATH, UNIT_PATH, WANTED_PATH, rule_text, unit_text
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.demo.programs import free_udp_port
 from uavrt.messages import ProcessStatus, SystemState, SystemStatus
 
 PLAN = ServicePlan(
@@ -165,33 +164,6 @@ def bench_settings(directory: Path) -> Settings:
         mavlink=MavlinkSettings(address=""),
         recording=RecordingSettings(directory=str(directory), minimum_free_mb=0.0),
     )
-
-
-def test_another_link_is_listened_to_where_one_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("uavrt.computer.checks.LISTEN_S", 0.2)
-    port = free_udp_port()
-    address = f"udpin://127.0.0.1:{port}"
-    findings = {f.what: f for f in examine(bench_settings(tmp_path), None, mavlink=address)}
-    assert not findings["autopilot"].ok
-    assert f"nothing heard at {address}" in findings["autopilot"].text
-
-
-def test_a_bench_without_autopilot_is_examined_line_by_line(tmp_path: Path) -> None:
-    findings = list(examine(bench_settings(tmp_path), None))
-    assert [f.what for f in findings] == [
-        "radio",
-        "permissions",
-        "autopilot",
-        "clock",
-        "disk",
-        "card",
-        "processor",
-        "temperature",
-    ]
-    for finding in findings:
-        assert finding.ok or finding.remedy, finding
 
 
 def test_a_missing_radio_names_the_package(

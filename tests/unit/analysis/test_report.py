@@ -32,6 +32,8 @@ from uavrt.messages import SearchNote, SoughtTag
 from uavrt.recording import read_search_notes
 from uavrt.simulation import Scenario
 
+pytestmark = pytest.mark.slow
+
 WriteFlight = Callable[..., Path]
 
 

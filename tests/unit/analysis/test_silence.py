@@ -25,6 +25,8 @@ from uavrt.localization import pattern_named
 from uavrt.recording import IntegratedVerdict, read_flight, write_integrated
 from uavrt.tangent_plane import plane_around
 
+pytestmark = pytest.mark.slow
+
 WriteFlight = Callable[..., Path]
 ANTENNA = AntennaChoice()
 

@@ -39,6 +39,8 @@ from uavrt_experiments.statistics import (
 )
 from uavrt_experiments.tables import bars_kept
 
+pytestmark = pytest.mark.slow
+
 UNBARRED = {
     ("E2", "fading"),
     ("E2", "ramp"),

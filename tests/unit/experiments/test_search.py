@@ -26,6 +26,8 @@ from uavrt_experiments.search.scenario import Contender
 from uavrt_experiments.search.table import Flown
 from uavrt_experiments.search.world import World
 
+pytestmark = pytest.mark.slow
+
 OURS = Contender(planner="mi_rate")
 
 

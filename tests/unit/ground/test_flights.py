@@ -36,6 +36,8 @@ from uavrt.recording import Flight, read_flight
 from uavrt.recording.places import Places, home_note, mark_note
 from uavrt.terrain import open_elevation
 
+pytestmark = pytest.mark.slow
+
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 TAG = Tag(

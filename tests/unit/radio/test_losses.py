@@ -10,6 +10,8 @@ from uavrt.radio.placing import Placer
 from uavrt.simulation.arrivals import DeliveredStream, Delivery
 from uavrt_experiments.detection.unsaid import TimesKept, Unsaid, place
 
+pytestmark = pytest.mark.slow
+
 USB = Delivery(transfer_s=65_536 / 3e6, jitter_s=0.002, stall_share=0.01)
 START_NS = 1_700_000_000_000_000_000
 
