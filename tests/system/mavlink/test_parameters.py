@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mavproxy import mavproxy
@@ -14,13 +15,13 @@ from mavsdk.asyncio.plugins.component_metadata import ComponentMetadataAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.plugins.component_metadata import MetadataType
 from mavsdk.plugins.param import ParamError, ProtocolVersion
-from tests.unit.mavlink.conftest import World
 from tests.unit.mavlink.test_parameters import ParameterDrone
 
 from uavrt.config.parameters import OFFERED
 from uavrt.mavlink.component import ParameterEncoding
 
 Until = Callable[..., Awaitable[None]]
+World = Any  # tests/unit/mavlink/conftest.py
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
