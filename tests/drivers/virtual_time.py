@@ -39,6 +39,7 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self.now_s = START_S
+        self.wall_offset_ns = WALL_OFFSET_S * NANOSECONDS_PER_SECOND
 
     def monotonic(self) -> float:
         """Virtual seconds of the monotonic clock."""
@@ -50,7 +51,7 @@ class VirtualClock:
 
     def time_ns(self) -> int:
         """Virtual nanoseconds of the wall clock."""
-        return self.monotonic_ns() + WALL_OFFSET_S * NANOSECONDS_PER_SECOND
+        return self.monotonic_ns() + self.wall_offset_ns
 
 
 class _Jumping(selectors.DefaultSelector):

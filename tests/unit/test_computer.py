@@ -2,8 +2,6 @@
 
 import configparser
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.cli.app import app
-from uavrt.computer import ServicePlan, checks, examine, install, remove, status
+from uavrt.computer import ServicePlan, checks, install, remove, status
 from uavrt.computer.service import RULE_PATH, UNIT_PATH, WANTED_PATH, rule_text, unit_text
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.demo.programs import free_udp_port
 from uavrt.messages import ProcessStatus, SystemState, SystemStatus
 
 PLAN = ServicePlan(
@@ -96,27 +93,6 @@ def test_the_unit_has_the_form_of_a_unit_and_no_key_twice() -> None:
     assert parser["Service"]["WatchdogSignal"] == "SIGKILL"
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
-def test_systemd_finds_the_unit_well_confined_and_without_faults(tmp_path: Path) -> None:
-    unit = tmp_path / "uavrt.service"
-    plan = replace(PLAN, program=Path("/bin/true"), user="root", directory=Path("/var/lib"))
-    unit.write_text(unit_text(plan))
-    exposure = subprocess.run(
-        ["systemd-analyze", "security", "--offline=yes", "--threshold=30", str(unit)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert exposure.returncode == 0, exposure.stdout[-200:] + exposure.stderr
-    verified = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", str(unit)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "uavrt.service" not in verified.stderr, verified.stderr
-
-
 def test_radios_and_serial_ports_stay_open_to_a_confined_service() -> None:
     lines = unit_text(PLAN).splitlines()
     for kind in ("usb_device", "ttyUSB", "ttyACM", "ttyAMA", "ttyS"):
@@ -188,33 +164,6 @@ def bench_settings(directory: Path) -> Settings:
         mavlink=MavlinkSettings(address=""),
         recording=RecordingSettings(directory=str(directory), minimum_free_mb=0.0),
     )
-
-
-def test_another_link_is_listened_to_where_one_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("uavrt.computer.checks.LISTEN_S", 0.2)
-    port = free_udp_port()
-    address = f"udpin://127.0.0.1:{port}"
-    findings = {f.what: f for f in examine(bench_settings(tmp_path), None, mavlink=address)}
-    assert not findings["autopilot"].ok
-    assert f"nothing heard at {address}" in findings["autopilot"].text
-
-
-def test_a_bench_without_autopilot_is_examined_line_by_line(tmp_path: Path) -> None:
-    findings = list(examine(bench_settings(tmp_path), None))
-    assert [f.what for f in findings] == [
-        "radio",
-        "permissions",
-        "autopilot",
-        "clock",
-        "disk",
-        "card",
-        "processor",
-        "temperature",
-    ]
-    for finding in findings:
-        assert finding.ok or finding.remedy, finding
 
 
 def test_a_missing_radio_names_the_package(

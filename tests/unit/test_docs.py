@@ -2,14 +2,9 @@
 
 import dataclasses
 import re
-import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
 from uavrt.cli.app import app
@@ -101,28 +96,6 @@ def test_what_is_filled_in_for_a_board_needs_nothing_but_an_installed_drone() ->
 def test_the_readme_shows_the_commands_of_a_flight() -> None:
     shown = {command for command, _ in command_lines(ROOT / "README.md")}
     assert {"demo", "detect", "run", "ground"} <= shown
-
-
-def test_the_lesson_on_recordings_works_as_it_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    lesson = (ROOT / "docs/tutorial/detect-a-recording.md").read_text(encoding="utf-8")
-    found = FENCE.findall(lesson.replace("\\\n", " "))
-    make_recording, read_pulses = (body for language, body in found if language == "python")
-    tags = next(body for language, body in found if language == "text")
-    detect = next(body for language, body in found if language == "sh")
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
-    exec(make_recording, names)
-    (tmp_path / "TagInfo.txt").write_text(tags, encoding="utf-8")
-    program, *arguments = shlex.split(detect)
-    assert program == "uavrt"
-    subprocess.run([sys.executable, "-m", "uavrt.cli", *arguments], check=True)
-    exec(read_pulses, names)
-    # The first pulse begins with the recording, where filters have nothing to go by.
-    assert names["pulses"][-1]["confirmed"] == "true"
-    assert len(names["times"]) >= 14
-    np.testing.assert_allclose(np.diff(names["times"]), 1.254, atol=0.005)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)

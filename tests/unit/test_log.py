@@ -5,8 +5,6 @@ import io
 import json
 import logging
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 
 import pytest
@@ -65,15 +63,6 @@ def test_a_closed_stream_does_not_stop_the_process() -> None:
     stream.close()
     configure_logging("x", stream=stream)
     get_logger().warning("nobody hears this")
-
-
-@pytest.mark.parametrize("module", ["supervisor.program", "processes.recorder"])
-def test_processes_that_see_no_samples_do_not_load_numpy(module: str) -> None:
-    code = f"import sys, uavrt.{module}; print('numpy' in sys.modules, 'rich' in sys.modules)"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert loaded.stdout.split() == ["False", "False"]
 
 
 def test_a_terminal_that_was_stopped_keeps_nobody_waiting_and_is_told_what_it_missed() -> None:

@@ -3,8 +3,6 @@
 import csv
 import json
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -244,16 +242,6 @@ def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) 
     bearings.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
     with pytest.raises(UsageError, match="cannot be combined"):
         read_positions(bearings, parts[0])
-
-
-@pytest.mark.parametrize("command", ["localize", "bearing"])
-def test_a_method_that_does_not_exist_is_an_error_once(tmp_path: Path, command: str) -> None:
-    path = write(flown().pulse_poses, tmp_path / "flight.jsonl")
-    given = [sys.executable, "-m", "uavrt.cli", command, str(path), "--method", "guess"]
-    finished = subprocess.run(given, capture_output=True, text=True, check=False)
-    assert finished.returncode == 2
-    assert (finished.stdout + finished.stderr).count("no method") == 1
-    assert "Choose from" in finished.stderr
 
 
 def test_a_line_that_is_no_bearing_is_named(tmp_path: Path) -> None:

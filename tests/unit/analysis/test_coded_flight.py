@@ -22,6 +22,8 @@ from uavrt.recording.formats import read_pulse_log
 from uavrt.simulation import parse_scenario, simulate_to_directory
 from uavrt.tangent_plane import TangentPlane
 
+pytestmark = pytest.mark.slow
+
 SCENARIO = """
 duration_s = 70
 [radio]

@@ -7,8 +7,6 @@ import math
 import re
 import sqlite3
 import struct
-import subprocess
-import sys
 import zipfile
 from collections.abc import Callable
 from contextlib import closing
@@ -566,23 +564,3 @@ def test_a_foreign_log_is_exported_like_a_flight(survey: Survey, tmp_path: Path)
     )
     assert metres < 30.0
     exported(again, tmp_path / "again")
-
-
-def test_the_command_writes_what_is_asked_for_and_refuses_what_it_does_not_know(
-    write_flight: WriteFlight,
-) -> None:
-    flight = write_flight()
-
-    def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
-        command = [sys.executable, "-m", "uavrt.cli", "export", str(flight), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=90)
-
-    done = run("--format", "gpx", "--format", "geojson")
-    assert done.returncode == 0, done.stderr
-    assert sorted(path.name for path in (flight / "export").iterdir()) == [
-        "flight.geojson",
-        "flight.gpx",
-    ]
-    refused = run("--format", "shapefile")
-    assert refused.returncode == 2
-    assert all(form in refused.stderr for form in EXPORT_FORMATS)

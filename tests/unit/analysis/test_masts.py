@@ -29,6 +29,8 @@ from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.recording import vehicle_note
 from uavrt.terrain import open_elevation
 
+pytestmark = pytest.mark.slow
+
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 TAG = Tag(tag_id=2, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.2,))

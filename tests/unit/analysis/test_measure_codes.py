@@ -10,6 +10,8 @@ from gapped import GAP_S, KINDS, write_gapped
 
 from uavrt.config import parse_tags
 
+pytestmark = pytest.mark.slow
+
 RATE_HZ = 8000.0
 RADIO = ("--sample-rate", "8e3", "--center-frequency", "166.38e6")
 GAPS_S = (0.022, 0.0488, 0.0366)

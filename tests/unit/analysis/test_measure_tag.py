@@ -19,6 +19,8 @@ from uavrt.config import read_tags
 from uavrt.errors import ConfigError, UsageError
 from uavrt.radio import open_recording
 
+pytestmark = pytest.mark.slow
+
 CENTER_HZ = 148.7e6
 
 

@@ -28,6 +28,8 @@ from uavrt.localization import Position, TangentPlane
 from uavrt.recording.formats import write_bearing_file
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 
+pytestmark = pytest.mark.slow
+
 WriteFlight = Callable[..., Path]
 WALKER, RESTING = 2, 3
 WALK_M_S = 0.6

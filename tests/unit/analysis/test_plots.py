@@ -1,7 +1,5 @@
 """Pictures of a detection: what goes into them, and that they are drawn."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -219,23 +217,3 @@ def test_a_place_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "here").write_text("")
     with pytest.raises(RecordingError, match="here"):
         DetectionPlots(tmp_path / "here", [TAG])
-
-
-def test_without_matplotlib_the_remedy_is_said(tmp_path: Path) -> None:
-    code = (
-        "import sys; sys.modules['matplotlib'] = None\n"
-        "from pathlib import Path\n"
-        "from uavrt.analysis.plots import DetectionPlots\n"
-        "from uavrt.errors import UsageError\n"
-        "try:\n    DetectionPlots(Path(sys.argv[1]), [])\n"
-        "except UsageError as error:\n    print(error)\n"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "x")],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
-    assert "uavrt[analysis]" in run.stdout
-    assert not (tmp_path / "x").exists()

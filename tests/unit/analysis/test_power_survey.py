@@ -26,6 +26,8 @@ from uavrt.recording import read_flight
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 from uavrt.simulation.antenna import Antenna
 
+pytestmark = pytest.mark.slow
+
 WriteFlight = Callable[..., Path]
 TAG_NORTH_M, TAG_EAST_M = 140.0, 95.0
 

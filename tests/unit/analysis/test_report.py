@@ -2,8 +2,6 @@
 
 import re
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -33,6 +31,8 @@ from uavrt.localization import PATTERNS
 from uavrt.messages import SearchNote, SoughtTag
 from uavrt.recording import read_search_notes
 from uavrt.simulation import Scenario
+
+pytestmark = pytest.mark.slow
 
 WriteFlight = Callable[..., Path]
 
@@ -243,15 +243,6 @@ def test_an_old_log_of_the_original_gets_a_report_without_bearings(tmp_path: Pat
     assert survey.bearings == ()
     assert survey.warnings[-1] == NO_BEARINGS_FROM_THESE
     assert "half-way" in Page(html_page(survey)).text
-
-
-def test_the_command_writes_both_and_names_them(write_flight: WriteFlight) -> None:
-    flight = write_flight(heard=0)
-    command = [sys.executable, "-m", "uavrt.cli", "report", str(flight)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=90)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [f"{flight}/report.html", f"{flight}/report.pdf"]
-    assert (flight / "report.html").read_text().startswith("<!DOCTYPE html>")
 
 
 def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlight) -> None:

@@ -3,7 +3,6 @@
 import base64
 import json
 import sqlite3
-import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from joined import joined
 
 from uavrt.analysis.whole_flight import searched_for
 from uavrt.cli.coverage import coverage
@@ -25,19 +25,17 @@ from uavrt.localization import pattern_named
 from uavrt.recording import IntegratedVerdict, read_flight, write_integrated
 from uavrt.tangent_plane import plane_around
 
+pytestmark = pytest.mark.slow
+
 WriteFlight = Callable[..., Path]
 ANTENNA = AntennaChoice()
 
 
 def answered(desk: SilenceDesk, asked: Silence) -> dict[str, object]:
-    """Ask until the map is there, or cannot be made."""
-    until = time.monotonic() + 100.0
-    while time.monotonic() < until:
-        answer = desk.answer(asked)
-        if answer["state"] != "working":
-            return answer
-        time.sleep(0.05)
-    pytest.fail("no map")
+    """Ask, and ask again when the map is there or cannot be made."""
+    answer = desk.answer(asked)
+    joined("map of silence")
+    return desk.answer(asked) if answer["state"] == "working" else answer
 
 
 def around(flight: Path, half_m: float) -> list[list[float]]:

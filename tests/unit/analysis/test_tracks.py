@@ -36,6 +36,8 @@ from uavrt.messages import AttitudeSample, Pose, PositionSample, PulsePose
 from uavrt.recording import Flight, PulseWriter, read_flight
 from uavrt.simulation.telemetry import telemetry_message
 
+pytestmark = pytest.mark.slow
+
 WriteFlight = Callable[..., Path]
 WriteTrack = Callable[[list[Pose], Path], Path]
 BOOT_NS = 40_000_000_000

@@ -1,9 +1,7 @@
 """A batch gives the same pulses whoever computes them, and whatever happens meanwhile."""
 
-import multiprocessing
 import os
 import pickle
-import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -34,8 +32,8 @@ SETTINGS = BatchSettings(cell_s=30.0, lead_in_s=10.0, chunk_s=1000.0)
 LINES = f"{COLUMNS}\n"
 
 
-@pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(name="archive", scope="module")
+def archive_fixture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("archive")
     lines = LINES
     for number, length_s in enumerate((75.0, 35.0)):
@@ -68,8 +66,8 @@ def pulses(output: Path) -> pa.Table:
     return pq.read_table(output / "pulses")
 
 
-@pytest.fixture(scope="module")
-def reference(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> pa.Table:
+@pytest.fixture(name="reference", scope="module")
+def reference_fixture(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> pa.Table:
     output = tmp_path_factory.mktemp("serial")
     summary = run(archive, output)
     assert [(row.state, row.cells) for row in summary.rows] == [("done", 3), ("done", 2)]
@@ -116,27 +114,6 @@ def test_a_run_that_is_stopped_goes_on_where_it_was(
     assert pulses(tmp_path).equals(reference)
     third = run(archive, tmp_path)
     assert (third.done_now, third.done_before) == (0, 2)
-
-
-def test_a_killed_worker_costs_its_chunk_and_no_pulse(
-    archive: Path, reference: pa.Table, tmp_path: Path
-) -> None:
-    killed: list[int] = []
-    done = [0]
-
-    def kill_one(samples: int) -> None:
-        done[0] += samples
-        if not killed and done[0] > 20 * RATE_HZ:
-            worker = multiprocessing.active_children()[0]
-            assert worker.pid is not None
-            os.kill(worker.pid, signal.SIGKILL)
-            killed.append(worker.pid)
-
-    settings = replace(SETTINGS, workers=2, chunk_s=5.0)
-    summary = run(archive, tmp_path, settings, on_samples=kill_one)
-    assert len(killed) == 1
-    assert {row.state for row in summary.rows} == {"done"}
-    assert pulses(tmp_path).equals(reference)
 
 
 def test_what_was_changed_is_done_anew_and_nothing_else(archive: Path, tmp_path: Path) -> None:

@@ -13,8 +13,6 @@ from command_line import uavrt
 from pulses import pulse_at
 from rich.console import Console
 
-from uavrt.demo.programs import Program
-from uavrt.demo.run import not_started
 from uavrt.demo.search import SearchSummary, SoughtAnimal
 from uavrt.demo.telling import in_plain_words
 from uavrt.demo.view import DemoView, TagView
@@ -204,21 +202,6 @@ def test_a_port_that_is_taken_is_told_before_anything_starts(
     said = capsys.readouterr().err
     assert f"port {port}: Address already in use" in said
     assert "--port" in said
-
-
-def test_a_flight_that_does_not_start_is_told_with_the_ground_s_last_words(
-    tmp_path: Path,
-) -> None:
-    log = tmp_path / "ground.log"
-    program = Program("ground", ("uavrt.cli", "ground", "--start"), log)
-    while not program.ended:
-        os.sched_yield()
-    error = not_started(program)
-    assert "did not start: there are no tags" in str(error)
-    assert str(log) in str(error)
-    with pytest.raises(UavrtError, match="there are no tags") as ended:
-        program.check()
-    assert str(log) in str(ended.value)
 
 
 def test_what_a_killed_demo_left_is_swept_by_the_next_and_a_running_one_s_is_not(

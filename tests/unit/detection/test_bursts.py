@@ -14,6 +14,8 @@ from uavrt_experiments.detection.on_air import Hopper, Slots
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, noise, pulse_train
 from uavrt_experiments.detection.trials import RATE_HZ, compare, detect
 
+pytestmark = pytest.mark.slow
+
 FITS = {"width_s": 0.02, "late_s": 0.0, "spread_s": 0.006, "beside_hz": 0.0, "above_db": 0.0}
 
 

@@ -18,6 +18,8 @@ from uavrt_experiments.detection.signals import (
 )
 from uavrt_experiments.detection.trials import compare, detect
 
+pytestmark = pytest.mark.slow
+
 
 def rotating_enr_db(time_s: float) -> float:
     """30 degrees a second; 24 dB ahead, 2 dB behind."""

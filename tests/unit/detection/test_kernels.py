@@ -14,6 +14,8 @@ from uavrt.detection.search.levelling import Leveller
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 
+pytestmark = pytest.mark.slow
+
 needs_kernels = pytest.mark.skipif(
     native.kernels() is None, reason=f"{native.description()}: python hatch_build.py kernels"
 )

@@ -22,6 +22,8 @@ from uavrt_experiments.detection.signals import (
 )
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
+pytestmark = pytest.mark.slow
+
 Sent = tuple[float, float]
 """Interval [s] and ENR [dB]."""
 

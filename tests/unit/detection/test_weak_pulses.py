@@ -24,6 +24,8 @@ from uavrt_experiments.detection.trials import (
     group_found,
 )
 
+pytestmark = pytest.mark.slow
+
 Extra = Callable[[np.random.Generator, NDArray[np.complex64], list[TruePulse]], None]
 
 

@@ -1,8 +1,5 @@
 """Transforms of many columns, with SciPy's own module or its documented function."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -28,20 +25,3 @@ def test_where_the_module_is_not_found_the_documented_function_is_taken(
         assert np.allclose(fourier.transform_columns(values), np.fft.fft(values, axis=0))
     finally:
         fourier.column_transform.cache_clear()
-
-
-def test_a_channelizer_of_all_channels_imports_no_scipy_fft() -> None:
-    code = (
-        "import sys, numpy as np; from uavrt.dsp import Channelizer; "
-        "Channelizer(channels=100).process(np.ones(5000, np.complex64)); "
-        "sys.exit('scipy.special' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-@pytest.mark.parametrize(
-    "module", ["processes.detector", "analysis.measure.recorded_pulses", "cli.detect"]
-)
-def test_the_detection_of_beeping_tags_imports_no_scipy_special(module: str) -> None:
-    code = f"import sys, uavrt.{module}; sys.exit('scipy.special' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

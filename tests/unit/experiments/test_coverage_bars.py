@@ -10,6 +10,8 @@ from uavrt.errors import FormatError, UsageError
 from uavrt_experiments.coverage import SILENCES, seek_tags, silence_rows
 from uavrt_experiments.kept import KeptOutcomes
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("which", "silent"), [(0, 16), (1, 8)], ids=["groups", "whole flights"]

@@ -22,12 +22,10 @@ from uavrt_experiments.detection import (
     EXPERIMENTS,
     Row,
     original,
-    run_experiments,
     theory,
     trials,
 )
-from uavrt_experiments.detection.campaign import Chunk, run_chunk, short_rows
-from uavrt_experiments.detection.cases import Experiment
+from uavrt_experiments.detection.campaign import short_rows
 from uavrt_experiments.detection.false_alarms import FalseAlarms, false_alarm_row
 from uavrt_experiments.detection.tables import read_results
 from uavrt_experiments.statistics import (
@@ -40,6 +38,8 @@ from uavrt_experiments.statistics import (
     wilson_interval,
 )
 from uavrt_experiments.tables import bars_kept
+
+pytestmark = pytest.mark.slow
 
 UNBARRED = {
     ("E2", "fading"),
@@ -235,29 +235,6 @@ def test_every_acceptance_experiment_is_there_with_a_bar_in_each() -> None:
 def test_what_has_no_short_form_has_no_bar(which: tuple[str, str]) -> None:
     case = next(c for c in EXPERIMENTS[which[0]].cases if c.name == which[1])
     assert not any(row.barred for row in short_rows(case, 11))
-
-
-def test_two_processes_make_the_rows_that_one_makes() -> None:
-    case = next(c for c in EXPERIMENTS["E2"].cases if c.name == "K = 1")
-    number = EXPERIMENTS["E2"].cases.index(case)
-    one = replace(EXPERIMENTS["E2"], cases=EXPERIMENTS["E2"].cases[number : number + 1])
-    alone = run_chunk(Chunk(experiment="E2", case=number, first=0, last=40, seed=3))
-    parts: list[float] = []
-    # A process finds a case by its number: the experiment must be the catalogue's own.
-    small = Experiment(
-        name="E2",
-        title=one.title,
-        cases=tuple(
-            c if c is case else replace(c, trials=0, least=1, rows=lambda outcomes: [])
-            for c in EXPERIMENTS["E2"].cases
-        ),
-    )
-    rows = run_experiments(
-        [small], trials=1, seed=3, workers=2, on_progress=lambda part, what: parts.append(part)
-    )
-    assert rows == case.rows(alone)
-    assert parts == sorted(parts)
-    assert parts[-1] == pytest.approx(1.0)
 
 
 @pytest.fixture

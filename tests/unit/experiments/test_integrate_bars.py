@@ -25,6 +25,8 @@ from uavrt_experiments.integrate.sensitivity import Heard, fly
 from uavrt_experiments.integrate.several import fly_past, worlds
 from uavrt_experiments.integrate.ways import ordinary_and_whole, samples_and_energies
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("number", range(6))
 def test_flights_without_the_tag_show_none(number: int) -> None:

@@ -16,6 +16,8 @@ from uavrt_experiments.localization import EXPERIMENTS, Row
 from uavrt_experiments.localization.rotations import RotationCase, bound_deg
 from uavrt_experiments.tables import drawn
 
+pytestmark = pytest.mark.slow
+
 RUNS = {
     "B1, B2": 6,
     "B3, B4": 3,

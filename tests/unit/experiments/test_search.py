@@ -1,12 +1,6 @@
 """The search tables in their short form: paired worlds, our planner, the rows."""
 
 import math
-import os
-import re
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,6 +25,8 @@ from uavrt_experiments.search.flight import Judged, Outcome, beliefs_of, fly
 from uavrt_experiments.search.scenario import Contender
 from uavrt_experiments.search.table import Flown
 from uavrt_experiments.search.world import World
+
+pytestmark = pytest.mark.slow
 
 OURS = Contender(planner="mi_rate")
 
@@ -289,32 +285,3 @@ def test_runs_that_are_kept_are_not_flown_again(
         assert fly_all(planned[:3], kept=kept, on_progress=done.append) == first
         assert done == [3]
     assert [len(one.outcomes) for one in first] == [2, 1]
-
-
-@pytest.mark.parametrize("workers", ["1", "2"])
-def test_ctrl_c_prints_what_is_done_and_keeps_it(tmp_path: Path, workers: str) -> None:
-    kept = tmp_path / "kept.jsonl"
-    words = ("--only", "T7", "--runs", "400", "--particles", "100", "--workers", workers)
-    command = [sys.executable, "-m", "uavrt.cli", "experiment", "search", *words]
-    with subprocess.Popen(
-        [*command, "--no-baselines", "--kept", str(kept)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    ) as running:
-        while running.poll() is None and lines_of(kept) < 3:
-            time.sleep(0.05)
-        os.killpg(running.pid, signal.SIGINT)  # as a terminal does
-        out, errors = running.communicate(timeout=60)
-    assert running.returncode == 130, errors
-    assert "repeat it to go on" in errors
-    assert "Traceback" not in errors
-    assert "T7  Cliff: one animal that rests" in out
-    done = int(re.findall(r"mi_rate .* 0 of (\d+)$", out, re.MULTILINE)[0])
-    assert 2 <= done < 400
-    assert lines_of(kept) == done + 1
-
-
-def lines_of(path: Path) -> int:
-    return path.read_text(encoding="utf-8").count("\n") if path.exists() else 0

@@ -9,6 +9,8 @@ from uavrt.simulation.link_trial import LinkTrial, TrialResult, TrialSettings
 from uavrt.simulation.radio_link import RadioLinkSettings
 from uavrt.tunnel.reliable import CAPACITY
 
+pytestmark = pytest.mark.slow
+
 THESIS_LOAD_S = [3.0 + 3.762 * (index // 3) for index in range(1486)]
 """1486 pulses in groups of three, as in the thesis's §5.3: half an hour."""
 

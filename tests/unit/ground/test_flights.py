@@ -1,6 +1,5 @@
 """Flights on the disk, as the page reads and exports them."""
 
-import asyncio
 import csv
 import io
 import json
@@ -28,13 +27,14 @@ from uavrt.ground.store.flights import Columns, FlightLibrary
 from uavrt.ground.store.settings import GroundSettings
 from uavrt.ground.web import maps
 from uavrt.ground.web.exports import EXPORTS, export
-from uavrt.ground.web.reports import Reporter
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.bearing.live_bearings import LiveBearings
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.recording import Flight, read_flight
 from uavrt.recording.places import Places, home_note, mark_note
 from uavrt.terrain import open_elevation
+
+pytestmark = pytest.mark.slow
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -95,16 +95,16 @@ def fly(
             seconds += 0.2
 
 
-@pytest.fixture
-def keeper(tmp_path: Path) -> Iterator[FlightKeeper]:
+@pytest.fixture(name="keeper")
+def keeper_fixture(tmp_path: Path) -> Iterator[FlightKeeper]:
     keeper = FlightKeeper(tmp_path, Clock.start())
     keeper.begin([TAG])
     yield keeper
     keeper.close()
 
 
-@pytest.fixture
-def flown(keeper: FlightKeeper, tmp_path: Path) -> tuple[FlightLibrary, str]:
+@pytest.fixture(name="flown")
+def flown_fixture(keeper: FlightKeeper, tmp_path: Path) -> tuple[FlightLibrary, str]:
     fly(keeper)
     keeper.commit()
     assert keeper.flight_id is not None
@@ -407,25 +407,6 @@ def test_an_offset_of_the_antenna_turns_the_bearing(flown: tuple[FlightLibrary, 
     straight = estimates(columns).bearings[0]["bearing_deg"]
     turned = Estimator().estimate(columns, AntennaChoice(offset_deg=90.0)).bearings[0]
     assert (turned["bearing_deg"] - straight) % 360.0 == pytest.approx(90.0, abs=0.5)
-
-
-def test_the_pages_report_has_what_the_page_tells_of_the_antenna_that_is_set(
-    flown: tuple[FlightLibrary, str], tmp_path: Path
-) -> None:
-    library, flight_id = flown
-    columns, place = library.columns(flight_id), library.path(flight_id)
-    reporter = Reporter(tmp_path / "reports")
-    tags = library.summary(flight_id).tags
-    usual, found = (
-        Estimator().estimate(columns, antenna, (), tags)
-        for antenna in (AntennaChoice(), AntennaChoice(offset_deg=90.0, heading_sigma_deg=15.0))
-    )
-    antenna = AntennaChoice(offset_deg=90.0, heading_sigma_deg=15.0)
-    page = asyncio.run(reporter.report(place, antenna)).decode().replace("\u00a0", " ")
-    told = [f"{one.positions[0]['radius95_m']:.0f} m with 95 %" for one in (usual, found)]
-    assert told[0] not in page
-    assert told[1] in page
-    assert f"{found.bearings[0]['bearing_deg']:.0f}°" in page
 
 
 @pytest.mark.parametrize("name", EXPORTS)

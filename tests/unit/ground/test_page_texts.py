@@ -109,6 +109,7 @@ def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
         life_used_tenths=10,
     )
     monkeypatch.setattr(checks, "card_of", lambda _directory: ill)
+    monkeypatch.setattr(card, "wall_ns", lambda: card.OLDEST_TIME_NS)
     found = [checks.check_card(Settings())]
     for off_s, synchronized in ((None, "no"), (0.0, "yes"), (-60.0, "yes")):
         monkeypatch.setattr(checks, "battery_clock_off_s", lambda off_s=off_s: off_s)

@@ -16,6 +16,8 @@ from uavrt.localization import difference_deg, integrate
 from uavrt.messages import Pose
 from uavrt_experiments.detection.signals import START_NS
 
+pytestmark = pytest.mark.slow
+
 FIXED = [
     *("tag_id", "found", "false_alarm_probability", "enr_db", "interval_s", "frequency_hz"),
     *("pulses", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m"),

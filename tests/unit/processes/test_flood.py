@@ -22,6 +22,8 @@ from uavrt.processes.crowd import (
 from uavrt.tunnel.private import Receipt, payload_hash
 from uavrt.tunnel.reliable import MOST_STORES, ReliableSender
 
+pytestmark = pytest.mark.slow
+
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
 COUNT = 4000

@@ -2,7 +2,6 @@
 
 import json
 import os
-import time
 import zipfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from flown import Flown
+from joined import joined
+from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings, Settings
 from uavrt.geodesy import distance_m
@@ -71,12 +72,12 @@ class Hub:
 
     def offer(self) -> MotionOffer:
         """Wait for what is being planned."""
-        for _ in range(2000):
+        for _ in range(3):
             self.guide.tick()
             if isinstance(self.sent[-1], MotionOffer):
                 offer: MotionOffer = self.sent.pop()
                 return offer
-            time.sleep(0.005)
+            joined("plan")
         raise AssertionError
 
     def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleWish:
@@ -302,7 +303,9 @@ def test_what_nobody_foresaw_refuses_the_order(hub: Hub) -> None:
     assert not hub.ask("hold").refused
 
 
-def test_an_order_is_flown_on_while_another_is_being_planned(tmp_path: Path) -> None:
+def test_an_order_is_flown_on_while_another_is_being_planned(
+    tmp_path: Path, clock_of_test: VirtualClock
+) -> None:
     farm = tmp_path / "farm.geojson"
     ring = [[8.1, 47.1], [8.2, 47.1], [8.1, 47.2]]
     text = json.dumps({"type": "Polygon", "coordinates": [ring]})
@@ -319,7 +322,7 @@ def test_an_order_is_flown_on_while_another_is_being_planned(tmp_path: Path) -> 
     while not any(one.kind == "alive" for one in hub.sent[begun:]):
         hub.guide.take("vehicle", hub.report(standing="confirmed", order_id=flown.order_id))
         hub.guide.tick()
-        time.sleep(0.01)
+        clock_of_test.now_s += 0.01
     assert not any(isinstance(one, MotionOffer) for one in hub.sent)
     for number in (4, 5):
         farm.write_text(text)

@@ -10,6 +10,8 @@ from uavrt.messages import Tag
 from uavrt.processes.search_costs import search_cost
 from uavrt_experiments.detection.signals import THESIS_TAG
 
+pytestmark = pytest.mark.slow
+
 
 def tags(count: int, **changed: object) -> list[Tag]:
     """As many tags like the thesis's."""

@@ -1,16 +1,11 @@
 """A band over UDP in datagrams of any size, as netcat cuts it."""
 
-import socket
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from uavrt.demo.programs import free_udp_port
-from uavrt.radio.band_source import BandDatagramSource, ByteJoiner, misalignment
-from uavrt.radio.udp_address import parse_udp_address
+from uavrt.radio.band_source import ByteJoiner, misalignment
 
 RATE_HZ = 375_000.0
 START_NS = 1_700_000_000_000_000_000
@@ -21,18 +16,6 @@ def signal(count: int, seed: int = 1) -> np.ndarray:
     return (
         (0.01 * rng.standard_normal((count, 2))).astype(np.float32).view(np.complex64).ravel()
     )
-
-
-@pytest.fixture
-def source() -> Iterator[BandDatagramSource]:
-    opened = BandDatagramSource(
-        f"udp://localhost:{free_udp_port()}",
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=148.7e6,
-        start_time_ns=START_NS,
-    )
-    yield opened
-    opened.close()
 
 
 @settings(deadline=None, max_examples=60)
@@ -101,55 +84,3 @@ def test_the_exponents_tell_where_floats_begin(skip: int) -> None:
 def test_zeros_and_a_few_bytes_are_left_as_they_are() -> None:
     assert misalignment(bytes(4000)) == 0
     assert misalignment(b"abc" * 20) == 0
-
-
-def test_a_stream_in_datagrams_of_ever_other_sizes_arrives_whole(
-    source: BandDatagramSource,
-) -> None:
-    samples = signal(400_000)
-    data = samples.tobytes()
-    rng = np.random.default_rng(2)
-    place = ("127.0.0.1", parse_udp_address(source.name)[1])
-    received, at = [], 0
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        while at < len(data):
-            size = int(rng.integers(1, 16_384))
-            sock.sendto(data[at : at + size], place)
-            at += size
-            if at % 5 == 0 and (block := source.read(0.0)) is not None:
-                received.append(block)
-    while (block := source.read(0.2)) is not None:
-        received.append(block)
-    assert source.samples_lost == source.realigned == 0
-    np.testing.assert_array_equal(np.concatenate([b.samples for b in received]), samples)
-    index = 0
-    for block in received:
-        assert block.sample_index == index
-        assert abs(block.time_ns - START_NS - index * 1e9 / RATE_HZ) < 2
-        index += len(block.samples)
-
-
-def test_a_sender_to_the_other_localhost_is_heard_too(source: BandDatagramSource) -> None:
-    port = parse_udp_address(source.name)[1]
-    try:
-        sock = socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)
-        sock.sendto(signal(100).tobytes(), ("::1", port))
-    except OSError:
-        # A system without IPv6 has one localhost only.
-        assert len(source._sockets) == 1
-        return
-    sock.close()
-    block = source.read(0.5)
-    assert block is not None
-    np.testing.assert_array_equal(block.samples, signal(100))
-
-
-def test_samples_that_are_not_numbers_become_zeros(source: BandDatagramSource) -> None:
-    bad = signal(200)
-    bad[7] = complex(np.nan, np.inf)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.sendto(bad.tobytes(), ("127.0.0.1", parse_udp_address(source.name)[1]))
-    block = source.read(0.5)
-    assert block is not None
-    bad[7] = 0.0
-    np.testing.assert_array_equal(block.samples, bad)

@@ -14,8 +14,8 @@ RATE_HZ = 250_000.0
 CENTER_HZ = 148.7e6
 
 
-@pytest.fixture
-def pipe() -> Iterator[tuple[int, int]]:
+@pytest.fixture(name="pipe")
+def pipe_fixture() -> Iterator[tuple[int, int]]:
     reading, writing = os.pipe()
     yield reading, writing
     for descriptor in (reading, writing):
@@ -79,20 +79,6 @@ def test_writes_of_any_size_give_the_same_samples(
     assert stream.trailing_bytes == tail
 
 
-def test_no_block_within_the_timeout_is_none_and_nothing_is_lost(
-    pipe: tuple[int, int],
-) -> None:
-    reading, writing = pipe
-    stream = source(reading)
-    samples = np.arange(30_000).astype(np.complex64)
-    os.write(writing, samples[:100].tobytes())
-    assert stream.read(timeout_s=0.02) is None
-    assert stream.read(timeout_s=0.0) is None
-    os.write(writing, samples[100:].tobytes())
-    os.close(writing)
-    np.testing.assert_array_equal(drain(stream), samples)
-
-
 def test_an_empty_stream_is_refused_with_the_remedy(pipe: tuple[int, int]) -> None:
     reading, writing = pipe
     stream = source(reading)
@@ -109,21 +95,6 @@ def test_integers_piped_as_floats_are_refused(pipe: tuple[int, int]) -> None:
     os.close(writing)
     with pytest.raises(FormatError, match="--format"):
         stream.read()
-
-
-def test_a_descriptor_that_does_not_block_is_waited_for(pipe: tuple[int, int]) -> None:
-    reading, writing = pipe
-    os.set_blocking(reading, False)
-    stream = source(reading)
-
-    def write() -> None:
-        os.write(writing, bytes(8000))
-        os.close(writing)
-
-    timer = threading.Timer(0.05, write)
-    timer.start()
-    assert len(drain(stream)) == 1000
-    timer.join()
 
 
 def test_a_start_time_given_rules_the_times(pipe: tuple[int, int]) -> None:

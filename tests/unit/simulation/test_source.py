@@ -3,7 +3,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from uavrt.clock import Clock
 from uavrt.radio.source import SampleSource
 from uavrt.simulation import IQSynthesizer, Scenario
 from uavrt.simulation.source import SimulatedSource
@@ -28,18 +27,6 @@ def test_blocks_follow_one_another_to_the_end(make_scenario: MakeScenario) -> No
     np.testing.assert_array_equal(
         np.concatenate(blocks), IQSynthesizer(scenario).block(0, 120_000)
     )
-
-
-def test_a_paced_source_gives_nothing_before_its_time(make_scenario: MakeScenario) -> None:
-    clock = Clock.start()
-    scenario = make_scenario().starting_at(clock.now_ns())
-    source = SimulatedSource(scenario, block_samples=4800, clock=clock)
-    assert source.total_samples is None
-    assert source.read(timeout_s=0.0) is None
-    for number in range(3):
-        block = source.read()
-        assert block is not None
-        assert clock.now_ns() >= scenario.start_time_ns + (number + 1) * 100_000_000
 
 
 def test_a_closed_source_has_ended(make_scenario: MakeScenario) -> None:

@@ -1,6 +1,5 @@
 """What survives the supervisor, and what does not."""
 
-import time
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from virtual_time import VirtualClock
 
 from uavrt.clock import Clock, wall_ns
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
@@ -95,21 +95,20 @@ def test_after_an_end_in_good_order_everything_begins_afresh(tmp_path: Path) -> 
 
 
 def test_each_flight_has_the_wall_clocks_time_at_its_start_and_keeps_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
     mission = new_mission(tmp_path)
     upload(mission, *START[:3])
     corrected_ns = 3600 * 10**9  # by GPS, after uavrt had started
-    real = time.time_ns
-    monkeypatch.setattr(time, "time_ns", lambda: real() + corrected_ns)
+    clock_of_test.wall_offset_ns += corrected_ns
     first = mission.begin_flight(None)
-    assert abs(first.start_time_ns - real() - corrected_ns) < 10**9
+    assert first.start_time_ns == wall_ns()
     assert mission.clock.offset_ns == first.clock_offset_ns
-    monkeypatch.setattr(time, "time_ns", real)
-    assert abs(mission.clock.wall_correction_ns() + corrected_ns) < 10**9
+    clock_of_test.wall_offset_ns -= corrected_ns
+    assert mission.clock.wall_correction_ns() == -corrected_ns
     mission.flight_ended()
     second = mission.begin_flight(None)
-    assert abs(second.start_time_ns - real()) < 10**9
+    assert second.start_time_ns == wall_ns()
 
 
 def test_the_last_flights_outlive_the_supervisor_while_their_pulses_may_be_missing(
@@ -172,9 +171,10 @@ def rebooted(
     before = new_mission(directory)
     upload(before, *START)
     assert before.flight is not None
-    (Path(before.flight.directory) / "flight.sqlite").write_bytes(b"")
+    written = Path(before.flight.directory) / "flight.sqlite"
+    written.write_bytes(b"")
     monkeypatch.setattr("uavrt.supervisor.mission.orders.boot_id", lambda: "the next boot")
-    now_ns = wall_ns()
+    now_ns = written.stat().st_mtime_ns
     monkeypatch.setattr(
         "uavrt.supervisor.mission.orders.wall_ns", lambda: now_ns + round(off_s * 1e9)
     )

@@ -1,0 +1,25 @@
+"""What plots cost a program that lacks Matplotlib."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+
+def test_without_matplotlib_the_remedy_is_said(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "from pathlib import Path\n"
+        "from uavrt.analysis.plots import DetectionPlots\n"
+        "from uavrt.errors import UsageError\n"
+        "try:\n    DetectionPlots(Path(sys.argv[1]), [])\n"
+        "except UsageError as error:\n    print(error)\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "x")],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert "uavrt[analysis]" in run.stdout
+    assert not (tmp_path / "x").exists()
