@@ -8,7 +8,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from uavrt.ros2 import NODES, TOPICS, definition
-from uavrt.ros2.graph import LOG_MESSAGE, LOG_TOPIC
+from uavrt.ros2.graph import LOG_MESSAGE, LOG_TOPIC, SERVICE_BURST, SERVICE_PER_S
 from uavrt.ros2.messages import RosBurst, RosCodedTag, RosPulse, RosPulsePose, RosTag
 
 Rows = list[tuple[str, ...]]
@@ -16,13 +16,14 @@ OWN = (RosPulse, RosPulsePose, RosTag, RosBurst, RosCodedTag)
 
 
 class RosGraph(SphinxDirective):
-    """A drawing of the graph, a table of nodes or topics, or the messages' fields."""
+    """A drawing of the graph, a table of nodes, topics or limits, or the messages' fields."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
         """Show what the argument names."""
-        what = directives.choice(self.arguments[0], ("graph", "nodes", "topics", "messages"))
+        choices = ("graph", "nodes", "topics", "limits", "messages")
+        what = directives.choice(self.arguments[0], choices)
         if what == "graph":
             return [nodes.raw("", drawing(), format="html")]
         if what == "nodes":
@@ -38,6 +39,16 @@ class RosGraph(SphinxDirective):
             ]
             rows.append((LOG_TOPIC, f"{LOG_MESSAGE.ros_name}\neach node's log"))
             return [_list(rows)]
+        if what == "limits":
+            limits: Rows = [
+                (topic.name, f"{topic.burst}", f"{topic.per_s:g}")
+                for topic in TOPICS.values()
+                if topic.subscribers
+            ]
+            limits.append(
+                ("requests to each service", f"{SERVICE_BURST}", f"{SERVICE_PER_S:g}")
+            )
+            return [_table(("topic", "read at once", "then each second"), limits)]
         text = "\n".join(f"# {kind.ros_name}\n{definition(kind)}" for kind in OWN)
         return [nodes.literal_block(text, text, language="text")]
 

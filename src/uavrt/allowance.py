@@ -15,19 +15,21 @@ class Allowance:
     def __post_init__(self) -> None:
         self._left = self.burst
 
-    def take(self, now_ns: int) -> bool:
-        """Take one token; False when there is none.
+    def take(self, now_ns: int, tokens: float = 1.0) -> bool:
+        """Take `tokens`, or none and return False if fewer are left.
 
         Parameters
         ----------
         now_ns : int
             Time [ns], rising.
+        tokens : float, optional
+            What it costs.
         """
         if self._at_ns is not None:
             earned = (now_ns - self._at_ns) * 1e-9 * self.per_s
             self._left = min(self.burst, self._left + earned)
         self._at_ns = now_ns
-        if self._left < 1.0:
+        if self._left < tokens:
             return False
-        self._left -= 1.0
+        self._left -= tokens
         return True

@@ -326,7 +326,8 @@ class Command:
     sealed: bool = False
     """It came with a seal of the drone's key."""
     tag_count: int | None = None
-    """With a start: as many tags were sent; with fewer it is refused. None: not told."""
+    """With the end of an upload, or a start: number of tags that were sent; a start with fewer
+    is refused. None: not counted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

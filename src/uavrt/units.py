@@ -5,6 +5,7 @@ on the wire and on the screen, and are converted here.
 """
 
 import math
+import re
 from typing import TYPE_CHECKING, Any, overload
 
 if TYPE_CHECKING:
@@ -34,6 +35,19 @@ def ns_from_s(seconds: float) -> int:
 def s_from_ns(nanoseconds: int) -> float:
     """Nanoseconds to seconds; for differences, not for times since 1970."""
     return nanoseconds / NANOSECONDS_PER_SECOND
+
+
+def number_in(text: str) -> float:
+    """Read a plain decimal number as a person types it; NaN where the text is anything else.
+
+    >>> number_in(" -148.705 "), number_in("1_5"), number_in("inf")
+    (-148.705, nan, nan)
+    """
+    plain = re.fullmatch(r"[+-]?[0-9]{0,20}[.]?[0-9]{0,20}([eE][+-]?[0-9]{1,2})?", text.strip())
+    try:
+        return float(text) if plain is not None else math.nan
+    except ValueError:
+        return math.nan
 
 
 def rough_duration(seconds: float) -> str:

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,12 @@ class RosPeer:
         """Make a message by its full name and its fields in order."""
         return self.types.types[name](*values)
 
+    def numbers(self, values: Sequence[float]) -> Any:
+        """Make a sequence of numbers as the messages have them."""
+        import numpy as np
+
+        return np.asarray(values, dtype=np.float64)
+
     def listen(
         self, topic: str, type_name: str, *, prefix: str = "rt/", keep: bool = False
     ) -> Callable[[], list[bytes]]:
@@ -79,7 +85,9 @@ class RosPeer:
         topic_entity = self._topic(prefix + topic, type_name)
         return DataReader(self._participant, topic_entity, qos=qos)
 
-    def advertise(self, topic: str, type_name: str, *, subscribers: int = 1) -> Any:
+    def advertise(
+        self, topic: str, type_name: str, *, subscribers: int = 1, depth: int = 200
+    ) -> Any:
         """Make a publisher like `ros2 topic pub -w N`; wait until so many listen."""
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
@@ -88,7 +96,7 @@ class RosPeer:
         qos = Qos(
             Policy.Reliability.Reliable(duration(seconds=1)),
             Policy.Durability.Volatile,
-            Policy.History.KeepLast(200),
+            Policy.History.KeepLast(depth),
             Policy.DataRepresentation(use_cdrv0_representation=True),
             Policy.WriterDataLifecycle(autodispose=False),
         )

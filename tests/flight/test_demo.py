@@ -45,6 +45,7 @@ def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path
     processes = {"supervisor", "receiver", "detector-1", "connection", "recorder", "ground"}
     if find_spec("cyclonedds") is not None:
         processes.add("ros2")
+        assert "ROS_DOMAIN_ID=" in finished.stderr
     assert processes <= set(summary["cpu_seconds"])
     flight = read_flight(summary["flight_directory"])
     assert sum(tag["detected"] + tag["false"] for tag in tags) == len(flight.pulse_poses)

@@ -112,6 +112,7 @@ def demo(
         picture=picture,
         page_port=port if not headless and has_page() else None,
         on_page=_opener(browser, console),
+        on_ros_domain=_print_domain if headless else None,
     )
     if json_summary:
         print(json.dumps(summary.as_dict(), allow_nan=False))
@@ -196,6 +197,11 @@ def _fleet(
         screen.print(f"[bold]drone {number}[/bold]", summary.table())
         screen.print(f"samples lost: {summary.samples_lost}")
         screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
+
+
+def _print_domain(domain: int) -> None:
+    """Name the ROS domain where no view shows it."""
+    print(f"ROS 2: ROS_DOMAIN_ID={domain} ros2 topic list", file=sys.stderr, flush=True)
 
 
 def _opener(browser: bool, console: Console | None) -> Callable[[str], None]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from uavrt.config.radios import RADIOS
-from uavrt.config.settings import OperatingModeName, Settings
+from uavrt.config.settings import OperatingModeName, RadioSettings, Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import Tag
 
@@ -256,11 +256,11 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
     parameter = PARAMETERS.get(name)
     if parameter is None:
         raise ConfigError(f"no parameter {name}: known are {', '.join(PARAMETERS)}")
-    low, high = parameter.low, parameter.high
     if name == "RADIO_GAIN":
-        low, high = RADIOS.get(settings.radio.kind, RADIOS["soapy"]).gains
-    allowed = math.isfinite(value) and replace(parameter, low=low, high=high).allows(value)
-    if not allowed:
+        gains = RADIOS.get(settings.radio.kind, RADIOS["soapy"]).gains
+        parameter = replace(parameter, low=gains[0], high=gains[1])
+    if not (math.isfinite(value) and parameter.allows(value)):
+        low, high = parameter.low, parameter.high
         whole = "" if parameter.kind == "real" else "whole, "
         absent = "" if parameter.absent is None else f", or {parameter.absent:g}"
         raise ConfigError(f"{name} cannot be {value:g}: {whole}{low:g} to {high:g}{absent}")
@@ -268,6 +268,38 @@ def with_parameter(settings: Settings, name: str, value: float) -> Settings:
         getattr(settings, parameter.table), **{parameter.field: _setting(parameter, value)}
     )
     return replace(settings, **{parameter.table: table})
+
+
+def check_start(
+    settings: Settings | None, center_frequency_hz: float | None, gain: float | None
+) -> int | None:
+    """Refuse a start or a capture with what no radio can be set to; returns the gain.
+
+    Parameters
+    ----------
+    settings : Settings or None
+        Those of the radio that is to start; None where the radio is not known.
+    center_frequency_hz : float or None
+        Radio frequency that came with the command.
+    gain : float or None
+        Gain that came with it, in the radio's own steps.
+
+    Raises
+    ------
+    ConfigError
+        One of the two is out of range; the text says which, and the range.
+    """
+    if center_frequency_hz is not None:
+        row = PARAMETERS["RADIO_FREQ_KHZ"]
+        if not row.low <= center_frequency_hz / row.scale <= row.high:
+            raise ConfigError(
+                f"radio frequency cannot be {center_frequency_hz / 1e6:.10g} MHz: "
+                f"{row.low / 1e3:g} to {row.high / 1e3:g} MHz"
+            )
+    if gain is None:
+        return None
+    settings = settings or Settings(radio=RadioSettings(kind="soapy"))
+    return with_parameter(settings, "RADIO_GAIN", gain).radio.gain
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:

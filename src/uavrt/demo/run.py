@@ -52,6 +52,8 @@ class Demo:
         Port of the ground station's page, 0 for any free one; None flies without a page.
     on_page : callable, optional
         Called with the page's address when it is there.
+    on_ros_domain : callable, optional
+        Called with the ROS domain in which the drone's nodes are, if it has any.
     """
 
     def __init__(
@@ -61,11 +63,13 @@ class Demo:
         flight_dir: Path,
         page_port: int | None = None,
         on_page: Callable[[str], None] | None = None,
+        on_ros_domain: Callable[[int], None] | None = None,
     ) -> None:
         self.scenario = scenario
         self._flight_dir = flight_dir
         self._page_port = page_port
         self._on_page = on_page
+        self._on_ros_domain = on_ros_domain
         self._stack = ExitStack()
         self.view = DemoView(
             duration_s=scenario.duration_s,
@@ -115,6 +119,8 @@ class Demo:
         # The gateway is part of the demo wherever its extra is installed.
         if find_spec("cyclonedds") is not None:
             self.view.ros_domain = free_ros_domain()
+            if self._on_ros_domain is not None:
+                self._on_ros_domain(self.view.ros_domain)
         settings = drone_settings(
             self.scenario, paths, companion_port, ros_domain=self.view.ros_domain
         )
@@ -304,6 +310,7 @@ def run_demo(
     picture: Path | None = None,
     page_port: int | None = None,
     on_page: Callable[[str], None] | None = None,
+    on_ros_domain: Callable[[int], None] | None = None,
 ) -> DemoSummary:
     """Run the demo once; see `Demo`."""
     demo = Demo(
@@ -311,5 +318,6 @@ def run_demo(
         flight_dir=flight_dir,
         page_port=page_port,
         on_page=on_page,
+        on_ros_domain=on_ros_domain,
     )
     return demo.run(console, picture)

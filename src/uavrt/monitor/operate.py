@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 
 from uavrt.clock import monotonic_s
+from uavrt.config import check_start
 from uavrt.errors import CommandRefused, UavrtError
 from uavrt.messages import Command, CommandName, CommandReply, Tag
 from uavrt.monitor.reader import StatusReader
@@ -25,9 +26,12 @@ def start_detection(
     ------
     CommandRefused
         The system's state does not allow it; the text says why.
+    ConfigError
+        The frequency or the gain is out of range.
     UavrtError
         No answer.
     """
+    check_start(None, center_frequency_hz, gain)
     _ask(reader, "start_tags", 1)
     for number, tag in enumerate(tags):
         _ask(reader, "add_tag", 2 + number, tag=tag)

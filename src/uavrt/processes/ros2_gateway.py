@@ -80,8 +80,11 @@ def serve(frame: ProcessFrame, participant: "Participant") -> None:
     )
 
     def counters() -> dict[str, float]:
+        inbox = participant.inbox
         return gateway.counters | {
-            "ros2_messages_dropped": participant.dropped,
+            "ros2_messages_of_gateways": inbox.of_gateways,
+            "ros2_messages_dropped": sum(inbox.dropped.values()),
+            "ros2_readers_full": participant.overruns,
             "ros2_messages_unsent": participant.unsent,
             "ros2_faults": participant.faults,
         }

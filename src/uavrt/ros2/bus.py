@@ -3,13 +3,15 @@
 from collections.abc import Collection
 from typing import Protocol
 
+from uavrt.ros2.inbox import Inbox
 from uavrt.ros2.messages import RosMessage
 from uavrt.ros2.parameter_messages import ServiceMessage
-from uavrt.ros2.senders import Arrival
 
 
 class Bus(Protocol):
     """Sends messages and holds those that have arrived."""
+
+    inbox: Inbox
 
     def publish(self, topic: str, message: RosMessage, node: str | None = None) -> None:
         """Send a message."""
@@ -19,9 +21,3 @@ class Bus(Protocol):
 
     def reply(self, message: ServiceMessage) -> None:
         """Send the reply of a service."""
-
-    def take(self, limit: int) -> list[Arrival]:
-        """Get messages that have arrived, in the order in which they were sent."""
-
-    def lost(self, topic: str) -> int:
-        """Count the messages of a topic that were sent and cannot be got any more."""

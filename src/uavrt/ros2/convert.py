@@ -115,7 +115,10 @@ def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
         or not all(map(math.isfinite, numbers))
         or not 1.0 < message.frequency < 1e5
     ):
-        raise FormatError(f"not a pulse of a detector: {message}")
+        raise FormatError(
+            f"not a pulse of a detector: tag {message.tag_id}, {message.frequency:g} MHz, from "
+            f"{start_ns} to {end_ns} ns, SNR {message.snr:g} dB"
+        )
     return Pulse(
         tag_id=message.tag_id,
         frequency_hz=hz_from_mhz(message.frequency),

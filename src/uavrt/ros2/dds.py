@@ -16,10 +16,9 @@ the binding, and what a stranger sends is judged by our own reader.
 import os
 import threading
 import time
-from collections import Counter, deque
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, Literal
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 from cyclonedds.builtin import (
     BuiltinDataReader,
@@ -48,16 +47,20 @@ from uavrt.errors import ConfigError, LinkError
 from uavrt.log import get_logger
 from uavrt.ros2 import messages
 from uavrt.ros2.cdr import encode
+from uavrt.ros2.dds_warnings import DdsWarnings
 from uavrt.ros2.graph import (
     LOG_DEPTH,
     LOG_MESSAGE,
     LOG_TOPIC,
     NODES,
     PARAMETER_NODE,
+    SERVICE_BURST,
+    SERVICE_PER_S,
     TELEMETRY,
     TOPICS,
     RosTopic,
 )
+from uavrt.ros2.inbox import Inbox
 from uavrt.ros2.interface import Field, dds_name, fields_of, type_hash
 from uavrt.ros2.messages import RosMessage
 from uavrt.ros2.parameter_messages import SERVICES, ServiceMessage
@@ -68,17 +71,19 @@ log = get_logger()
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
 """A write gives up after this; with few messages kept it never has to wait in practice."""
-RECEIVED_LIMIT = 1000
-"""Messages that may wait for us, a hundred tags sent three times over among them; more, from a
-publisher gone wild, are dropped and counted."""
-READER_DEPTH = 1000
-"""Messages of a topic that may wait in the reader; what comes on top replaces the oldest."""
-TAKE_AT_ONCE = 256
-ROUND_LIMIT = 2000
-"""Messages of one round: all that there are, and no more than this of a flood."""
+SAMPLE_MB = 4
+"""Longest message that DDS puts together [MB], a multiple of what any topic may bring; of a
+longer one it drops each part as it comes and writes a warning."""
+READER_DEPTH = 4000
+"""Messages of a topic that may wait in its reader: those of 0.4 s at 10 000 a second. Further
+ones replace the oldest."""
+PASSES = 3
+"""Times that all readers are emptied in one round, as long as there is something."""
+ANNOUNCED_LIMIT = 2000
+"""Participants and publishers taken in at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
-"""Rest of the reading thread after each round: bounds what a flood can cost."""
+"""Rest of the reading thread after each round: a flood is read in few large portions."""
 ORDER_OF_USE = {
     "store_tag_information": 0,
     "store_coded_tag_information": 0,
@@ -197,7 +202,9 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
     return reaches[text]
 
 
-def cyclone_config(interfaces: tuple[str, ...], reach: Reach = "interfaces") -> str:
+def cyclone_config(
+    interfaces: tuple[str, ...], reach: Reach = "interfaces", warnings_path: str = ""
+) -> str:
     """Write Cyclone DDS's configuration: the loopback, and these interfaces.
 
     The loopback is always in it, and named as a peer: else ROS 2 on the same computer, when it
@@ -206,13 +213,21 @@ def cyclone_config(interfaces: tuple[str, ...], reach: Reach = "interfaces") -> 
     """
     wanted = interfaces if reach == "interfaces" else ()
     named = "".join(f"<NetworkInterface name={quoteattr(name)}/>" for name in wanted)
+    tracing = (
+        f"<Tracing><Verbosity>warning</Verbosity><OutputFile>{escape(warnings_path)}"
+        "</OutputFile><AppendToFile>true</AppendToFile></Tracing>"
+        if warnings_path
+        else ""
+    )
     tag = f"<Tag>uavrt-off-{os.getpid()}</Tag>" if reach == "off" else ""
     return (
         "<CycloneDDS><Domain><General><Interfaces>"
         f'{named}<NetworkInterface address="127.0.0.1" multicast="true"/>'
         "</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
         f"{tag}<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>"
-        '<Peers><Peer address="localhost"/></Peers></Discovery></Domain></CycloneDDS>'
+        '<Peers><Peer address="localhost"/></Peers></Discovery>'
+        f"<Internal><MaxSampleSize>{SAMPLE_MB} MB</MaxSampleSize></Internal>"
+        f"{tracing}</Domain></CycloneDDS>"
     )
 
 
@@ -293,16 +308,19 @@ class Participant:
         self._namespace = settings.namespace.strip("/")
         self._names = names or {}
         self.domain_id = domain_id_of(settings, environment)
-        self.dropped = 0
-        """Received messages that nobody had time for."""
+        self.overruns = 0
+        """Times that a reader was full: further messages may be missing from the count."""
         self.faults = 0
         """What others sent or said that could not be read, and went by."""
         self.unsent = 0
         """Messages that could not be written."""
         self._gid_bytes = settings.gid_bytes
-        self._received: deque[Arrival] = deque()
+        self.inbox = Inbox(
+            time.monotonic_ns, closed=() if settings.accept_pulses else ("pulse",)
+        )
+        """Messages that have arrived."""
         self._senders = Senders()
-        self._lost: Counter[str] = Counter()
+        self._warnings: DdsWarnings | None = None
         self._closing = threading.Event()
         try:
             self._open(settings, environment, nodes)
@@ -318,8 +336,14 @@ class Participant:
         self, settings: Ros2Settings, environment: Mapping[str, str], nodes: Collection[str]
     ) -> None:
         if not environment.get("CYCLONEDDS_URI"):
-            config = cyclone_config(settings.interfaces, reach_of(environment))
-            self._domain = Domain(self.domain_id, config)
+            self._warnings = DdsWarnings()
+            config = cyclone_config(
+                settings.interfaces, reach_of(environment), self._warnings.path
+            )
+            try:
+                self._domain = Domain(self.domain_id, config)
+            finally:
+                self._warnings.opened()
         mark = GATEWAY_MARK if TELEMETRY in nodes else DETECTOR_MARK
         self._participant = DomainParticipant(
             self.domain_id, qos=Qos(Policy.Userdata(b"enclave=/;" + mark))
@@ -329,6 +353,8 @@ class Participant:
         self._topics: dict[str, Any] = {}
         self._writers: dict[tuple[str, str], Any] = {}
         self._readers: list[tuple[str, RosTopic, Any]] = []
+        self._read_topics: dict[str, RosTopic] = {}
+        """By their DDS names."""
         self._waitset = WaitSet(self._participant)
         self._participants = BuiltinDataReader(self._participant, BuiltinTopicDcpsParticipant)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
@@ -376,10 +402,6 @@ class Participant:
 
     # ---------------------------------------------------------------- receiving
 
-    def take(self, limit: int) -> list[Arrival]:
-        """Get up to `limit` messages that have arrived, in the order of their sending."""
-        return [self._received.popleft() for _ in range(min(limit, len(self._received)))]
-
     def _read(self) -> None:
         """Read samples until the end; the only reader (a thread of its own)."""
         while not self._closing.is_set():
@@ -387,13 +409,10 @@ class Participant:
                 if self._waitset.wait(duration(milliseconds=200)):
                     self._read_once()
                     time.sleep(READ_PAUSE_S)
+                self._count_too_long()
             except Exception as error:  # noqa: BLE001 - a name that is not UTF-8, and the like
                 self._note_fault(error)
                 time.sleep(READ_PAUSE_S)
-
-    def lost(self, topic: str) -> int:
-        """Count the messages of a topic that were sent and cannot be got any more."""
-        return self._lost[topic]
 
     def _read_once(self) -> None:
         """Take all that has come, from all readers, and put it into the order of its sending.
@@ -407,12 +426,8 @@ class Participant:
             key=lambda a: (a[1].sample_info.source_timestamp, ORDER_OF_USE.get(a[0].name, 2))
         )
         for topic, sample in found:
-            if len(self._received) >= RECEIVED_LIMIT:
-                self.dropped += 1
-                self._lost[topic.name] += 1
-                continue
             info = sample.sample_info
-            self._received.append(
+            self.inbox.put(
                 Arrival(
                     topic=topic,
                     cdr=sample.cdr,
@@ -421,17 +436,26 @@ class Participant:
                 )
             )
 
+    def _count_too_long(self) -> None:
+        """Count what DDS itself has dropped."""
+        for name in self._warnings.too_long() if self._warnings is not None else ():
+            if name in self._read_topics:
+                self.inbox.drop(self._read_topics[name])
+
     def _take_all(self) -> list[tuple[RosTopic, Sample]]:
-        """Take until every reader is empty."""
+        """Take all that waits in the readers, and what comes meanwhile."""
         found: list[tuple[RosTopic, Sample]] = []
-        more = True
-        while more and len(found) < ROUND_LIMIT:
+        for _ in range(PASSES):
             before = len(found)
             for _, topic, reader in self._readers:
-                samples = reader.take(TAKE_AT_ONCE)
+                samples = reader.take(READER_DEPTH)
                 # One that is none says that a publisher has gone.
                 found += [(topic, s) for s in samples if isinstance(s, Sample)]
-            more = len(found) > before
+                if len(samples) == READER_DEPTH:
+                    self.inbox.drop(topic)  # at least one was replaced
+                    self.overruns += 1
+            if len(found) == before:
+                break
         return found
 
     def _learn_senders(self) -> None:
@@ -448,7 +472,7 @@ class Participant:
 
         A name that is not UTF-8 raises, and whatever was taken together with it is gone.
         """
-        for _ in range(ROUND_LIMIT):
+        for _ in range(ANNOUNCED_LIMIT):
             try:
                 samples = reader.take(1)
             except Exception as error:  # noqa: BLE001 - a name that is not UTF-8, and the like
@@ -489,6 +513,7 @@ class Participant:
         reader = DataReader(self._subscriber, shared, qos=qos)
         self._wake_for(reader)
         self._readers.append((node, topic, reader))
+        self._read_topics[shared.name] = topic
 
     def _add_services(self) -> None:
         """Offer the parameters; a service is a topic of requests and one of replies.
@@ -505,6 +530,8 @@ class Participant:
                 publisher="",
                 subscribers=(PARAMETER_NODE,),
                 meaning=service,
+                burst=SERVICE_BURST,
+                per_s=SERVICE_PER_S,
             )
             self._add_reader(PARAMETER_NODE, row, prefix="rq", mark=mark)
             topic = self._topic(f"{name}Reply", answer, prefix="rr")
@@ -592,3 +619,5 @@ class Participant:
         self._topics.clear()
         del self._publisher, self._subscriber, self._participant
         self.__dict__.pop("_domain", None)
+        if self._warnings is not None:
+            self._warnings.close()

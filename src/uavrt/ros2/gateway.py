@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from uavrt.allowance import Allowance
-from uavrt.config import Settings
-from uavrt.errors import FormatError, LinkError
+from uavrt.config import Settings, check_start
+from uavrt.errors import ConfigError, FormatError, LinkError
 from uavrt.messages import (
     Command,
     CommandName,
@@ -27,7 +27,16 @@ from uavrt.pose import Mounting
 from uavrt.ros2 import convert, graph
 from uavrt.ros2.bus import Bus
 from uavrt.ros2.cdr import decode
-from uavrt.ros2.graph import AIRSPY, COMPONENTS, START_STOP, detector_node
+from uavrt.ros2.graph import (
+    AIRSPY,
+    COMPONENTS,
+    SERVICE_BURST,
+    SERVICE_PER_S,
+    START_STOP,
+    TOPICS,
+    detector_node,
+)
+from uavrt.ros2.inbox import BYTES_OF_ONE
 from uavrt.ros2.messages import (
     ERROR,
     OK,
@@ -46,18 +55,19 @@ from uavrt.ros2.parameters import ParameterServices
 from uavrt.ros2.senders import UNKNOWN, Arrival
 from uavrt.ros2.status import STALE_AFTER_S, component_status
 from uavrt.ros2.upload import Upload
-from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, number_in
 
 SOURCE = "ros2"
 TAG_TOPICS = ("store_tag_information", "store_coded_tag_information")
 STATUS_PERIOD_S = 0.5
 POSE_PERIOD_S = 0.5
 HEARTBEAT_PERIOD_S = 1.0
-MESSAGES_AT_ONCE = 20
-"""Received messages handled in one tick: at 20 ticks a second 400 a second, a hundred tags in a
-quarter of a second; a flood costs no more than this."""
-NEIGHBOURS_TOLD = 20
-"""Other gateways that are named in the log, each once."""
+ASKED_KEPT = 1000
+"""Commands whose reply may still come."""
+DROPS_PERIOD_S = 10.0
+"""Between two log lines about dropped messages of one topic."""
+CLOCK_ERROR_S = 2.0
+"""Difference of the clocks of two computers that still counts as none."""
 REMEMBERED_PULSES = 1000
 """Pulses from other computers that must not be sent back to where they came from."""
 
@@ -104,6 +114,8 @@ class Gateway:
         self._pose: Pose | None = None
         self._next_status_ns = self._next_pose_ns = 0
         self._next_heartbeat_ns: dict[int, int] = {}
+        self._next_drops_ns: dict[str, int] = {}
+        self._drops_said: dict[str, int] = {}
         # Unlike any number of an earlier life of this process: the supervisor answers a number
         # it has seen before with the old reply.
         self._request_id = now_ns() // 1_000_000
@@ -111,18 +123,17 @@ class Gateway:
         self._begun = False
         """An upload was begun with the supervisor."""
         self._upload = Upload()
+        self._resumed = False
         self._parameters = ParameterServices(
             lambda: self._settings,
             self._running,
-            ask=lambda name, value: self._ask("set_parameter", parameter=name, value=value),
+            ask=self._ask_parameter,
             reply=bus.reply,
         )
-        self._neighbours: set[str] = set()
+        self._gateways_said = 0
         self._foreign: OrderedDict[tuple[int, int], None] = OrderedDict()
-        # A hundred tags sent three times over, then what a person types; every command is
-        # recorded, so a stranger could fill the disk.
-        self._commands_allowed = Allowance(burst=400, per_s=10)
-        self._pulses_allowed = Allowance(burst=1000, per_s=100)
+        # Each request may set many, and every command is recorded: none may fill the disk.
+        self._parameters_allowed = Allowance(burst=100, per_s=10)
         self._lines_allowed = Allowance(burst=50, per_s=1)
         self._detectors: frozenset[int] = frozenset()
         """Tags that have a node of their own."""
@@ -131,7 +142,6 @@ class Gateway:
             "ros2_commands": 0,
             "ros2_messages_refused": 0,
             "ros2_pulses_taken": 0,
-            "ros2_messages_of_gateways": 0,
         }
         self._show_detectors()
 
@@ -186,12 +196,15 @@ class Gateway:
 
     def tick(self) -> None:
         """Handle what has arrived and send what is due; call it 20 times a second."""
-        arrivals = self._bus.take(MESSAGES_AT_ONCE)
+        now_ns = self._now_ns()
+        if not self._resumed:
+            self._resume_upload()
+        arrivals = self._bus.inbox.take()
         if not arrivals:
             self._upload.quiet(self._lost_tags())
         for arrival in arrivals:
             self._hear(arrival)
-        now_ns = self._now_ns()
+        self._show_drops(now_ns)
         if now_ns >= self._next_status_ns:
             self._next_status_ns = _next_due(self._next_status_ns, now_ns, STATUS_PERIOD_S)
             self._show_status(now_ns)
@@ -321,11 +334,6 @@ class Gateway:
 
     def _hear(self, arrival: Arrival) -> None:
         """Handle one message from the network; what makes no sense is refused and counted."""
-        if arrival.sender.gateway:
-            self._pass_over(arrival)
-            return
-        if arrival.topic.name == "pulse_pose":
-            return
         try:
             message = decode(arrival.topic.message, arrival.cdr)
         except FormatError as error:
@@ -335,20 +343,38 @@ class Gateway:
             return
         try:
             self._act(arrival, message)
-        except FormatError as error:
+        except (FormatError, ConfigError) as error:
             self._refuse(str(error))
 
-    def _pass_over(self, arrival: Arrival) -> None:
-        """Leave to another drone what is its own: its orders, and its pulses."""
-        self.counters["ros2_messages_of_gateways"] += 1
-        key = arrival.sender.key
-        if key not in self._neighbours and len(self._neighbours) < NEIGHBOURS_TOLD:
-            self._neighbours.add(key)
+    def _show_drops(self, now_ns: int) -> None:
+        """Report dropped messages, seldom, and other gateways in the log."""
+        inbox = self._bus.inbox
+        for topic, count in inbox.dropped.items():
+            new = count - self._drops_said.get(topic, 0)
+            if new and now_ns >= self._next_drops_ns.get(topic, 0):
+                self._next_drops_ns[topic] = now_ns + ns_from_s(DROPS_PERIOD_S)
+                self._drops_said[topic] = count
+                self.log(4, f"{topic}: dropped messages: {new}. {self._limits_of(topic)}")
+        while self._gateways_said < len(inbox.gateways):
+            self._gateways_said += 1
             self.log(
                 5,
                 "another gateway, or a recording, is in this ROS domain: its orders are not "
                 "obeyed. Give each vehicle a [ros2] namespace",
             )
+
+    def _limits_of(self, topic: str) -> str:
+        """Explain what is read of a topic."""
+        if topic in self._bus.inbox.closed:
+            return "Pulses of other computers are not read: [ros2] accept_pulses = false"
+        row = TOPICS.get(topic)
+        if row is not None and not row.burst:
+            return "Nothing of it is read"
+        rate = (SERVICE_BURST, SERVICE_PER_S) if row is None else (row.burst, row.per_s)
+        return (
+            f"{rate[0]} at once and {rate[1]:g} a second are read at most, each begun "
+            f"{BYTES_OF_ONE} bytes counted as one"
+        )
 
     def _act(self, arrival: Arrival, message: RosMessage) -> None:
         topic = arrival.topic.name
@@ -367,7 +393,7 @@ class Gateway:
                 if message.data:
                     self._begun = False
                     self._upload.release(arrival.sender, arrival.sent_ns)
-                    self._ask("end_tags")
+                    self._ask("end_tags", tag_count=self._upload.tag_count)
             case DiagnosticArray() if topic in (
                 "control_start_subprocess",
                 "control_stop_subprocess",
@@ -388,8 +414,23 @@ class Gateway:
             status.state is SystemState.DETECTING and not status.ending
         )
 
+    def _resume_upload(self) -> None:
+        """Take over the upload that was open when an earlier gateway process ended.
+
+        The supervisor's status is there before the first message is handled.
+        """
+        self._resumed, status = True, self._status
+        if (
+            status is not None
+            and status.state is SystemState.RECEIVING_TAGS
+            and status.commander == SOURCE
+        ):
+            self._upload.resume((tag.tag_id for tag in status.tags), self._lost_tags())
+            self.log(4, "the gateway restarted while tags came: send all tags again")
+
     def _lost_tags(self) -> int:
-        return sum(self._bus.lost(name) for name in TAG_TOPICS)
+        dropped = self._bus.inbox.dropped
+        return sum(dropped.get(name, 0) for name in TAG_TOPICS)
 
     def _take_tag(self, message: RosTag | RosCodedTag, arrival: Arrival) -> None:
         """Begin an upload with the first tag; the original has no message for that."""
@@ -416,17 +457,17 @@ class Gateway:
             self._ask("stop_detection")
             return
         values = {item.key: item.value for item in order.status[0].values}
-        try:
-            megahertz = values.get("center_frequency")
-            gain = values.get("gain")
-            self._ask(
-                "start_detection",
-                center_frequency_hz=None if megahertz is None else float(megahertz) * 1e6,
-                gain=None if gain is None else int(gain),
-                tag_count=self._upload.tag_count,
-            )
-        except ValueError as error:
-            raise FormatError(f"{topic}: {error}") from error
+        center_hz = gain = None
+        if (text := values.get("center_frequency")) is not None:
+            center_hz = number_in(text) * 1e6
+        if (text := values.get("gain")) is not None:
+            gain = number_in(text)
+        self._ask(
+            "start_detection",
+            center_frequency_hz=center_hz,
+            gain=check_start(self._settings, center_hz, gain),
+            tag_count=self._upload.tag_count,
+        )
 
     def _refuse_part(self, topic: str, order: DiagnosticArray) -> None:
         """Refuse to start or stop one component alone, in the component's own status."""
@@ -448,29 +489,47 @@ class Gateway:
 
     def _take_pulse(self, message: RosPulse) -> None:
         """Pass on a pulse of another computer's detector, if such are wanted."""
-        if message.frequency == 0.0 or not self._settings.ros2.accept_pulses:
+        if message.frequency == 0.0:
             return
         pulse = convert.pulse_from_ros(message, int(self.counters["ros2_pulses_taken"]))
+        self._check_pulse(pulse)
         key = (pulse.tag_id, pulse.start_time_ns)
         if key not in self._foreign:
-            if not self._pulses_allowed.take(self._now_ns()):
-                self._refuse("pulses come faster than a hundred tags beep")
-                return
             self._foreign[key] = None
             while len(self._foreign) > REMEMBERED_PULSES:
                 self._foreign.popitem(last=False)
             self.counters["ros2_pulses_taken"] += 1
             self._send("pulse", pulse)
 
-    def _ask(self, name: CommandName, **details: Any) -> int | None:
-        """Give a command to the supervisor; its number, None when there are too many."""
-        if not self._commands_allowed.take(self._now_ns()):
-            self._refuse(f"{name}: commands come too fast")
+    def _check_pulse(self, pulse: Pulse) -> None:
+        """Refuse a pulse that is not of this flight."""
+        flight = self._flight
+        if flight is None:
+            raise FormatError(f"pulse of tag {pulse.tag_id} refused: no flight")
+        if all(tag.tag_id != pulse.tag_id for tag in flight.tags):
+            raise FormatError(f"pulse of tag {pulse.tag_id} refused: not a tag of this flight")
+        late_s = (pulse.start_time_ns - self._now_ns()) * 1e-9
+        before_s = (flight.start_time_ns - pulse.start_time_ns) * 1e-9
+        for seconds, words in ((late_s, "in the future"), (before_s, "before the flight")):
+            if seconds > CLOCK_ERROR_S:
+                raise FormatError(
+                    f"pulse of tag {pulse.tag_id} refused: {seconds:.0f} s {words}. Set the "
+                    "clocks of both computers, by NTP or GNSS"
+                )
+
+    def _ask_parameter(self, name: str, value: float) -> int | None:
+        """Ask the supervisor to set a parameter; None when there are too many."""
+        if not self._parameters_allowed.take(self._now_ns()):
+            self._refuse("set_parameter: commands come too fast")
             return None
+        return self._ask("set_parameter", parameter=name, value=value)
+
+    def _ask(self, name: CommandName, **details: Any) -> int:
+        """Give a command to the supervisor; returns its number."""
         self._request_id += 1
         command = Command(name=name, request_id=self._request_id, source=SOURCE, **details)
         self._asked[command.request_id] = command
-        while len(self._asked) > MESSAGES_AT_ONCE * 10:
+        while len(self._asked) > ASKED_KEPT:
             self._asked.popitem(last=False)
         self.counters["ros2_commands"] += 1
         self._send("command", command)

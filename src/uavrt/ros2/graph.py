@@ -57,7 +57,18 @@ class RosTopic:
     meaning: str
     depth: int = 10
     """Messages kept for a subscriber that missed some."""
+    burst: int = 20
+    """Messages that are taken at once (`uavrt.ros2.inbox`); 0: none."""
+    per_s: float = 2.0
+    """Messages that are taken each second after that."""
+    commands: bool = True
+    """Taken before the messages of topics that only carry data."""
 
+
+UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
+"""A hundred tags sent three times, as a careful operator sends them."""
+SERVICE_BURST, SERVICE_PER_S = 100, 10.0
+"""Requests of a client that lists, describes and gets all parameters, several times."""
 
 TOPICS: dict[str, RosTopic] = {
     topic.name: topic
@@ -78,6 +89,10 @@ TOPICS: dict[str, RosTopic] = {
             # A group of K pulses of many tags comes at once; ten would not outlast a lost
             # datagram.
             depth=100,
+            # Groups of three pulses of a hundred tags, and their detectors' signs of life.
+            burst=400,
+            per_s=200.0,
+            commands=False,
         ),
         RosTopic(
             name="burst",
@@ -94,6 +109,9 @@ TOPICS: dict[str, RosTopic] = {
             subscribers=(COMMAND,),
             meaning="a pulse with the antenna's pose at its centre",
             depth=100,
+            burst=0,
+            per_s=0.0,
+            commands=False,
         ),
         RosTopic(
             name="control_start_subprocess",
@@ -116,6 +134,8 @@ TOPICS: dict[str, RosTopic] = {
             subscribers=(START_STOP,),
             meaning="a tag to look for",
             depth=200,
+            burst=UPLOAD_BURST,
+            per_s=UPLOAD_PER_S,
         ),
         RosTopic(
             name="store_coded_tag_information",
@@ -124,6 +144,8 @@ TOPICS: dict[str, RosTopic] = {
             subscribers=(START_STOP,),
             meaning="a coded tag to look for",
             depth=200,
+            burst=UPLOAD_BURST,
+            per_s=UPLOAD_PER_S,
         ),
         RosTopic(
             name="release_tag_information",

@@ -3,6 +3,8 @@
 The original's messages have no count: a tag that was refused or lost was simply not searched.
 """
 
+from collections.abc import Iterable
+
 from uavrt.ros2.senders import Sender
 
 MOST = 10_000
@@ -38,6 +40,12 @@ class Upload:
         """Note a tag that was sent before the release and came after it."""
         if len(self._ids) < MOST:
             self._ids.add(tag_id)
+
+    def resume(self, tag_ids: Iterable[int], lost: int) -> None:
+        """Go on with an earlier gateway's upload; a tag may have been lost as that ended."""
+        for tag_id in tag_ids:
+            self.add(tag_id, lost)
+        self.add(None, lost)
 
     def quiet(self, lost: int) -> None:
         """Note how many were lost before the next upload."""

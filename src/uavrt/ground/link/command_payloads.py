@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from uavrt import tunnel
 from uavrt.commands import COMMANDS, CommandName
+from uavrt.config import check_start
 from uavrt.errors import LinkError
 from uavrt.messages import Tag
 from uavrt.tunnel import CodedTag, CommandId, Generation, tag_to_wire
@@ -75,6 +76,7 @@ class Writing:
 
     def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
         """Write a start; a frequency of None is 0: the drone's tuner chooses."""
+        check_start(None, center_frequency_hz, gain)
         if self._generation == "G0":
             return tunnel.HeaderMessage(command=CommandId.START_DETECTION).encode()
         start = tunnel.StartDetection(
@@ -86,6 +88,7 @@ class Writing:
 
     def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
         """Write a raw capture; raises `LinkError` where there is none."""
+        check_start(None, center_frequency_hz, gain)
         frequency_hz = round(center_frequency_hz or 0)
         self._check_known("raw_capture")
         if self._generation == "G2":

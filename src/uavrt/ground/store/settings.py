@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from uavrt.batch import check_archive
-from uavrt.config import write_tags, write_text_atomically
+from uavrt.config import check_start, write_tags, write_text_atomically
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web import read_table
@@ -18,8 +18,8 @@ from uavrt.messages import Tag
 from uavrt.nmea import BAUD
 from uavrt.terrain import open_elevation
 from uavrt.tunnel import Generation
+from uavrt.units import number_in
 
-MAX_GAIN = 21
 MOST_NAME = 40
 """Letters of a vehicle's name: it stands in the header of the page."""
 
@@ -260,16 +260,14 @@ def _judged(name: str, value: Any) -> Any:
         case "left_out" if isinstance(value, list | tuple):
             if all(type(one) is int for one in value):
                 return tuple(sorted(set(value)))
+        case "gain" | "center_frequency_mhz" if value is None or value == "":
+            return None
         case "gain":
-            if value is None or value == "":
-                return None
-            number = _number(name, value, 0, MAX_GAIN)
-            if number == int(number):
-                return int(number)
+            return check_start(None, None, number_in(str(value)))
         case "center_frequency_mhz":
-            if value is None or value == "":
-                return None
-            return _number(name, value, 20.0, 1000.0)
+            megahertz = number_in(str(value).replace(",", "."))
+            check_start(None, megahertz * 1e6, None)
+            return megahertz
     raise UsageError(f"{name} cannot be {str(value)[:40]!r}")
 
 
@@ -307,10 +305,7 @@ def _archive(text: str) -> str:
 
 
 def _number(name: str, value: Any, low: float, high: float) -> float:
-    try:
-        number = float(str(value).replace(",", "."))
-    except ValueError:
-        number = float("nan")
+    number = number_in(str(value).replace(",", "."))
     if not low <= number <= high:
         raise UsageError(f"{name} must be a number from {low:g} to {high:g}")
     return number

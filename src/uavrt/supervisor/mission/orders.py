@@ -14,6 +14,7 @@ from uavrt.config import (
     PARAMETERS,
     RUN,
     Settings,
+    check_start,
     faults_of_tags,
     near_codes,
     run_wanted,
@@ -90,6 +91,8 @@ class Mission:
         self.state = SystemState.IDLE
         self._ask_tuner = tuner
         self.tags: dict[int, Tag] = {}
+        self._tags_sent = 0
+        """Tags of this upload as its sender counted them; 0 where it did not."""
         self.flight: FlightInfo | None = None
         self.last_flights: deque[str] = deque(maxlen=LAST_FLIGHTS)
         """Directories of flights that have ended, the newest last."""
@@ -116,6 +119,7 @@ class Mission:
         if saved is None:
             return False
         self.tags = {tag.tag_id: tag for tag in saved.tags}
+        self._tags_sent = saved.tags_sent
         self.commander.name = saved.commander
         with suppress(UavrtError):
             self._use_gain(saved.gain)
@@ -163,6 +167,7 @@ class Mission:
                 clock_offset_ns=self.clock.offset_ns,
                 state=self.state,
                 tags=(*self.tags.values(),),
+                tags_sent=self._tags_sent,
                 flight=self.flight,
                 last_flights=(*self.last_flights,),
                 gain=self._gain,
@@ -257,18 +262,21 @@ class Mission:
         match command.name:
             case "start_tags":
                 self.tags.clear()
+                self._tags_sent = 0
             case "add_tag":
                 self._add_tag(command.tag)
             case "end_tags":
                 if not self.tags:
                     raise UavrtError("no tag was sent: send TAG before END_TAGS")
                 self._check_codes()
+                self._tags_sent = max(self._tags_sent, command.tag_count or 0)
+                if len(self.tags) < self._tags_sent:
+                    return f"{len(self.tags)} of {self._tags_sent} tags"
                 self._last_tags.keep(self.tags.values())
                 return f"{len(self.tags)} tags"
             case "start_detection":
-                self._check_complete(command.tag_count)
-                if command.gain is not None:
-                    self._use_gain(command.gain)
+                self._check_complete(max(self._tags_sent, command.tag_count or 0))
+                self._use_start(command)
                 return self.begin_flight(command.center_frequency_hz).directory
             case "stop_detection":
                 self.ending = True
@@ -277,8 +285,7 @@ class Mission:
             case "set_parameter":
                 return self._set_parameter(command.parameter, command.value)
             case "raw_capture":
-                if command.gain is not None:
-                    self._use_gain(command.gain)
+                self._use_start(command)
                 return self.begin_capture(command.center_frequency_hz).directory
             case "save_logs" | "clean_logs":
                 if self._operations is None:
@@ -302,8 +309,8 @@ class Mission:
             raise UavrtError(f"{most} tags are the most: see detection.maximum_tags")
         self.tags[tag.tag_id] = tag
 
-    def _check_complete(self, sent: int | None) -> None:
-        if sent is not None and len(self.tags) < sent:
+    def _check_complete(self, sent: int) -> None:
+        if len(self.tags) < sent:
             raise UavrtError(f"only {len(self.tags)} of {sent} tags came: send them all again")
 
     def _has_no_list(self, command: Command) -> bool:
@@ -329,6 +336,7 @@ class Mission:
         if not tags:
             raise UavrtError("no tags are known: send them once, by uavrt ground")
         self.tags.clear()
+        self._tags_sent = 0
         try:
             for tag in tags:
                 self._add_tag(tag)
@@ -350,6 +358,11 @@ class Mission:
             self._save()
         waits = self.state is SystemState.DETECTING and not PARAMETERS[name].live
         return f"{name} = {value:.7g}{', from the next start' if waits else ''}"
+
+    def _use_start(self, command: Command) -> None:
+        """Use what came with a start or a capture, if a radio can be set to it."""
+        check_start(self.settings, command.center_frequency_hz, command.gain)
+        self._use_gain(command.gain)
 
     def _use_gain(self, gain: int | None) -> None:
         """Use a gain that came with a start, until another is set or uavrt is stopped."""
@@ -386,6 +399,8 @@ class Mission:
                 [tag.frequency_hz for tag in self.tags.values()], radio.sample_rate_hz
             )
             center_hz, warnings = tuning.center_frequency_hz, tuning.warnings
+        else:
+            warnings = self._warnings_of_band(tags, center_hz)
         self.clock = Clock.start()
         self.flight = new_flight(
             self.settings,
@@ -400,6 +415,19 @@ class Mission:
         for warning in (*warnings, *self._words_of_near_codes(tags)):
             self._tell(5, warning)
         return self.flight
+
+    def _warnings_of_band(self, tags: Sequence[Tag], center_hz: float) -> tuple[str, ...]:
+        """Name tags outside of the received band; refuse if all are."""
+        half_hz = self.settings.radio.sample_rate_hz / 2.0
+        beyond = [
+            str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz
+        ]
+        if not beyond:
+            return ()
+        band = f"{(center_hz - half_hz) / 1e6:.10g} to {(center_hz + half_hz) / 1e6:.10g} MHz"
+        if len(beyond) == len(tags):
+            raise UavrtError(f"no tag is received at {center_hz / 1e6:.10g} MHz ({band})")
+        return (f"Not received ({band}): tags {', '.join(beyond[:10])}",)
 
     def _words_of_near_codes(self, tags: Sequence[Tag]) -> list[str]:
         """Name codes that a burst may be taken for each other's, in words for a radio link."""

@@ -34,6 +34,8 @@ class SavedState:
     state: SystemState
     tags: tuple[Tag, ...]
     flight: FlightInfo | None
+    tags_sent: int = 0
+    """Tags of the last upload as its sender counted them; 0 where it did not."""
     last_flights: tuple[str, ...] = ()
     gain: int | None = None
     """As an operator has set it, in place of the settings' one."""

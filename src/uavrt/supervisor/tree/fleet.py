@@ -261,7 +261,11 @@ class Fleet:
 
     async def _stop_row(self, row: ProcessRow) -> None:
         """Stop all instances of a row: SIGTERM, then SIGKILL."""
-        running = [i for i in self._instances.values() if i.row is row and i.child is not None]
+        instances = [i for i in self._instances.values() if i.row is row]
+        running = [instance for instance in instances if instance.child is not None]
+        for instance in instances:
+            # What ended in this flight says nothing of the next.
+            instance.restarts.forgive()
         for instance in running:
             instance.stop_asked_s = time.monotonic()
             if instance.child is not None:

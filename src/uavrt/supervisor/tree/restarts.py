@@ -41,6 +41,10 @@ class Restarts:
         """Note a start."""
         self._started_s = now_s
 
+    def forgive(self) -> None:
+        """Forget the ends in a row: the operator ended what it was running for."""
+        self.in_a_row, self.not_before_s = 0, 0.0
+
     def ended(self, now_s: float, reason: str) -> float:
         """Note an end that was not asked for; get the wait before the restart [s]."""
         delays_s = self.policy.delays_s

@@ -1,0 +1,42 @@
+"""Warnings of the DDS library: the only place where it reports messages that it drops.
+
+It can write them into a file besides stderr. The file has no name any more once the library has
+opened it, so it disappears with the process.
+"""
+
+import os
+import re
+import tempfile
+from contextlib import suppress
+
+FILE_BYTES = 1_000_000
+"""The file is emptied when it is longer."""
+_TOO_LONG = re.compile(rb"dropping oversize .* ([^ ]+)/[^/ ]+$")
+
+
+class DdsWarnings:
+    """The file, and how far it has been read."""
+
+    def __init__(self) -> None:
+        self._descriptor, self.path = tempfile.mkstemp(prefix="uavrt-dds-")
+        self._at = 0
+
+    def opened(self) -> None:
+        """Remove the file's name: the library has opened it."""
+        with suppress(OSError):  # not where open files cannot be removed
+            os.unlink(self.path)
+
+    def too_long(self) -> list[str]:
+        """Get the DDS name of the topic of each message dropped since the last call."""
+        data = os.pread(self._descriptor, 1 << 16, self._at)
+        whole = data[: data.rfind(b"\n") + 1]
+        self._at += len(whole)
+        if self._at > FILE_BYTES:
+            os.ftruncate(self._descriptor, 0)
+            self._at = 0
+        found = map(_TOO_LONG.search, whole.splitlines())
+        return [match[1].decode("utf-8", "replace") for match in found if match is not None]
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._descriptor)

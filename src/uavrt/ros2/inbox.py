@@ -1,0 +1,80 @@
+"""Messages that wait for the gateway: each topic may bring as much as its row allows. Pure.
+
+One thread puts messages in, another takes them out. Each topic has its own limits, so a flood
+on one topic delays no message of another. What exceeds them is dropped and counted.
+"""
+
+from collections import deque
+from collections.abc import Callable, Collection
+
+from uavrt.allowance import Allowance
+from uavrt.ros2.graph import RosTopic
+from uavrt.ros2.senders import Arrival
+
+BYTES_OF_ONE = 256
+"""Each further begun 256 bytes of a message count as another one: decoding takes as long. A tag
+has 76 bytes, a pulse 160, 32 parameters set at once 4 kB. A message that alone exceeds its
+topic's `burst` is never decoded."""
+GATEWAYS_NAMED = 20
+"""Other gateways that are kept apart; more count as messages only."""
+
+
+class Inbox:
+    """Messages in the order of their arrival, those of commands before those of pulses.
+
+    Parameters
+    ----------
+    now_ns : callable
+        Monotonic time [ns].
+    closed : collection of str
+        Topics that are not wanted: each message is dropped and counted.
+    """
+
+    def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
+        self._now_ns = now_ns
+        self.closed = frozenset(closed)
+        self._commands: deque[Arrival] = deque()
+        self._data: deque[Arrival] = deque()
+        self._allowed: dict[str, Allowance] = {}
+        self._dropped: dict[str, int] = {}
+        self.of_gateways = 0
+        """Messages of other gateways, which are not for this one."""
+        self.gateways: set[str] = set()
+        """Participants that sent them."""
+
+    def put(self, arrival: Arrival) -> None:
+        """Let a message wait, or drop and count it."""
+        topic = arrival.topic
+        if arrival.sender.gateway:
+            self.of_gateways += 1
+            if len(self.gateways) < GATEWAYS_NAMED:
+                self.gateways.add(arrival.sender.key)
+        elif not self._takes(topic, len(arrival.cdr)):
+            self.drop(topic)
+        else:
+            (self._commands if topic.commands else self._data).append(arrival)
+
+    def _takes(self, topic: RosTopic, size: int) -> bool:
+        if topic.name in self.closed:
+            return False
+        if topic.name not in self._allowed:
+            self._allowed[topic.name] = Allowance(burst=topic.burst, per_s=topic.per_s)
+        cost = max(1, -(-size // BYTES_OF_ONE))
+        return self._allowed[topic.name].take(self._now_ns(), cost)
+
+    def drop(self, topic: RosTopic) -> None:
+        """Count a message that was sent and cannot be had any more."""
+        self._dropped[topic.name] = self._dropped.get(topic.name, 0) + 1
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Count the dropped messages of each topic that has any."""
+        return self._dropped.copy()
+
+    def take(self) -> list[Arrival]:
+        """Get the messages that wait; the limits of all topics bound their number."""
+        return [
+            waiting.popleft()
+            for waiting in (self._commands, self._data)
+            for _ in range(len(waiting))
+        ]

@@ -1,0 +1,87 @@
+"""Commands arrive although other topics are flooded: real gateway, real DDS, wild programs."""
+
+import time
+from typing import Any
+
+import pytest
+from ros_flood import flood
+
+from uavrt.config.settings import Ros2Settings
+from uavrt.ros2 import TOPICS, full_name
+
+ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
+ACT_WITHIN_S = 1.0
+RATE = 10_000.0
+
+
+def order(ros_peer: Any, what: str) -> Any:
+    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
+    header = ros_peer.new("std_msgs/msg/Header", stamp, "")
+    status = ros_peer.new("diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, "", [])
+    return ros_peer.new(ARRAY, header, [status])
+
+
+def delays_of_orders(gateway: Any, ros_peer: Any, seconds: float) -> list[float]:
+    """Times from the sending of each start and stop until the supervisor has it [s]."""
+    delays = []
+    end_s = time.monotonic() + seconds
+    while True:
+        for what, name in (("start", "start_detection"), ("stop", "stop_detection")):
+            begun_s = time.monotonic()
+            ros_peer.publish(f"control_{what}_subprocess", order(ros_peer, what))
+            while all(command.name != name for command in gateway.receive("command")):
+                pass
+            delays.append(time.monotonic() - begun_s)
+        if time.monotonic() > end_s:
+            return delays
+        time.sleep(1.0)
+
+
+def counters(gateway: Any) -> dict[str, float]:
+    return dict(gateway.receive("health", 2)[-1].counters)
+
+
+@pytest.mark.parametrize(
+    "topic", ["pulse", "store_tag_information", "control_detector_subprocess"]
+)
+def test_ten_thousand_messages_a_second_delay_no_order_and_are_counted(
+    launch: Any, ros_peer: Any, ros_domain: int, topic: str
+) -> None:
+    gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, accept_pulses=True))
+    logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
+    for name in ("control_start_subprocess", "control_stop_subprocess"):
+        ros_peer.advertise(name, ARRAY)
+    delays_of_orders(gateway, ros_peer, 0.0)  # they have found each other
+    row = TOPICS[topic]
+    kind = full_name(row.message)
+    with flood(ros_domain, topic, kind, rate=RATE, seconds=3.0) as wait:
+        delays = delays_of_orders(gateway, ros_peer, 2.0)
+        sent = wait()
+    told = counters(gateway)
+    assert max(delays) < ACT_WITHIN_S
+    assert sent > 0.5 * 3.0 * RATE
+    dropped = told["ros2_messages_dropped"]
+    assert dropped <= sent
+    if not told["ros2_readers_full"]:
+        assert sent - dropped <= row.burst + 10.0 * row.per_s
+    lines = [ros_peer.read(cdr, "rcl_interfaces/msg/Log").msg for cdr in logs()]
+    assert any(line.startswith(f"{topic}: dropped messages: ") for line in lines)
+
+
+@pytest.mark.parametrize("size", [200_000, 16_000_000])
+@pytest.mark.parametrize(
+    "topic", ["store_coded_tag_information", "control_detector_subprocess"]
+)
+def test_one_enormous_message_a_second_delays_no_order_and_is_counted(
+    launch: Any, ros_peer: Any, ros_domain: int, topic: str, size: int
+) -> None:
+    gateway = launch()
+    for name in ("control_start_subprocess", "control_stop_subprocess"):
+        ros_peer.advertise(name, ARRAY)
+    delays_of_orders(gateway, ros_peer, 0.0)
+    kind = full_name(TOPICS[topic].message)
+    with flood(ros_domain, topic, kind, rate=1.0, seconds=2.5, size=size) as wait:
+        delays = delays_of_orders(gateway, ros_peer, 2.0)
+        sent = wait()
+    assert max(delays) < ACT_WITHIN_S
+    assert counters(gateway)["ros2_messages_dropped"] == sent
