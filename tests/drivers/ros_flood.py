@@ -4,7 +4,6 @@
 how many messages it has sent when it has ended. Its participant is one of its own.
 """
 
-import os
 import subprocess
 import sys
 import time
@@ -13,7 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-TESTS = Path(__file__).parents[1]
+from ros_peer import RosPeer
+
 STEP_S = 0.01
 
 
@@ -50,8 +50,6 @@ def message(peer: Any, type_name: str, size: int) -> bytes:
 
 def main(domain: str, topic: str, type_name: str, rate: str, seconds: str, size: str) -> None:
     """Publish until the time is over."""
-    from conftest import RosPeer  # type: ignore[import-not-found]
-
     peer = RosPeer(int(domain))
     # All that it sends is delivered, so that every message can be accounted for.
     peer.advertise(topic, type_name, depth=100_000)
@@ -75,13 +73,11 @@ def flood(
 ) -> Iterator[Any]:
     """Run it; the result is a function that waits for the end and gets the number sent."""
     arguments = [str(value) for value in (domain, topic, type_name, rate, seconds, size)]
-    environment = os.environ | {"PYTHONPATH": f"{TESTS}{os.pathsep}{TESTS / 'drivers'}"}
     with subprocess.Popen(
         [sys.executable, str(Path(__file__)), *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        env=environment,
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "begun\n"
