@@ -23,6 +23,8 @@ SESSION_TYPE = 60_004
 """What sealed commands must be sealed for, see `uavrt.tunnel.seal`."""
 MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
 """Orders of motion, and what becomes of them, see `uavrt.tunnel.motion`."""
+PROVEN_STATE_TYPE = 60_011
+"""An answer to a sealed order of motion, see `uavrt.tunnel.seal`."""
 COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
 """What drones that search together say and are told, see `uavrt.tunnel.neighbours`."""
 MAX_HASHES = 15

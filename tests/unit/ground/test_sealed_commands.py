@@ -3,6 +3,8 @@
 import asyncio
 from pathlib import Path
 
+from sealed import introduce
+
 from uavrt import tunnel
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_parameters import DroneParameters
@@ -35,9 +37,7 @@ def sealing_ground(key: Key, gate: Gate) -> GroundProtocol:
     receipts.most = MAX_SEALED_HASHES
     ground = GroundProtocol(*GROUND, receipts, sealer := Sealer(key, GROUND))
     ground.drone = Peer(*DRONE)
-    session = gate.announcement(DRONE)
-    assert session is not None
-    sealer.hear(session, DRONE)
+    introduce(sealer, gate, GROUND, DRONE)
     return ground
 
 
