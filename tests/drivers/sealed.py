@@ -1,6 +1,6 @@
 """Let a ground station's sealer learn a drone's session, as the two do over a link."""
 
-from uavrt.tunnel import Gate, Sealer
+from uavrt.tunnel import Gate, Sealer, alive_of
 from uavrt.tunnel.seal import Place, SealKeeper
 
 
@@ -12,7 +12,7 @@ def introduce(sealer: Sealer, drone: Gate | SealKeeper, station: Place, place: P
     sealed = sealer.signs_of_life()[-1]
     opened = drone.open(sealed, station, place)
     assert opened is not None
-    echo = drone.announcement(place, int.from_bytes(opened[1], "little"))
+    echo = drone.announcement(place, alive_of(opened[1])[0])
     assert echo is not None
     sealer.hear(echo, place)
     assert sealer.ready

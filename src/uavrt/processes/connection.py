@@ -89,6 +89,7 @@ from uavrt.tunnel import (
     Gate,
     MotionState,
     PulseDelivery,
+    alive_of,
     encode_bearing,
     encode_course,
     encode_state,
@@ -101,6 +102,8 @@ log = get_logger()
 TICK_S = 0.05
 SESSION_NS = NANOSECONDS_PER_SECOND
 LINK_RETRY_S = 3.0
+FILES_NS = 3 * NANOSECONDS_PER_SECOND
+"""Validity of a sealed sign of life that says that files are asked for."""
 SEALED_ORDERS = 64
 """Sealed orders of motion whose answers carry a proof; an order is answered within seconds."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
@@ -234,6 +237,8 @@ class ConnectionProcess:
         """Handlers of what ground stations send, by its number inside a seal."""
         self._sealed_ns: dict[tuple[int, int], int] = {}
         """When each station was last heard by a valid seal."""
+        self._files_ns: dict[tuple[int, int], int] = {}
+        """When each station last sealed that it asks for files."""
         self._proving: set[tuple[int, int]] = set()
         """Stations that check proofs: they have sent a sealed sign of life."""
         self._sealed_orders: OrderedDict[tuple[tuple[int, int], int], None] = OrderedDict()
@@ -515,7 +520,8 @@ class ConnectionProcess:
         self._link.tunnel.send_tunnel(payload, Priority.STATUS, payload_type=COURSE_TYPE)
 
     def _admits(self, peer: Peer, answers: int = 0) -> bool:
-        place = (peer.system_id, peer.component_id)
+        """Whether to handle a message without a seal; who needs one has no share of its own."""
+        place = (0, 0) if self._gate.locked else (peer.system_id, peer.component_id)
         return self._crowd.admits(place, self._base.now_ns(), answers=answers)
 
     def _tunnel(self, payload: bytes, peer: Peer) -> None:
@@ -569,7 +575,9 @@ class ConnectionProcess:
         place = (peer.system_id, peer.component_id)
         self._proving.add(place)
         self._asked_on[place] = peer.link
-        nonce = int.from_bytes(payload[:8], "little")
+        nonce, files = alive_of(payload)
+        if files:
+            self._files_ns[place] = self._base.now_ns()
         session = self._gate.announcement(self._link.place, nonce) if nonce else None
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
@@ -609,7 +617,9 @@ class ConnectionProcess:
     def _ftp(self, payload: bytes, peer: Peer) -> None:
         now_ns = self._base.now_ns()
         place = (peer.system_id, peer.component_id)
-        if not self._crowd.admits_file_request(place, now_ns):
+        pulses_first = self._gate.locked and self._state is SystemState.DETECTING
+        proof = not pulses_first or now_ns - self._files_ns.get(place, 0) < FILES_NS
+        if not self._crowd.admits_file_request(place, now_ns, proof=proof):
             return
         trip_s = self._files.receive(payload, peer, now_ns)
         others = self._crowd.has_commander and not self._crowd.commands(place)

@@ -100,6 +100,7 @@ if TYPE_CHECKING:
         PLAIN_INSIDE,
         RECEIPT_INSIDE,
         Key,
+        alive_of,
         parameter_of,
         read_key,
     )
@@ -179,6 +180,7 @@ __all__ = [
     "UploadG2",
     "ack_to_wire",
     "acked_command_of",
+    "alive_of",
     "command_name",
     "cut_text",
     "decode",
@@ -218,6 +220,7 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "alive_of": "seal",
         "FROM_DRONE": "link_messages",
         "UNSEALED": "link_messages",
         "PROVEN_STATE_TYPE": "private",

@@ -140,9 +140,7 @@ class Sealer:
         self._last = max(self._last, newest)
         if nonce:
             if now_s - self._nonces.pop(nonce, -inf) > ECHO_S:
-                raise TunnelError(
-                    "a session returns a nonce that is not ours, or late", payload
-                )
+                raise TunnelError("a session returns an unknown or old nonce", payload)
             self._session = session
             self._announced.pop(session, None)
         elif session != self._session:
@@ -151,7 +149,7 @@ class Sealer:
             if len(self._announced) > MAX_ANNOUNCED:
                 del self._announced[next(iter(self._announced))]
 
-    def signs_of_life(self, links: int = 1) -> list[bytes]:
+    def signs_of_life(self, links: int = 1, *, files: bool = False) -> list[bytes]:
         """Seal what is due now: a sign of life, and a nonce for a session not yet known.
 
         Of several announced sessions the one asked least often comes first: replayed ones
@@ -161,11 +159,13 @@ class Sealer:
         ----------
         links : int
             Links that carry signs of life in turn, each as often as a single one.
+        files : bool
+            Files are being asked for.
         """
         now_s, due = monotonic_s(), []
         if self._session is not None and now_s - self._alive_s >= ALIVE_S / links:
             self._alive_s = now_s
-            due.append(self._seal(alive_inside(0), ALIVE_INSIDE))
+            due.append(self._seal(alive_inside(0, files=files), ALIVE_INSIDE))
         fresh = [s for s, one in self._announced.items() if now_s - one.heard_s < ECHO_S]
         if fresh and now_s - self._asked_s >= ALIVE_S:
             self._asked_s = now_s

@@ -33,7 +33,7 @@ MOST_KEY = 256
 _HEAD = struct.Struct("<BBHQ")
 _PARAMETER = struct.Struct("<16sf")
 _SESSION = struct.Struct("<B3xQQ")
-_NONCE = struct.Struct("<Q")
+_NONCE, _ALIVE = struct.Struct("<Q"), struct.Struct("<QB")
 _VERSION, _VERSION_ECHO = 2, 3
 _PROOF_SIZE = 7
 """56 bits: 2000 guesses a second for a day hit with a probability of 2e-9."""
@@ -135,9 +135,21 @@ def _proof(state: bytes, key: Key, session: Session, station: Place) -> bytes:
     return _mac(key, b"answer" + session.mixed_in() + bytes(station) + state)[:_PROOF_SIZE]
 
 
-def alive_inside(nonce: int) -> bytes:
-    """Write the inside of a sign of life; the drone returns a nonce that is not 0."""
-    return _NONCE.pack(nonce)
+def alive_inside(nonce: int, *, files: bool = False) -> bytes:
+    """Write the inside of a sign of life.
+
+    The drone returns a nonce that is not 0. While the station asks for files it says so: then
+    nobody else's requests under its ids can hold up its own.
+    """
+    return _ALIVE.pack(nonce, files)
+
+
+def alive_of(inside: bytes) -> tuple[int, bool]:
+    """Read a sign of life: nonce, whether files are asked for; raises `TunnelError`."""
+    if len(inside) != _ALIVE.size:
+        raise TunnelError(f"a sign of life has 9 bytes, not {len(inside)}", inside)
+    nonce, flags = _ALIVE.unpack(inside)
+    return nonce, bool(flags & 1)
 
 
 def parameter_inside(name: str, value: float) -> bytes:

@@ -2,10 +2,12 @@
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 from sealed import introduce
 
 from uavrt import tunnel
+from uavrt.config import OFFERED, Settings
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_parameters import DroneParameters
 from uavrt.ground.link.protocol import GroundProtocol
@@ -13,6 +15,7 @@ from uavrt.mavlink import Peer, dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import Command
+from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate, Sealer
 from uavrt.tunnel.private import MAX_SEALED_HASHES, Receipt
@@ -115,3 +118,31 @@ def test_a_parameter_whose_answer_was_lost_is_asked_for_with_a_new_seal(tmp_path
     assert asyncio.run(parameters.set("DET_K", 4.0)) == 4.0
     assert None not in opened
     assert gate.refused == 0
+
+
+def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: Path) -> None:
+    path = key_file(tmp_path)
+    gate, asked = Gate((), str(path)), list[Any]()
+    desk = ParameterDesk(
+        Settings(),
+        lambda: True,
+        send=lambda value, _: asked.append(value.param_id),
+        ask=lambda _: None,
+        tell=lambda _: None,
+    )
+
+    def drone(message: Message) -> None:
+        assert isinstance(message, dialect.Tunnel), "nothing unsealed"
+        opened = gate.open(message.payload[: message.payload_length], GROUND, DRONE)
+        assert opened is not None
+        desk.receive_sealed(opened[1], Peer(*GROUND), None, 1)
+
+    parameters = DroneParameters(sealing_ground(read_key(path), gate), drone, 0.01)
+    for message in parameters._missing(Peer(*DRONE)):
+        drone(message)
+    every = list(asked)
+    assert len(every) == len(OFFERED)
+    parameters._count, parameters._indices = len(every), {*range(len(every))} - {3, 5}
+    for message in parameters._missing(Peer(*DRONE)):
+        drone(message)
+    assert asked[len(every) :] == [every[3], every[5]]

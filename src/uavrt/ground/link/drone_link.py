@@ -37,7 +37,7 @@ from uavrt.mavlink import (
     Signing,
     SigningKey,
 )
-from uavrt.mavlink.dialect import Tunnel
+from uavrt.mavlink.dialect import FileTransferProtocol, Tunnel
 from uavrt.messages import Neighbour, Tag
 from uavrt.tunnel import (
     CODED_TAG_TYPE,
@@ -220,7 +220,7 @@ class GroundLink:
                 if receipt is not None:
                     self._ways.answer(receipt)
                 links = self._ways.alive() or self._ways.best()
-                for message in self.protocol.signs_of_life(len(links)):
+                for message in self.protocol.signs_of_life(len(links), now_ns):
                     self._ways.send(message, links[turn % len(links)])
                     turn += 1
                 await asyncio.sleep(RECEIPT_POLL_S)
@@ -457,6 +457,8 @@ class GroundLink:
 
     def send(self, message: Message) -> None:
         """Send a message that needs no acknowledgement."""
+        if isinstance(message, FileTransferProtocol):
+            self.protocol.files_asked_ns = self._clock_ns()
         self._ways.send(message)
 
     def _receive(self, frame: Frame, link: int) -> None:

@@ -47,6 +47,8 @@ log = get_logger()
 DRONE_COMPONENT = 191
 DRONE_SILENCE_NS = ns_from_s(6.0)
 """The original ground station calls the drone lost after this."""
+FILES_NS = ns_from_s(3.0)
+"""Time after a request for a file in which signs of life say that files are asked for."""
 ORDERS = 16
 """Orders of motion whose answers may still come."""
 
@@ -149,6 +151,8 @@ class GroundProtocol:
         """Numbers of the last orders of motion, whose answers are checked."""
         self.counters: Counter[str] = Counter()
         self._heard_ns = 0
+        self.files_asked_ns = -FILES_NS
+        """When the drone was last asked for a file."""
         self._texts = TextAssembler()
 
     def forget(self) -> None:
@@ -191,17 +195,14 @@ class GroundProtocol:
                 remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
             )
         if self._sealer is not None:
-            return self._sealed(self._sealer(payload, payload_type))
+            return self._message(self._sealer(payload, payload_type), SEALED_TYPE)
         return self._message(payload, payload_type)
 
     def sealed_parameter(self, name: str, value: float) -> dialect.Tunnel | None:
-        """Write the wish to set a parameter to a drone with a key; None without one."""
+        """Write a sealed request to set a parameter, NaN: to report it; None without a key."""
         if self._sealer is None or self.drone is None:
             return None
-        return self._sealed(self._sealer.parameter(name, value))
-
-    def _sealed(self, payload: bytes) -> dialect.Tunnel:
-        return self._message(payload, SEALED_TYPE)
+        return self._message(self._sealer.parameter(name, value), SEALED_TYPE)
 
     def _message(self, payload: bytes, payload_type: int) -> dialect.Tunnel:
         assert self.drone is not None
@@ -234,11 +235,13 @@ class GroundProtocol:
             return self._tunnel(message.payload_type, message.payload[: message.payload_length])
         return []
 
-    def signs_of_life(self, links: int) -> list[dialect.Tunnel]:
+    def signs_of_life(self, links: int, now_ns: int) -> list[dialect.Tunnel]:
         """Sealed messages due now, for links that carry them in turn; none without a key."""
         if self._sealer is None or self.drone is None:
             return []
-        return [self._sealed(payload) for payload in self._sealer.signs_of_life(links)]
+        files = now_ns - self.files_asked_ns < FILES_NS
+        sealed = self._sealer.signs_of_life(links, files=files)
+        return [self._message(payload, SEALED_TYPE) for payload in sealed]
 
     def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
         """Read a payload of any type; None for what is not shown."""
