@@ -15,6 +15,7 @@ from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import Limits, Order, Pilot, manners_of, now_of, plan_of, wish_record
 from uavrt.mavlink import Message, dialect
 from uavrt.mavlink.frame import FrameWriter
+from uavrt.mavlink.udp import MAX_PEERS
 from uavrt.messages import MotionOffer, MotionRequest, VehicleReport, VehicleWish
 from uavrt.tunnel import (
     MOTION_STATE_TYPE,
@@ -34,6 +35,8 @@ from uavrt.tunnel import (
 DRONE, CONFIRMER = (1, 191), (254, 190)
 NONCE = 0x1234_5678_9ABC
 BATCH_S = 0.002
+PORTS = MAX_PEERS + 6
+"""Ports that an attacker sends from: more than a link keeps."""
 SECRET = bytes(range(32))
 
 
@@ -168,20 +171,21 @@ class Attacker:
         ground._ways._shared.write = overheard
 
     def __enter__(self) -> "Attacker":
-        self._to_drone = socket.socket(type=socket.SOCK_DGRAM)
-        self._to_drone.connect(("127.0.0.1", self._bay.companion_port))
+        self._to_drone = [socket.socket(type=socket.SOCK_DGRAM) for _ in range(PORTS)]
+        for one in self._to_drone:
+            one.connect(("127.0.0.1", self._bay.companion_port))
         self._to_ground = socket.socket(type=socket.SOCK_DGRAM)
         self._to_ground.connect(("127.0.0.1", self._bay.ground_port))
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._to_drone.close()
-        self._to_ground.close()
+        for one in (*self._to_drone, self._to_ground):
+            one.close()
 
     def batch(self) -> None:
         """Send what comes in 2 ms: four frames to the drone, some to the ground."""
         for _ in range(4):
-            self._to_drone.send(next(self._frames))
+            self._to_drone[self.sent % PORTS].send(next(self._frames))
             self.sent += 1
         self._batches += 1
         if self._yesterday and self._batches % 25 == 0:  # 20 a second
