@@ -30,10 +30,13 @@ from uavrt.mavlink import FrameWriter
 from uavrt.messages import PulsePose, SystemState, SystemStatus
 from uavrt.tunnel import (
     MOTION_INSIDE,
+    MOTION_TYPE,
     SEALED_TYPE,
     Key,
+    MotionConfirmation,
     MotionState,
     MotionStop,
+    encode_confirmation,
     encode_request,
     encode_stop,
 )
@@ -238,6 +241,33 @@ def test_a_station_of_an_older_version_is_refused_with_the_remedy_and_can_still_
         assert refused.kind == "refused"
         assert "older than the drone's. Update it" in refused.text
         assert (stopped.kind, stopped.request_id) == ("state", 5)
+
+    run_in_virtual_time(main(), monkeypatch)
+
+
+def test_the_drone_proves_no_answer_to_an_order_without_a_seal(
+    make_bay: Callable[[], Bay], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An attacker reads the number of a sealed order and sends its own under the same ids."""
+
+    async def main() -> None:
+        async with flying(make_bay, key_file(tmp_path)) as (drone, link):
+            waiting: list[Any] = []
+            offer, drone._offer = drone._offer, waiting.append  # type: ignore[method-assign]
+            request = motion_request("goto", (NORTH,), height_m=40.0)
+            asked = asyncio.create_task(ask(link, request))
+            await until(lambda: waiting)
+            forged = encode_confirmation(
+                MotionConfirmation(request_id=request.request_id, order_id=1, nonce=1)
+            )
+            bad = link.protocol.counters["bad_payloads"]
+            with socket.socket(type=socket.SOCK_DGRAM) as stranger:
+                stranger.connect(("127.0.0.1", drone.bay.companion_port))
+                stranger.send(FrameWriter(*CONFIRMER).encode(tunnel(MOTION_TYPE, forged)))
+            await until(lambda: link.protocol.counters["bad_payloads"] > bad)
+            assert not asked.done(), "the refusal has no proof"
+            offer(waiting[0])
+            assert (await asked).kind == "offer"
 
     run_in_virtual_time(main(), monkeypatch)
 
