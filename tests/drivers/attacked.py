@@ -193,10 +193,11 @@ class Attacker:
             self._as_drone(SESSION_TYPE, self._yesterday[number])
         if self._batches % 5 == 0:
             for request_id in (*self._ground.protocol.orders,)[-2:]:
-                kind = self._random.choice(("state", "refused"))
                 forged = MotionState(
-                    kind=kind, standing="out", text="stopped", request_id=request_id
+                    kind="state", standing="out", text="stopped", request_id=request_id
                 )
+                if self._random.random() < 0.5:
+                    forged = replace(forged, kind="refused")
                 self._as_drone(MOTION_STATE_TYPE, encode_state(forged))
 
     def _as_drone(self, kind: int, payload: bytes) -> None:

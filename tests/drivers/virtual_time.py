@@ -7,13 +7,14 @@ they wait for is what they made each other wait for, not what a busy machine did
 import asyncio
 import selectors
 import time
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
 import pytest
 
 from uavrt import clock
+from uavrt.processes.disk_thread import DiskThread
 from uavrt.simulation.datagrams import DatagramPort
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -59,6 +60,14 @@ def run_in_virtual_time(main: Coroutine[Any, Any, T], patch: pytest.MonkeyPatch)
         ),
     )
     patch.setattr(DatagramPort, "_arrival_ns", lambda self, ancillary: now_ns())
+
+    def at_once(_: DiskThread, job: Callable[[], T], then: Callable[[T], None]) -> bool:
+        """A thread would work in real time, while seconds pass here."""
+        loop.call_soon(then, job())
+        return True
+
+    patch.setattr(DiskThread, "start", lambda self: None)
+    patch.setattr(DiskThread, "__call__", at_once)
     try:
         return loop.run_until_complete(main)
     finally:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from uavrt.clock import monotonic_s
 from uavrt.config import PARAMETERS, Settings
@@ -112,6 +112,13 @@ PEERS = ("autopilot", "ground station")
 FIRST_REFILL_NS = 4_000_000_000
 """By then the recorder has committed what the process before this one sent and delivered: what
 the disk has then and no ground station, is to be sent."""
+
+
+class _Taker(Protocol):
+    """Handler of a ground station's message."""
+
+    def __call__(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        """Handle its payload."""
 
 
 class ConnectionProcess:
@@ -225,7 +232,7 @@ class ConnectionProcess:
             mavlink.commanders, mavlink.key_file, key_required=mavlink.key_required
         )
         self._next_session_ns = 0
-        self._takers = {
+        self._takers: dict[int, _Taker] = {
             PLAIN_INSIDE: self._take_command,
             RECEIPT_INSIDE: self._take_receipt,
             PARAMETER_INSIDE: self._take_sealed_parameter,

@@ -253,7 +253,8 @@ def test_the_drone_proves_no_answer_to_an_order_without_a_seal(
     async def main() -> None:
         async with flying(make_bay, key_file(tmp_path)) as (drone, link):
             waiting: list[Any] = []
-            offer, drone._offer = drone._offer, waiting.append  # type: ignore[method-assign]
+            offer = drone._offer
+            monkeypatch.setattr(drone, "_offer", waiting.append)
             request = motion_request("goto", (NORTH,), height_m=40.0)
             asked = asyncio.create_task(ask(link, request))
             await until(lambda: waiting)

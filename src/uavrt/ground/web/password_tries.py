@@ -36,7 +36,7 @@ class Guesses:
 
     def wait_s(self, address: str) -> float:
         """Time until the next attempt from an address is checked; 0 when it may be now."""
-        times = self._wrong.get(_place(address), ())
+        times = self._wrong.get(_place(address), deque())
         wait_s = times[0] + WINDOW_S - self._now_s() if len(times) == TRIES else 0.0
         self.refused += wait_s > 0.0
         return max(0.0, wait_s)
