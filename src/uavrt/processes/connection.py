@@ -564,8 +564,7 @@ class ConnectionProcess:
             refused = self._exchange.refuse(payload, reason, asker)
             self._answer(refused, urgent=not self._gate.locked)
             return
-        receive = self._exchange.receive_coded_tag if coded_tag else self._exchange.receive
-        result = receive(payload, asker)
+        result = self._exchange.receive(payload, asker, coded_tag=coded_tag)
         if isinstance(result, Command):
             self._frame.send("command", replace(result, sealed=sealed))
         else:

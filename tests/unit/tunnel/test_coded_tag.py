@@ -61,7 +61,7 @@ def test_a_list_goes_to_the_drone_and_is_the_same_there() -> None:
     exchange, writing = Exchange(), Writing("G1")
     begin, coded, end = writing.upload([replace(TAG, name="hen")])
     accept(exchange, exchange.receive(begin, GROUND))
-    command, ack = accept(exchange, exchange.receive_coded_tag(coded, GROUND))
+    command, ack = accept(exchange, exchange.receive(coded, GROUND, coded_tag=True))
     assert (command.name, command.tag) == ("add_tag", TAG)
     answer = decode(ack)
     assert isinstance(answer, AckG1)
@@ -79,8 +79,8 @@ def test_a_numbered_upload_is_complete_with_its_coded_tags() -> None:
     early = exchange.receive(end, GROUND)
     assert isinstance(early, Answer)
     assert b"missing 0" in early.payload
-    accept(exchange, exchange.receive_coded_tag(coded, GROUND))
-    again = exchange.receive_coded_tag(coded, GROUND)
+    accept(exchange, exchange.receive(coded, GROUND, coded_tag=True))
+    again = exchange.receive(coded, GROUND, coded_tag=True)
     assert isinstance(again, Answer), "the answer is replayed, the tag not added again"
     opened = decode(end, "G2")
     assert isinstance(opened, UploadG2)
@@ -93,7 +93,7 @@ def test_any_bytes_are_a_coded_tag_or_refused_with_an_answer(payload: bytes) -> 
     try:
         CodedTag.decode(payload)
     except TunnelError:
-        result = Exchange().receive_coded_tag(payload, GROUND)
+        result = Exchange().receive(payload, GROUND, coded_tag=True)
         assert result is None or isinstance(result, Answer)
 
 
