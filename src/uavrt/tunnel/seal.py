@@ -10,7 +10,7 @@ whatever any clock shows, and nothing is kept on a disk. A sender's counter begi
 newest that the drone announces and above its own clock's microseconds.
 
 Anyone can record an announcement of the session and send it again. So the ground station seals
-a nonce for each session that it hears announced, and uses the session whose drone returns it.
+a nonce for each announced session, and uses the session whose drone returns it.
 """
 
 import hashlib
@@ -138,8 +138,8 @@ def _proof(state: bytes, key: Key, session: Session, station: Place) -> bytes:
 def alive_inside(nonce: int, *, files: bool = False) -> bytes:
     """Write the inside of a sign of life.
 
-    The drone returns a nonce that is not 0. While the station asks for files it says so: then
-    nobody else's requests under its ids can hold up its own.
+    The drone returns a nonce that is not 0. With `files` it answers the station's requests for
+    files quickly, also while it detects.
     """
     return _ALIVE.pack(nonce, files)
 

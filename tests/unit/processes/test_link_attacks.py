@@ -1,4 +1,4 @@
-"""*Take back* and link loss while somebody without the key attacks the link of a flying drone.
+"""*Take back* and link loss while an attacker without the key floods a flying drone's link.
 
 The numbers of trials are those of a short run; ``UAVRT_LINK_TRIALS=200`` makes the campaign of
 200 orders taken back and 100 losses of the confirmer.
