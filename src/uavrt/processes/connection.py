@@ -550,7 +550,9 @@ class ConnectionProcess:
             self._takers[kind](payload, peer, sealed=True)
             return
         row = UNSEALED.get(payload_type)
-        if self._admits(peer, 0 if row is None else row.answers) and row is not None:
+        if row is None:
+            self._exchange.counters["payloads_ignored"] += 1
+        elif self._admits(peer, row.answers):
             self._takers[row.inside](payload, peer, sealed=False)
 
     def _take_command(
@@ -590,6 +592,7 @@ class ConnectionProcess:
 
     def _take_receipt(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         if self._gate.locked and not sealed:
+            self._exchange.counters["payloads_ignored"] += 1
             return
         now_ns, pulses = self._base.now_ns(), self._outlet.sender
         before = pulses.stores, pulses.proven
