@@ -190,8 +190,8 @@ class UdpLink(Link):
             silent = [p for p, heard in self._peers.items() if now - heard > PEER_SILENCE_S]
             for old in silent:
                 del self._peers[old]
-        if len(self._peers) > MAX_PEERS:
-            del self._peers[min(self._peers, key=self._peers.__getitem__)]
+        if len(self._peers) > MAX_PEERS:  # those known longest stay, the autopilot among them
+            del self._peers[list(self._peers)[-2]]
 
     def _write(self, frame: bytes) -> bool:
         opened = self._socket

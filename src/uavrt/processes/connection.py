@@ -5,11 +5,12 @@ tunnel payloads into commands and the supervisor's replies into acknowledgements
 """
 
 import asyncio
+from collections import OrderedDict
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from uavrt.clock import monotonic_s
 from uavrt.config import PARAMETERS, Settings
@@ -68,28 +69,31 @@ from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.processes.signing_memory import SigningMemory
 from uavrt.recording import heard_tags
 from uavrt.tunnel import (
+    ALIVE_INSIDE,
     BEARING_TYPE,
     CODED_TAG_INSIDE,
-    CODED_TAG_TYPE,
     COURSE_TYPE,
     MOTION_INSIDE,
     MOTION_STATE_TYPE,
-    MOTION_TYPE,
     NEIGHBOUR_INSIDE,
-    NEIGHBOUR_TYPE,
     PARAMETER_INSIDE,
+    PAYLOAD_TYPE,
     PLAIN_INSIDE,
-    RECEIPT_TYPE,
+    PROVEN_STATE_TYPE,
+    RECEIPT_INSIDE,
     SEALED_TYPE,
     SESSION_TYPE,
+    UNSEALED,
     Answer,
     Exchange,
     Gate,
     MotionState,
     PulseDelivery,
+    alive_of,
     encode_bearing,
     encode_course,
     encode_state,
+    is_stop,
 )
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -98,11 +102,23 @@ log = get_logger()
 TICK_S = 0.05
 SESSION_NS = NANOSECONDS_PER_SECOND
 LINK_RETRY_S = 3.0
+FILES_NS = 3 * NANOSECONDS_PER_SECOND
+"""Validity of a sealed sign of life that says that files are asked for."""
+SEALED_ORDERS = 64
+"""Sealed orders of motion whose answers carry a proof; an order is answered within seconds."""
+OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 MAVLINK_SOURCE = "mavlink "
 PEERS = ("autopilot", "ground station")
 FIRST_REFILL_NS = 4_000_000_000
 """By then the recorder has committed what the process before this one sent and delivered: what
 the disk has then and no ground station, is to be sent."""
+
+
+class _Taker(Protocol):
+    """Handler of a ground station's message."""
+
+    def __call__(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        """Handle its payload."""
 
 
 class ConnectionProcess:
@@ -216,6 +232,24 @@ class ConnectionProcess:
             mavlink.commanders, mavlink.key_file, key_required=mavlink.key_required
         )
         self._next_session_ns = 0
+        self._takers: dict[int, _Taker] = {
+            PLAIN_INSIDE: self._take_command,
+            RECEIPT_INSIDE: self._take_receipt,
+            PARAMETER_INSIDE: self._take_sealed_parameter,
+            MOTION_INSIDE: self._take_motion,
+            CODED_TAG_INSIDE: partial(self._take_command, coded_tag=True),
+            NEIGHBOUR_INSIDE: self._take_neighbour,
+            ALIVE_INSIDE: self._take_sign_of_life,
+        }
+        """Handlers of what ground stations send, by its number inside a seal."""
+        self._sealed_ns: dict[tuple[int, int], int] = {}
+        """When each station was last heard by a valid seal."""
+        self._files_ns: dict[tuple[int, int], int] = {}
+        """When each station last sealed that it asks for files."""
+        self._proving: set[tuple[int, int]] = set()
+        """Stations that check proofs: they have sent a sealed sign of life."""
+        self._sealed_orders: OrderedDict[tuple[tuple[int, int], int], None] = OrderedDict()
+        self._answers_proven = True
         self._crowd = Crowd()
         self._state = SystemState.IDLE
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
@@ -348,7 +382,7 @@ class ConnectionProcess:
             if times is not None:
                 self._disk(partial(self._signing_memory.write, times), lambda _done: None)
         if self._motion is not None:
-            self._motion.tick(self._link.stations_silent_s())
+            self._motion.tick(self._silent_s())
         if self._addresses:
             self._tell_session(now_ns)
             own_pose = self._poses.due(now_ns)
@@ -434,30 +468,50 @@ class ConnectionProcess:
             self._motion.autopilot_found()
 
     def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Handle an order of motion; where none are flown it is refused with the remedy."""
+        """Handle an order of motion, or refuse it with the remedy."""
         asker = (peer.system_id, peer.component_id)
         self._asked_on[asker] = peer.link
-        if self._motion is None:
-            text = "this drone takes no orders of motion: see guidance.enabled"
-            state = MotionState(
-                kind="refused",
-                standing="out",
-                text=text,
-                request_id=int.from_bytes(payload[4:8], "little"),
-            )
-            self._tell_motion(encode_state(state), asker)
-            return
+        number = int.from_bytes(payload[4:8], "little")
         refusal = self._gate.refusal(asker, sealed=sealed)
-        self._motion.receive(payload, asker, refusal, sealed=sealed)
+        if sealed and asker not in self._proving and not is_stop(payload):
+            refusal = OLD_STATION
+        if sealed:
+            self._sealed_orders[asker, number] = None
+            while len(self._sealed_orders) > SEALED_ORDERS:
+                self._sealed_orders.popitem(last=False)
+        self._answers_proven = sealed
+        try:
+            if self._motion is None:
+                text = "this drone takes no orders of motion: see guidance.enabled"
+                state = MotionState(
+                    kind="refused", standing="out", text=text, request_id=number
+                )
+                self._tell_motion(encode_state(state), asker)
+            else:
+                self._motion.receive(payload, asker, refusal, sealed=sealed)
+        finally:
+            self._answers_proven = True
 
     def _tell_motion(self, payload: bytes, asker: tuple[int, int] | None) -> None:
-        """Report the progress of an order: who asked, or all."""
-        peer = None if asker is None else Peer(*asker, self._asked_on.get(asker, 0))
-        priority = Priority.STATUS if peer is None else Priority.ACK
-        self._link.tunnel.send_tunnel(payload, priority, peer, MOTION_STATE_TYPE)
+        """Report the progress of an order: to its station, or to all.
+
+        The answer to a sealed order carries a proof. Who sends an unsealed one under the same
+        ids and number gets an answer without.
+        """
+        if asker is None:
+            self._link.tunnel.send_tunnel(payload, Priority.STATUS, None, MOTION_STATE_TYPE)
+            return
+        peer, kind = Peer(*asker, self._asked_on.get(asker, 0)), MOTION_STATE_TYPE
+        ordered = (asker, int.from_bytes(payload[4:8], "little")) in self._sealed_orders
+        sealed = ordered and self._answers_proven
+        if sealed and asker in self._proving:
+            payload = self._gate.prove_answer(payload, asker, self._link.place)
+            kind = PROVEN_STATE_TYPE
+        priority = Priority.ACK if sealed or not self._gate.locked else Priority.OTHER
+        self._link.tunnel.send_tunnel(payload, priority, peer, kind)
 
     def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        """Handle what is told of another drone; nobody listens where nothing is flown."""
+        """Handle the report of another drone; ignored unless this drone takes orders."""
         if self._motion is not None:
             asker = (peer.system_id, peer.component_id)
             refusal = self._gate.refusal(asker, sealed=sealed)
@@ -473,75 +527,90 @@ class ConnectionProcess:
         self._link.tunnel.send_tunnel(payload, Priority.STATUS, payload_type=COURSE_TYPE)
 
     def _admits(self, peer: Peer, answers: int = 0) -> bool:
-        place = (peer.system_id, peer.component_id)
+        """Whether to handle a message without a seal; who needs one has no share of its own."""
+        place = (0, 0) if self._gate.locked else (peer.system_id, peer.component_id)
         return self._crowd.admits(place, self._base.now_ns(), answers=answers)
 
     def _tunnel(self, payload: bytes, peer: Peer) -> None:
-        if self._admits(peer, answers=1):
-            self._take_command(payload, peer, sealed=False)
+        self._private(PAYLOAD_TYPE, payload, peer)
+
+    def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
+        """Handle a payload by its row in the table of link messages.
+
+        A seal is checked first: however much arrives under the ids of who has the key, what
+        that station sends is handled. Allowances are for what has no valid seal.
+        """
+        place = (peer.system_id, peer.component_id)
+        if payload_type == SEALED_TYPE:
+            opened = self._gate.open(payload, place, self._link.place)
+            if opened is None:
+                return
+            kind, payload = opened
+            self._sealed_ns[place] = self._base.now_ns()
+            self._takers[kind](payload, peer, sealed=True)
+            return
+        row = UNSEALED.get(payload_type)
+        if row is None:
+            self._exchange.counters["payloads_ignored"] += 1
+        elif self._admits(peer, row.answers):
+            self._takers[row.inside](payload, peer, sealed=False)
 
     def _take_command(
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
-        """Handle a command from who may command, or say why not."""
+        """Handle a command from who may command, or refuse it with the reason."""
         asker = (peer.system_id, peer.component_id)
         self._asked_on[asker] = peer.link
         reason = self._gate.refusal(asker, sealed=sealed)
         if reason is not None:
-            self._answer(self._exchange.refuse(payload, reason, asker))
+            refused = self._exchange.refuse(payload, reason, asker)
+            self._answer(refused, urgent=not self._gate.locked)
             return
-        receive = self._exchange.receive_coded_tag if coded_tag else self._exchange.receive
-        result = receive(payload, asker)
+        result = self._exchange.receive(payload, asker, coded_tag=coded_tag)
         if isinstance(result, Command):
             self._frame.send("command", replace(result, sealed=sealed))
         else:
             self._answer(result)
 
-    def _private(self, payload_type: int, payload: bytes, peer: Peer) -> None:
-        if not self._admits(peer):
-            return
-        now_ns = self._base.now_ns()
-        if payload_type == SEALED_TYPE:
-            sender = (peer.system_id, peer.component_id)
-            opened = self._gate.open(payload, sender, self._link.place)
-            if opened is None:
-                return
-            kind, payload = opened
-            if kind in (PLAIN_INSIDE, CODED_TAG_INSIDE):
-                coded_tag = kind == CODED_TAG_INSIDE
-                self._take_command(payload, peer, sealed=True, coded_tag=coded_tag)
-                return
-            if kind == MOTION_INSIDE:
-                self._take_motion(payload, peer, sealed=True)
-                return
-            if kind == NEIGHBOUR_INSIDE:
-                self._take_neighbour(payload, peer, sealed=True)
-                return
-            if kind == PARAMETER_INSIDE:
-                refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=True)
-                number = self._exchange.next_request_id()
-                self._parameters.receive_sealed(payload, peer, refusal, number)
-                return
-        elif payload_type == MOTION_TYPE:
-            self._take_motion(payload, peer, sealed=False)
-            return
-        elif payload_type == CODED_TAG_TYPE:
-            self._take_command(payload, peer, sealed=False, coded_tag=True)
-            return
-        elif payload_type == NEIGHBOUR_TYPE:
-            self._take_neighbour(payload, peer, sealed=False)
-            return
-        elif payload_type != RECEIPT_TYPE or self._gate.locked:
-            return
+    def _take_sealed_parameter(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=sealed)
+        number = self._exchange.next_request_id()
+        self._parameters.receive_sealed(payload, peer, refusal, number)
+
+    def _take_sign_of_life(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        """Note a station that knows proofs, and return its nonce."""
+        assert sealed
         place = (peer.system_id, peer.component_id)
-        pulses = self._outlet.sender
+        self._proving.add(place)
+        self._asked_on[place] = peer.link
+        nonce, files = alive_of(payload)
+        if files:
+            self._files_ns[place] = self._base.now_ns()
+        session = self._gate.announcement(self._link.place, nonce) if nonce else None
+        if session is not None:
+            self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
+
+    def _take_receipt(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
+        if self._gate.locked and not sealed:
+            self._exchange.counters["payloads_ignored"] += 1
+            return
+        now_ns, pulses = self._base.now_ns(), self._outlet.sender
         before = pulses.stores, pulses.proven
+        place = (peer.system_id, peer.component_id)
         proven, trip_s = self._outlet.receipt(payload, place, now_ns)
         if pulses.stores - before[0] or pulses.proven - before[1]:
             self._delivery.station_came()
         if proven:
             self._link.tunnel.rate.acknowledged(trip_s, now_ns)
         self._link.tunnel.wake()
+
+    def _silent_s(self) -> dict[tuple[int, int], float]:
+        """How long each ground station was silent; one that has sealed counts only by seals."""
+        now_ns = self._base.now_ns()
+        return self._link.stations_silent_s() | {
+            place: (now_ns - heard_ns) / NANOSECONDS_PER_SECOND
+            for place, heard_ns in self._sealed_ns.items()
+        }
 
     def _parameter_request(self, message: Requests, peer: Peer) -> None:
         answers = len(PARAMETERS) if isinstance(message, ParamRequestList) else 1
@@ -557,7 +626,9 @@ class ConnectionProcess:
     def _ftp(self, payload: bytes, peer: Peer) -> None:
         now_ns = self._base.now_ns()
         place = (peer.system_id, peer.component_id)
-        if not self._crowd.admits_file_request(place, now_ns):
+        pulses_first = self._gate.locked and self._state is SystemState.DETECTING
+        proof = not pulses_first or now_ns - self._files_ns.get(place, 0) < FILES_NS
+        if not self._crowd.admits_file_request(place, now_ns, proof=proof):
             return
         trip_s = self._files.receive(payload, peer, now_ns)
         others = self._crowd.has_commander and not self._crowd.commands(place)
@@ -570,15 +641,18 @@ class ConnectionProcess:
 
     # -------------------------------------------------------------- to the link
 
-    def _answer(self, answer: Answer | None) -> None:
+    def _answer(self, answer: Answer | None, *, urgent: bool = True) -> None:
+        """Send an answer: before pulses to the station that commands, after them to others."""
         if answer is not None:
-            priority = Priority.ACK if self._crowd.commands(answer.asker) else Priority.OTHER
+            first = urgent and self._crowd.commands(answer.asker)
+            priority = Priority.ACK if first else Priority.OTHER
             self._link.tunnel.send_tunnel(answer.payload, priority, self._asker(answer))
 
     def _send_parameter(self, value: ParamValue, asker: Peer | None) -> None:
-        """Report a value: to all, or to one who asks and does not command, after pulses."""
+        """Report a value: to all, or after the pulses to one who asks without a proof."""
         tunnel = self._link.tunnel
-        if asker is None or self._crowd.commands((asker.system_id, asker.component_id)):
+        place = None if asker is None else (asker.system_id, asker.component_id)
+        if asker is None or (place and self._crowd.commands(place) and not self._gate.locked):
             tunnel.send_message(value)
         else:
             tunnel.send_message(value, Priority.OTHER, asker.link)

@@ -18,6 +18,8 @@ QUESTIONS_BURST, QUESTIONS_PER_S = 12, 1
 pulses, but they take of the link."""
 FILES_BURST, FILES_PER_S = 200, 100
 """Requests for files: a client that reads piece by piece gets 24 kB/s."""
+UNPROVEN_FILES_BURST, UNPROVEN_FILES_PER_S = 8, 1
+"""Requests for files without a proof while a drone with a key detects: its pulses go first."""
 
 
 class Crowd:
@@ -28,6 +30,7 @@ class Crowd:
         self._own = Allowance(burst=OWN_BURST, per_s=OWN_PER_S)
         self._others = Allowance(burst=OTHERS_BURST, per_s=OTHERS_PER_S)
         self._files = Allowance(burst=FILES_BURST, per_s=FILES_PER_S)
+        self._unproven = Allowance(burst=UNPROVEN_FILES_BURST, per_s=UNPROVEN_FILES_PER_S)
         self._questions = Allowance(burst=QUESTIONS_BURST, per_s=QUESTIONS_PER_S)
         self.passed_over = 0
         """Messages that were too many."""
@@ -47,9 +50,10 @@ class Crowd:
         """Whether it is known to be who commands: its answers go before pulses."""
         return place == self._commander
 
-    def admits_file_request(self, place: Place, now_ns: int) -> bool:
-        """Whether a request for a file is looked at; the commander's always."""
-        admitted = place == self._commander or self._files.take(now_ns)
+    def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
+        """Whether to handle a request for a file; the commander's always, if proof is given."""
+        allowance = self._files if proof else self._unproven
+        admitted = (proof and place == self._commander) or allowance.take(now_ns)
         self.passed_over += not admitted
         return admitted
 

@@ -6,12 +6,19 @@ supervisor, who alone changes a setting. Belongs to the connection process.
 
 from collections import OrderedDict
 from collections.abc import Callable
+from math import isnan
 
 from uavrt.config import OFFERED, RUN, Settings, parameter_values
 from uavrt.errors import TunnelError
 from uavrt.log import get_logger
 from uavrt.mavlink import ParameterServer, Peer, Requests
-from uavrt.mavlink.dialect import MavParamType, ParamSet, ParamValue
+from uavrt.mavlink.dialect import (
+    MavParamType,
+    ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
+    ParamValue,
+)
 from uavrt.messages import Command, CommandReply, StatusText
 from uavrt.tunnel import parameter_of
 
@@ -113,20 +120,25 @@ class ParameterDesk:
     def receive_sealed(
         self, inside: bytes, peer: Peer, refusal: str | None, request_id: int
     ) -> None:
-        """Handle the sealed wish to set a parameter; the rest is as for `receive`."""
+        """Handle a sealed request; the rest is as for `receive`.
+
+        It sets the named parameter, or reports it for NaN; without a name it reports the one
+        with that index, or all for NaN.
+        """
         try:
             name, value = parameter_of(inside)
         except TunnelError as error:
             log.warning("bad parameter", reason=error.message)
             return
-        wish = ParamSet(
-            target_system=0,
-            target_component=0,
-            param_id=name,
-            param_value=value,
-            param_type=MavParamType.REAL32,
+        us = {"target_system": 0, "target_component": 0}
+        request: Requests = ParamSet(
+            **us, param_id=name, param_value=value, param_type=MavParamType.REAL32
         )
-        self.receive(wish, peer, refusal, request_id, sealed=True)
+        if not name and isnan(value):
+            request = ParamRequestList(**us)
+        elif not name:
+            request = ParamRequestRead(**us, param_id="", param_index=max(0, int(value)))
+        self.receive(request, peer, refusal, request_id, sealed=True)
 
     def reply(self, reply: CommandReply) -> None:
         """Handle the supervisor's answer: the asker hears the value in force, and why not.

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         UploadG2,
     )
     from uavrt.tunnel.gate import Gate, Sealer
+    from uavrt.tunnel.link_messages import FROM_DRONE, UNSEALED
     from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing, encode_bearing
     from uavrt.tunnel.motion import (
         MAX_PLACES,
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
         MOTION_STATE_TYPE,
         MOTION_TYPE,
         NEIGHBOUR_TYPE,
+        PROVEN_STATE_TYPE,
         RECEIPT_TYPE,
         SEALED_TYPE,
         SESSION_TYPE,
@@ -90,12 +92,15 @@ if TYPE_CHECKING:
     )
     from uavrt.tunnel.reliable import PLAIN, ItemKey, Outgoing, ReliableSender
     from uavrt.tunnel.seal import (
+        ALIVE_INSIDE,
         CODED_TAG_INSIDE,
         MOTION_INSIDE,
         NEIGHBOUR_INSIDE,
         PARAMETER_INSIDE,
         PLAIN_INSIDE,
+        RECEIPT_INSIDE,
         Key,
+        alive_of,
         parameter_of,
         read_key,
     )
@@ -103,12 +108,14 @@ if TYPE_CHECKING:
     from uavrt.tunnel.wire import MAX_PAYLOAD, PAYLOAD_TYPE, CommandId, Generation, command_name
 
 __all__ = [
+    "ALIVE_INSIDE",
     "BEARING_TYPE",
     "BURST_TYPE",
     "CODED_TAG_INSIDE",
     "CODED_TAG_TYPE",
     "COURSE_TYPE",
     "FAILURE",
+    "FROM_DRONE",
     "MAX_HASHES",
     "MAX_PAYLOAD",
     "MAX_PLACES",
@@ -123,11 +130,14 @@ __all__ = [
     "PAYLOAD_TYPE",
     "PLAIN",
     "PLAIN_INSIDE",
+    "PROVEN_STATE_TYPE",
+    "RECEIPT_INSIDE",
     "RECEIPT_TYPE",
     "SEALED_TYPE",
     "SESSION_TYPE",
     "STATES",
     "SUCCESS",
+    "UNSEALED",
     "AckG0",
     "AckG1",
     "AckG2",
@@ -170,6 +180,7 @@ __all__ = [
     "UploadG2",
     "ack_to_wire",
     "acked_command_of",
+    "alive_of",
     "command_name",
     "cut_text",
     "decode",
@@ -209,6 +220,12 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "alive_of": "seal",
+        "FROM_DRONE": "link_messages",
+        "UNSEALED": "link_messages",
+        "PROVEN_STATE_TYPE": "private",
+        "RECEIPT_INSIDE": "seal",
+        "ALIVE_INSIDE": "seal",
         "AckG0": "g0",
         "AckG1": "g1",
         "AckG2": "g2",

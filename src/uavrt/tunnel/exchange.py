@@ -134,7 +134,9 @@ class Exchange:
         self.counters["commands_not_allowed"] += 1
         return self._refusal(payload, reason, asker)
 
-    def receive(self, payload: bytes, asker: Asker) -> Command | Answer | None:
+    def receive(
+        self, payload: bytes, asker: Asker, *, coded_tag: bool = False
+    ) -> Command | Answer | None:
         """Handle a payload of a ground station.
 
         Returns
@@ -144,22 +146,12 @@ class Exchange:
             what needs no answer.
         """
         try:
-            message = decode(payload)
+            message = CodedTag.decode(payload) if coded_tag else decode(payload)
             if isinstance(message, g2.Requests):
                 return self._request(message, payload, asker)
-            return self._command(message, asker)
-        except TunnelError as error:
-            self.counters["payloads_refused"] += 1
-            return self._refusal(payload, str(error), asker)
-
-    def receive_coded_tag(self, payload: bytes, asker: Asker) -> Command | Answer | None:
-        """Handle a coded tag of a ground station, as `receive` does other payloads."""
-        try:
-            message = CodedTag.decode(payload)
-            if message.request_id:
+            if isinstance(message, CodedTag) and message.request_id:
                 return self._request(message, payload, asker)
-            question = self._plain(CommandId.TAG, asker, "G1")
-            return replace(self._ask(question, "add_tag"), tag=message.tag)
+            return self._command(message, asker)
         except TunnelError as error:
             self.counters["payloads_refused"] += 1
             return self._refusal(payload, str(error), asker)
@@ -308,9 +300,14 @@ class Exchange:
             raise TunnelError("no upload is open: send START_TAGS first", message.encode())
         return self._upload
 
-    def _command(self, message: TunnelMessage, asker: Asker) -> Command | Answer | None:
+    def _command(
+        self, message: TunnelMessage | CodedTag, asker: Asker
+    ) -> Command | Answer | None:
         """Handle a command of the generations without request ids."""
         match message:
+            case CodedTag(tag=tag):
+                question = self._plain(CommandId.TAG, asker, "G1")
+                return replace(self._ask(question, "add_tag"), tag=tag)
             case TagG0() | TagG1():
                 tag = tag_from_wire(message)
                 question = self._plain(CommandId.TAG, asker, generation_of(message))

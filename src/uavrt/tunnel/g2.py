@@ -39,7 +39,6 @@ from uavrt.tunnel.wire import (
     Fixed,
     Generation,
     check,
-    command_of,
     decoders_by_length,
     decoders_of,
     pack,
@@ -53,50 +52,23 @@ RUNNING, COMPLETE, FAILED = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BareG2:
+class BareG2(Fixed):
     """A command that is nothing but its number and request id."""
 
+    LAYOUT: ClassVar = HEADER
     command: CommandId
     request_id: int
 
-    def encode(self) -> bytes:
-        """Bytes of the payload."""
-        return pack(HEADER, self.command, self.request_id)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        if len(payload) != HEADER.size:
-            raise TunnelError(f"a bare command has 8 bytes, not {len(payload)}", payload)
-        number, request_id = HEADER.unpack(payload)
-        return cls(command=command_of(number, payload), request_id=request_id)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UploadG2:
+class UploadG2(Fixed):
     """START_TAGS or END_TAGS: which upload, and how many tags it has."""
 
+    LAYOUT: ClassVar = UPLOAD
     command: CommandId
     request_id: int
     upload_id: int
     tag_count: int
-
-    def encode(self) -> bytes:
-        """Bytes of the payload."""
-        return pack(UPLOAD, self.command, self.request_id, self.upload_id, self.tag_count)
-
-    @classmethod
-    def decode(cls, payload: bytes) -> Self:
-        """Read the payload; raises `TunnelError` for another length or command."""
-        if len(payload) != UPLOAD.size:
-            raise TunnelError(f"an upload's frame has 16 bytes, not {len(payload)}", payload)
-        number, request_id, upload_id, tag_count = UPLOAD.unpack(payload)
-        return cls(
-            command=command_of(number, payload),
-            request_id=request_id,
-            upload_id=upload_id,
-            tag_count=tag_count,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

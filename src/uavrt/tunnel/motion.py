@@ -1,70 +1,47 @@
-"""Orders of motion on the wire: our own payload types, sealed except to a simulator.
+"""Orders of motion and the drone's answers, between ground station and drone.
 
-From the ground, payload type 60005, or inside a seal (`uavrt.tunnel.seal`)::
-
-    offset  type   field
-    0       u8     version, 1; 2: asks with places to keep out of
-    1       u8     1: ask, 2: confirm, 3: stop
-    2       u16    zero
-    4       u32    request id of the asker
-  ask:
-    8       u8     action: 0 rotate, 1 goto, 2 survey, 3 hold, 4 return, 5 search,
-                   6 takeoff
-    9       u8     bit 0: clockwise, bit 1: the height is told
-    10      u8     of a survey: 0 lines, 1 around, 2 points
-    11      u8     number of places to keep out of; 0 in version 1
-    12      f32    height above home [m]
-    16      f32    duration [s]
-    20      f32    spacing [m]; of a search the radius that is wished
-   and of a search alone:
-    24      u16    radius around the drone [m], 0: an outline follows
-    26      u8     number of tags, 0: all; then a zero byte
-    28      u16[]  their numbers
-   then, at 24 or behind those, of each place to keep out of:
-            u8     its corners
-            u16    radius of the circle around its only one [m], else 0
-   and behind those:
-            i32    latitude of the first place [1e-7 deg], if there is one; then its longitude
-            i16    further places: latitude, longitude less the first's [2e-6 deg]; the corners
-                   of what is to be kept out of come last
-  confirm:
-    8       u32    order id, as offered
-    12      u8     bit 0: the operator knows that the sticks are not seen
-    13      u8[3]  zero
-    16      u64    nonce, as offered
-
-From the drone, payload type 60006::
-
-    0       u8     version, 1
-    1       u8     1: offer, 2: refused, 3: state
-    2       u8     standing: 0 out, 1 confirmed, 2 in command
-    3       u8     zero
-    4       u32    request id that it answers, 0 for none
-    8       u32    order id: of the offer, in a state of the order confirmed last; 0 for none
-    12      u64    nonce of an offer, else 0
-    20             text, UTF-8, at most 108 bytes
+An order asks for a motion, confirms an offer or stops; it is sealed except to a simulator. The
+answer is an offer, a refusal or a state. Layouts: payload types 60005 and 60006 of the manual's
+tunnel reference.
 """
 
 import struct
 from dataclasses import dataclass, replace
-from math import ceil, isfinite
-from typing import Literal
+from math import ceil
+from typing import Any, Literal
 
 from uavrt.errors import TunnelError, UsageError
 from uavrt.messages import KeepOut, MotionAction, MotionRequest, SurveyPattern
+from uavrt.tunnel.layout import Layout
 from uavrt.tunnel.seal import MAX_INSIDE
 
 _VERSION, _VERSION_KEEP_OUT = 1, 2
 """A drone that knows nothing of places to keep out of must not take them for corners."""
-_HEAD = struct.Struct("<BBHI")
-_ASK = struct.Struct("<BBBBfff")
+_ASKS, _CONFIRMS, _STOPS = 1, 2, 3
+_HEAD = "version:B kind:B :2x request_id:I"
+_ASK = Layout(
+    "an order of motion",
+    f"{_HEAD} action:B clockwise,has_height:B pattern:B kept:B height_m:f duration_s:f "
+    "width_m:f body~",
+    kind=_ASKS,
+)
+_SEARCH = Layout("an order to search", "radius_m:H tags#:B :x tags*:H body~")
+_CONFIRM = Layout(
+    "a confirmation",
+    f"{_HEAD} order_id:I sticks_unseen:B :3x nonce:Q",
+    version=_VERSION,
+    kind=_CONFIRMS,
+)
+_STOP = Layout("a stop", _HEAD, version=_VERSION, kind=_STOPS)
+_STATE = Layout(
+    "a state of motion",
+    "version:B kind:B standing:B :x request_id:I order_id:I nonce:Q text~",
+    {"kind": (1, 3), "standing": (0, 2)},
+    version=_VERSION,
+)
 _KEPT = struct.Struct("<BH")
 _FIRST = struct.Struct("<ii")
 _FURTHER = struct.Struct("<hh")
-_SEARCH = struct.Struct("<HBx")
-_CONFIRM = struct.Struct("<IB3xQ")
-_STATE = struct.Struct("<BBBxIIQ")
-_ASKS, _CONFIRMS, _STOPS = 1, 2, 3
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
@@ -83,7 +60,7 @@ PATTERNS: tuple[SurveyPattern, ...] = ("lines", "around", "points")
 Standing = Literal["out", "confirmed", "in command"]
 STANDINGS: tuple[Standing, ...] = ("out", "confirmed", "in command")
 StateKind = Literal["offer", "refused", "state"]
-_KINDS: dict[StateKind, int] = {"offer": 1, "refused": 2, "state": 3}
+_KINDS: tuple[StateKind, ...] = ("offer", "refused", "state")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,25 +108,25 @@ def encode_request(request: MotionRequest) -> bytes:
             f"an area of {len(places)} corners{others}",
             remedy=f"Draw one of {MAX_PLACES} or fewer",
         )
-    flags = int(request.clockwise) | int(request.height_m is not None) << 1
-    width = request.wish_m if request.action == "search" else request.spacing_m
-    numbers = (request.height_m or 0.0, request.duration_s, width)
-    if not all(abs(number) < _MOST for number in numbers):  # also NaN
+    width_m = request.wish_m if request.action == "search" else request.spacing_m
+    height_m = request.height_m or 0.0
+    if not all(abs(one) < _MOST for one in (height_m, request.duration_s, width_m)):  # also NaN
         raise UsageError(
-            "a height, duration or distance is no number, or too large",
+            "a height, duration or distance is not finite, or too large",
             remedy="Give metres and seconds",
         )
-    version = _VERSION_KEEP_OUT if kept else _VERSION
-    payload = _HEAD.pack(version, _ASKS, 0, request.request_id) + _ASK.pack(
-        MOTION_ACTIONS.index(request.action),
-        flags,
-        PATTERNS.index(request.pattern),
-        len(kept),
-        *numbers,
+    payload = _ASK.pack(
+        request,
+        version=_VERSION_KEEP_OUT if kept else _VERSION,
+        action=MOTION_ACTIONS.index(request.action),
+        has_height=request.height_m is not None,
+        pattern=PATTERNS.index(request.pattern),
+        kept=len(kept),
+        height_m=height_m,
+        width_m=width_m,
+        body=(_sought(request) if request.action == "search" else b"")
+        + b"".join(map(_kept, kept)),
     )
-    if request.action == "search":
-        payload += _sought(request)
-    payload += b"".join(map(_kept, kept))
     if len(payload) + _size(len(places)) > MAX_INSIDE:
         raise UsageError(
             f"{len(places)} corners, {len(kept)} places to keep out of and "
@@ -175,12 +152,10 @@ def encode_request(request: MotionRequest) -> bytes:
 
 
 def _sought(request: MotionRequest) -> bytes:
-    """Write what only a search has."""
+    """Write the fields of a search."""
     try:
-        return _SEARCH.pack(round(request.radius_m or 0.0), len(request.tags)) + struct.pack(
-            f"<{len(request.tags)}H", *request.tags
-        )
-    except (struct.error, ValueError, OverflowError) as error:
+        return _SEARCH.pack(request, radius_m=round(request.radius_m or 0.0), body=b"")
+    except (TunnelError, ValueError, OverflowError) as error:
         raise UsageError(
             "a radius or a tag's number is too large for an order of motion",
             remedy="Give a radius and numbers below 65536, or leave the tags out",
@@ -188,7 +163,7 @@ def _sought(request: MotionRequest) -> bytes:
 
 
 def _kept(one: KeepOut) -> bytes:
-    """Write what a place to keep out of is, without its corners."""
+    """Write a place to keep out of, without its corners."""
     try:
         radius = 0 if one.radius_m is None else max(1, ceil(one.radius_m))
         return _KEPT.pack(len(one.places), radius)
@@ -205,97 +180,73 @@ def _size(places: int) -> int:
 
 def encode_confirmation(confirmation: MotionConfirmation) -> bytes:
     """Write a confirmation."""
-    return _HEAD.pack(_VERSION, _CONFIRMS, 0, confirmation.request_id) + _CONFIRM.pack(
-        confirmation.order_id, int(confirmation.sticks_unseen), confirmation.nonce
-    )
+    return _CONFIRM.pack(confirmation)
 
 
 def is_stop(payload: bytes) -> bool:
     """Whether a payload takes the drone out of our hands."""
-    return payload[1] == _STOPS
+    return payload[1:2] == bytes((_STOPS,))
 
 
 def is_confirmation(payload: bytes) -> bool:
     """Whether a payload confirms."""
-    return payload[1] == _CONFIRMS
+    return payload[1:2] == bytes((_CONFIRMS,))
 
 
 def encode_stop(stop: MotionStop) -> bytes:
     """Write a stop."""
-    return _HEAD.pack(_VERSION, _STOPS, 0, stop.request_id)
+    return _STOP.pack(stop)
 
 
 def decode_motion(
     payload: bytes, asker: tuple[int, int]
 ) -> MotionRequest | MotionConfirmation | MotionStop:
-    """Read what a ground station says of motion.
-
-    Raises
-    ------
-    TunnelError
-        It is none.
-    """
-    known = _VERSION, _VERSION_KEEP_OUT
-    if len(payload) < _HEAD.size or payload[0] not in known:
-        raise TunnelError("an order of motion of another version", payload)
-    version, kind, _, request_id = _HEAD.unpack_from(payload)
-    body = payload[_HEAD.size :]
+    """Read an order of motion, a confirmation or a stop; raises `TunnelError`."""
+    if is_confirmation(payload):
+        got = _CONFIRM.unpack(payload)
+        return MotionConfirmation(**got | {"sticks_unseen": bool(got["sticks_unseen"] & 1)})
+    if is_stop(payload):
+        return MotionStop(**_STOP.unpack(payload))
+    got = _ASK.unpack(payload)
     try:
-        if kind == _ASKS and (version == _VERSION_KEEP_OUT) == (body[3] > 0):
-            return _request(body, request_id, asker)
-        if kind == _CONFIRMS:
-            order_id, flags, nonce = _CONFIRM.unpack(body)
-            return MotionConfirmation(
-                request_id=request_id,
-                order_id=order_id,
-                nonce=nonce,
-                sticks_unseen=bool(flags & 1),
-            )
-        if kind == _STOPS and not body:
-            return MotionStop(request_id=request_id)
+        return _request(got, asker)
     except (struct.error, IndexError) as error:
-        raise TunnelError("an order of motion of a wrong length", payload) from error
-    raise TunnelError("an order of motion of an unknown kind", payload)
+        raise TunnelError("an order of motion has a wrong length", payload) from error
 
 
-def _request(body: bytes, request_id: int, asker: tuple[int, int]) -> MotionRequest:
-    action, flags, pattern, kept, height, duration, spacing = _ASK.unpack_from(body)
-    if not all(map(isfinite, (height, duration, spacing))):
-        raise TunnelError("an order of motion with what is no number", body)
+def _request(got: dict[str, Any], asker: tuple[int, int]) -> MotionRequest:
+    kept, width_m, body = got["kept"], got["width_m"], got["body"]
+    if got["version"] != (_VERSION_KEEP_OUT if kept else _VERSION):
+        raise TunnelError("an order of motion has another version", body)
     request = MotionRequest(
-        request_id=request_id,
+        request_id=got["request_id"],
         asker=asker,
-        action=MOTION_ACTIONS[action],
-        height_m=height if flags & 2 else None,
-        duration_s=duration,
-        clockwise=bool(flags & 1),
-        pattern=PATTERNS[pattern],
+        action=MOTION_ACTIONS[got["action"]],
+        height_m=got["height_m"] if got["has_height"] else None,
+        duration_s=got["duration_s"],
+        clockwise=got["clockwise"],
+        pattern=PATTERNS[got["pattern"]],
     )
-    rest = body[_ASK.size :]
     if request.action != "search":
-        return _with_places(replace(request, spacing_m=spacing), rest, kept)
-    radius, count = _SEARCH.unpack_from(rest)
-    request = replace(
-        request,
-        wish_m=spacing,
-        radius_m=float(radius) if radius else None,
-        tags=struct.unpack_from(f"<{count}H", rest, _SEARCH.size),
-    )
-    return _with_places(request, rest[_SEARCH.size + 2 * count :], kept)
+        return _with_places(replace(request, spacing_m=width_m), body, kept)
+    search = _SEARCH.unpack(body)
+    radius_m = float(search["radius_m"]) or None
+    request = replace(request, wish_m=width_m, radius_m=radius_m, tags=search["tags"])
+    return _with_places(request, search["body"], kept)
 
 
 def _with_places(request: MotionRequest, body: bytes, kept: int) -> MotionRequest:
-    """Read the corners of what is asked for, and of what is to be kept out of."""
+    """Read the corners of the area, and of the places to keep out of."""
     shapes = [_KEPT.unpack_from(body, _KEPT.size * number) for number in range(kept)]
     places = _places(body[_KEPT.size * kept :])
     first = len(places) - sum(count for count, _ in shapes)
     if first < 0:
-        raise TunnelError("an order of motion without the corners that it tells of", body)
+        raise TunnelError("an order of motion lacks corners", body)
     keep_out, at = [], first
     for count, radius in shapes:
         corners, at = places[at : at + count], at + count
         if len(corners) < 3 and not (radius and count == 1):
-            raise TunnelError("a place to keep out of that is none", body)
+            raise TunnelError("a place to keep out of has too few corners", body)
         keep_out.append(KeepOut(places=corners, radius_m=float(radius) if count == 1 else None))
     return replace(request, places=places[:first], keep_out=tuple(keep_out))
 
@@ -334,40 +285,23 @@ def _printable(text: str) -> str:
 
 
 def encode_state(state: MotionState) -> bytes:
-    """Write what became of an order; a text that is too long is cut."""
-    text = cut_text(state.text).encode()
-    return (
-        _STATE.pack(
-            _VERSION,
-            _KINDS[state.kind],
-            STANDINGS.index(state.standing),
-            state.request_id,
-            state.order_id,
-            state.nonce,
-        )
-        + text
+    """Write an answer or a state; a text that is too long is cut."""
+    return _STATE.pack(
+        state,
+        kind=_KINDS.index(state.kind) + 1,
+        standing=STANDINGS.index(state.standing),
+        text=cut_text(state.text).encode(),
     )
 
 
 def decode_state(payload: bytes) -> MotionState:
-    """Read what a drone says of motion.
-
-    Raises
-    ------
-    TunnelError
-        It is none.
-    """
-    if len(payload) < _STATE.size or payload[0] != _VERSION:
-        raise TunnelError("a state of motion of another version", payload)
-    _, kind, standing, request_id, order_id, nonce = _STATE.unpack_from(payload)
-    kinds = {number: name for name, number in _KINDS.items()}
-    if kind not in kinds or standing >= len(STANDINGS):
-        raise TunnelError("a state of motion of an unknown kind", payload)
+    """Read an answer or a state; raises `TunnelError` for anything else."""
+    got = _STATE.unpack(payload)
     return MotionState(
-        kind=kinds[kind],
-        standing=STANDINGS[standing],
-        text=_printable(payload[_STATE.size :].decode("utf-8", "replace")),
-        request_id=request_id,
-        order_id=order_id,
-        nonce=nonce,
+        **got
+        | {
+            "kind": _KINDS[got["kind"] - 1],
+            "standing": STANDINGS[got["standing"]],
+            "text": _printable(got["text"].decode("utf-8", "replace")),
+        }
     )

@@ -3,15 +3,6 @@
 They travel in a payload type of the private range (above 32767), so that no other program takes
 them for the UAV-RT messages of payload type 0.
 
-`Receipt`, payload type 60001, from the ground::
-
-    offset  type   field
-    0       u8     version, 1
-    1       u8     number of hashes
-    2       u16    zero
-    4       u32    store: which collection of pulses the sender keeps, never 0
-    8       u64[]  hashes of payloads that are safe in that store, at most 15
-
 A receipt without hashes says only "I am here, and I acknowledge". A ground station that begins
 with an empty store has a new number, which tells the drone to send the whole flight again.
 
@@ -20,11 +11,10 @@ every ground station reads.
 """
 
 import hashlib
-import struct
 from dataclasses import dataclass
 from typing import Self
 
-from uavrt.errors import TunnelError
+from uavrt.tunnel.layout import Layout
 
 RECEIPT_TYPE = 60_001
 SEALED_TYPE = 60_002
@@ -33,13 +23,19 @@ SESSION_TYPE = 60_004
 """What sealed commands must be sealed for, see `uavrt.tunnel.seal`."""
 MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
 """Orders of motion, and what becomes of them, see `uavrt.tunnel.motion`."""
+PROVEN_STATE_TYPE = 60_011
+"""An answer to a sealed order of motion, see `uavrt.tunnel.seal`."""
 COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
 """What drones that search together say and are told, see `uavrt.tunnel.neighbours`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
 """What fits into a seal's 108 bytes."""
-_HEAD = struct.Struct("<BBHI")
-_VERSION = 1
+_LAYOUT = Layout(
+    "a receipt",
+    "version:B hashes#:B :2x store:I hashes*:Q",
+    {"store": (1, 2**32 - 1), "hashes": (0, MAX_HASHES)},
+    version=1,
+)
 
 
 def payload_hash(payload: bytes) -> int:
@@ -56,17 +52,9 @@ class Receipt:
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
-        head = _HEAD.pack(_VERSION, len(self.hashes), 0, self.store)
-        return head + struct.pack(f"<{len(self.hashes)}Q", *self.hashes)
+        return _LAYOUT.pack(self)
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
         """Read the payload; raises `TunnelError` when it is no receipt."""
-        if len(payload) < _HEAD.size:
-            raise TunnelError("a receipt has at least 8 bytes", payload)
-        version, count, _, store = _HEAD.unpack_from(payload)
-        if version != _VERSION or store == 0 or count > MAX_HASHES:
-            raise TunnelError("a receipt of another version", payload)
-        if len(payload) != _HEAD.size + 8 * count:
-            raise TunnelError(f"{count} hashes in a receipt of {len(payload)} bytes", payload)
-        return cls(store=store, hashes=struct.unpack_from(f"<{count}Q", payload, _HEAD.size))
+        return cls(**_LAYOUT.unpack(payload))

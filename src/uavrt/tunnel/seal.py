@@ -1,40 +1,23 @@
-"""Commands that nobody else can have sent, through an autopilot that breaks signatures.
+"""Seals: proofs that drone and ground station share a key, inside tunnel payloads.
 
-PX4 1.17 garbles the 13 signature bytes of frames that it forwards, so
-the proof is inside the payload, in our own payload type 60002::
+PX4 1.17 garbles the 13 signature bytes of frames that it forwards, so the proof is inside the
+payload. Layouts of sealed message (60002), session (60004) and proven answer (60011): the
+manual's tunnel reference.
 
-    offset  type   field
-    0       u8     version, 2
-    1       u8     0: what is inside has payload type 0; 1: it is a receipt; 2: a parameter's
-                   name, char[16], and wanted value, f32; 3: an order of motion
-                   (`uavrt.tunnel.motion`); 4: a coded tag (`uavrt.tunnel.coded_tag`); 5:
-                   what is told of another drone (`uavrt.tunnel.neighbours`)
-    2       u16    zero
-    4       u64    counter of the sender, strictly rising
-    12      u8[8]  keyed BLAKE2b of the session (u64), the drone's system and component id, the
-                   sender's, bytes 0 to 11, inside
-    20             inside, at most 108 bytes
+The drone draws a session at random whenever its connection starts. A seal holds for one drone,
+one session and one use: no message can be repeated, after a restart or to another drone,
+whatever any clock shows, and nothing is kept on a disk. A sender's counter begins above the
+newest that the drone announces and above its own clock's microseconds.
 
-The drone draws a session at random whenever its connection starts, and tells it once a second
-in payload type 60004::
-
-    0       u8     version, 2
-    1       u8[3]  zero
-    4       u64    session
-    12      u64    newest counter that it has taken
-    20      u8[8]  keyed BLAKE2b of "session", the drone's system and component id,
-                   bytes 0 to 19
-
-So a message holds for one drone and one session alone, and within it once: none can be
-repeated after a restart or to another drone, whatever any clock says, and nothing needs to be
-remembered on a disk. A sender begins above the newest counter and above its own clock's
-microseconds.
+Anyone can record an announcement of the session and send it again. So the ground station seals
+a nonce for each announced session, and uses the session whose drone returns it.
 """
 
 import hashlib
 import hmac
 import secrets
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,13 +27,16 @@ from uavrt.errors import TunnelError
 SEALED_SIZE = 20
 MAX_INSIDE = 108
 PLAIN_INSIDE, RECEIPT_INSIDE, PARAMETER_INSIDE, MOTION_INSIDE = 0, 1, 2, 3
-CODED_TAG_INSIDE, NEIGHBOUR_INSIDE = 4, 5
+CODED_TAG_INSIDE, NEIGHBOUR_INSIDE, ALIVE_INSIDE = 4, 5, 6
 LEAST_KEY = 16
 MOST_KEY = 256
 _HEAD = struct.Struct("<BBHQ")
 _PARAMETER = struct.Struct("<16sf")
 _SESSION = struct.Struct("<B3xQQ")
-_VERSION = 2
+_NONCE, _ALIVE = struct.Struct("<Q"), struct.Struct("<QB")
+_VERSION, _VERSION_ECHO = 2, 3
+_PROOF_SIZE = 7
+"""56 bits: 2000 guesses a second for a day hit with a probability of 2e-9."""
 
 Place = tuple[int, int]
 """System and component id of a sender."""
@@ -99,25 +85,71 @@ def seal(
     return head + _mac(key, session.mixed_in() + bytes(sender) + head + inside) + inside
 
 
-def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int]:
-    """Read what a drone reports its session, and the newest counter it has taken.
+def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int, int]:
+    """Read an announcement: session, newest counter accepted in it, nonce returned (0: none).
 
     Raises
     ------
     TunnelError
         It is none, or made with another key.
     """
-    size = _SESSION.size
-    if len(payload) != size + 8 or payload[0] != _VERSION:
-        raise TunnelError("no session of version 2", payload)
-    if not hmac.compare_digest(payload[size:], _session_mac(key, drone, payload[:size])):
-        raise TunnelError("a session made with another key, or forged", payload)
-    _, number, newest = _SESSION.unpack(payload[:size])
-    return Session(number, drone), newest
+    head, mac = payload[:-8], payload[-8:]
+    sizes = {_VERSION: _SESSION.size, _VERSION_ECHO: _SESSION.size + _NONCE.size}
+    if not payload or len(head) != sizes.get(payload[0]):
+        raise TunnelError("a session has another version", payload)
+    if not hmac.compare_digest(mac, _session_mac(key, drone, head)):
+        raise TunnelError("a session was made with another key, or forged", payload)
+    _, number, newest = _SESSION.unpack_from(head)
+    return Session(number, drone), newest, int.from_bytes(head[_SESSION.size :], "little")
 
 
 def _session_mac(key: Key, drone: Place, head: bytes) -> bytes:
     return _mac(key, b"session" + bytes(drone) + head)
+
+
+def prove_answer(state: bytes, key: Key, session: Session, station: Place) -> bytes:
+    """Turn an answer of type 60006 to a sealed order into one of type 60011 with a proof."""
+    return bytes((state[1] | state[2] << 4,)) + _proof(state, key, session, station) + state[8:]
+
+
+def proven_answer(
+    payload: bytes, key: Key, session: Session, station: Place, request_ids: Iterable[int]
+) -> bytes:
+    """Turn an answer of type 60011 back into one of type 60006.
+
+    Raises
+    ------
+    TunnelError
+        It answers none of these requests, or is forged.
+    """
+    first = payload[0] if payload else 0
+    for request_id in request_ids:
+        number = request_id.to_bytes(4, "little")
+        state = bytes((1, first & 15, first >> 4, 0)) + number + payload[8:]
+        if hmac.compare_digest(payload[1:8], _proof(state, key, session, station)):
+            return state
+    raise TunnelError("an answer is forged, or to an order of another station", payload)
+
+
+def _proof(state: bytes, key: Key, session: Session, station: Place) -> bytes:
+    return _mac(key, b"answer" + session.mixed_in() + bytes(station) + state)[:_PROOF_SIZE]
+
+
+def alive_inside(nonce: int, *, files: bool = False) -> bytes:
+    """Write the inside of a sign of life.
+
+    The drone returns a nonce that is not 0. With `files` it answers the station's requests for
+    files quickly, also while it detects.
+    """
+    return _ALIVE.pack(nonce, files)
+
+
+def alive_of(inside: bytes) -> tuple[int, bool]:
+    """Read a sign of life: nonce, whether files are asked for; raises `TunnelError`."""
+    if len(inside) != _ALIVE.size:
+        raise TunnelError(f"a sign of life has 9 bytes, not {len(inside)}", inside)
+    nonce, flags = _ALIVE.unpack(inside)
+    return nonce, bool(flags & 1)
 
 
 def parameter_inside(name: str, value: float) -> bytes:
@@ -149,11 +181,17 @@ class SealKeeper:
         self._session = secrets.randbits(64) if session is None else session
         self._newest: dict[Place, int] = {}
 
-    def announcement(self, drone: Place) -> bytes:
-        """Write the session for who may command."""
+    def announcement(self, drone: Place, nonce: int = 0) -> bytes:
+        """Write the session for who may command; a nonce proves that it is the current one."""
         newest = max(self._newest.values(), default=0)
-        head = _SESSION.pack(_VERSION, self._session, newest)
+        version = _VERSION_ECHO if nonce else _VERSION
+        head = _SESSION.pack(version, self._session, newest)
+        head += _NONCE.pack(nonce) if nonce else b""
         return head + _session_mac(self._key, drone, head)
+
+    def prove_answer(self, state: bytes, station: Place, drone: Place) -> bytes:
+        """Turn an answer into one with a proof, see `prove_answer`."""
+        return prove_answer(state, self._key, Session(self._session, drone), station)
 
     def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes]:
         """Get what is inside, and its kind.
@@ -167,7 +205,7 @@ class SealKeeper:
             raise TunnelError("a sealed message has at least 20 bytes", payload)
         head, mac, inside = payload[:12], payload[12:20], payload[20:]
         version, kind, _, counter = _HEAD.unpack(head)
-        if version != _VERSION or kind > NEIGHBOUR_INSIDE:
+        if version != _VERSION or kind > ALIVE_INSIDE:
             raise TunnelError("a sealed message of another version", payload)
         proven = Session(self._session, drone).mixed_in() + bytes(sender) + head + inside
         if not hmac.compare_digest(mac, _mac(self._key, proven)):
@@ -176,7 +214,7 @@ class SealKeeper:
                 payload,
             )
         if counter <= self._newest.get(sender, 0):
-            raise TunnelError("the sealed message is old: repeated by somebody", payload)
+            raise TunnelError("the sealed message is old: repeated", payload)
         self._newest[sender] = counter
         return kind, inside
 

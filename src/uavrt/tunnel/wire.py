@@ -23,13 +23,14 @@ PAYLOAD_TYPE = 0
 
 
 class Fixed:
-    """A message of one length; its fields stand in the layout, in their order.
+    """A message of one length; its fields are in the layout, in their order.
 
-    A text is the last field: NUL-terminated, cut to what has room.
+    A text is the last field: NUL-terminated, cut to its size. Where several commands have the
+    same layout, the command is the first field.
     """
 
     __slots__: tuple[str, ...] = ()
-    COMMAND: ClassVar[CommandId]
+    COMMAND: ClassVar[CommandId | None] = None
     LAYOUT: ClassVar[struct.Struct]
     TEXT_SIZE: ClassVar[int] = 0
     """Bytes of the text with its NUL; 0: it has none."""
@@ -39,12 +40,17 @@ class Fixed:
         values: list[Any] = [getattr(self, name) for name in self.__slots__]
         if self.TEXT_SIZE:
             values[-1] = bytes_from_text(values[-1], self.TEXT_SIZE)
-        return pack(self.LAYOUT, self.COMMAND, *values)
+        head = () if self.COMMAND is None else (self.COMMAND,)
+        return pack(self.LAYOUT, *head, *values)
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
         """Read the payload; raises `TunnelError` for another length or command."""
-        values = unpack(cls.LAYOUT, payload, cls.COMMAND)
+        if cls.COMMAND is None:
+            number = command_of(int.from_bytes(payload[:4], "little"), payload)
+            values = (number, *unpack(cls.LAYOUT, payload, number))
+        else:
+            values = unpack(cls.LAYOUT, payload, cls.COMMAND)
         if cls.TEXT_SIZE:
             values = (*values[:-1], text_from_bytes(values[-1]))
         return cls(**dict(zip(cls.__slots__, values, strict=True)))
@@ -63,8 +69,8 @@ Decoders = dict[tuple[int, int], Decoder]
 
 
 def decoders_of(*kinds: type[Fixed]) -> Decoders:
-    """List the decoders of messages of one length."""
-    return {(kind.COMMAND, kind.LAYOUT.size): kind.decode for kind in kinds}
+    """List the decoders of messages of one command and length."""
+    return {(kind.COMMAND or 0, kind.LAYOUT.size): kind.decode for kind in kinds}
 
 
 def decoders_by_length(generation: Generation, length: int, decode: Decoder) -> Decoders:

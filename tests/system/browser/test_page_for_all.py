@@ -246,14 +246,14 @@ def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     wi_fi = "WIFI:T:WPA;S:lynx-1;P:k7m2p9x4w3q8;;"
-    monkeypatch.setenv("UAVRT_GROUND_PASSWORD", "marmot")
+    monkeypatch.setenv("UAVRT_GROUND_PASSWORD", "marmot-7")
     monkeypatch.setenv("UAVRT_ACCESS_POINT", wi_fi)
     ground = start_ground(tmp_path, 0, "--listen", "0.0.0.0", "--host-name", "lynx-1.local")
     watched = Watched(
         browser, f"http://127.0.0.1:{ground.port}/", color_scheme="dark", plain_map=False
     )
     page = watched.page
-    page.fill("input[type=password]", "marmot")
+    page.fill("input[type=password]", "marmot-7")
     page.keyboard.press("Enter")
     page.click("#tab-setup")
     read = {}

@@ -1,16 +1,31 @@
 """A drone with a key is commanded by who has it, and by nobody else."""
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+from pulses import pulse_at
+from sealed import introduce
 
 from uavrt import tunnel
+from uavrt.config import OFFERED, Settings
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_parameters import DroneParameters
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.mavlink import Peer, dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
-from uavrt.messages import Command
+from uavrt.messages import Command, Course, PulsePose
+from uavrt.processes.parameter_desk import ParameterDesk
+from uavrt.tunnel import (
+    COURSE_TYPE,
+    MOTION_STATE_TYPE,
+    MotionState,
+    encode_course,
+    encode_state,
+    pulse_to_wire,
+)
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate, Sealer
 from uavrt.tunnel.private import MAX_SEALED_HASHES, Receipt
@@ -18,6 +33,7 @@ from uavrt.tunnel.seal import PLAIN_INSIDE, RECEIPT_INSIDE, Key, read_key
 
 GROUND = (255, 190)
 DRONE = (1, 191)
+COURSE = Course(sequence=5, place=(47.0, 8.0), altitude_amsl_m=500.0, goal=(47.001, 8.0))
 NOW_NS = 1_700_000_000_000_000_000
 STOP = tunnel.HeaderMessage(command=tunnel.CommandId.STOP_DETECTION).encode()
 
@@ -35,9 +51,7 @@ def sealing_ground(key: Key, gate: Gate) -> GroundProtocol:
     receipts.most = MAX_SEALED_HASHES
     ground = GroundProtocol(*GROUND, receipts, sealer := Sealer(key, GROUND))
     ground.drone = Peer(*DRONE)
-    session = gate.announcement(DRONE)
-    assert session is not None
-    sealer.hear(session, DRONE)
+    introduce(sealer, gate, GROUND, DRONE)
     return ground
 
 
@@ -115,3 +129,65 @@ def test_a_parameter_whose_answer_was_lost_is_asked_for_with_a_new_seal(tmp_path
     assert asyncio.run(parameters.set("DET_K", 4.0)) == 4.0
     assert None not in opened
     assert gate.refused == 0
+
+
+def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: Path) -> None:
+    path = key_file(tmp_path)
+    gate, asked = Gate((), str(path)), list[Any]()
+    desk = ParameterDesk(
+        Settings(),
+        lambda: True,
+        send=lambda value, _: asked.append(value.param_id),
+        ask=lambda _: None,
+        tell=lambda _: None,
+    )
+
+    def drone(message: Message) -> None:
+        assert isinstance(message, dialect.Tunnel), "nothing unsealed"
+        opened = gate.open(message.payload[: message.payload_length], GROUND, DRONE)
+        assert opened is not None
+        desk.receive_sealed(opened[1], Peer(*GROUND), None, 1)
+
+    parameters = DroneParameters(sealing_ground(read_key(path), gate), drone, 0.01)
+    for message in parameters._missing(Peer(*DRONE)):
+        drone(message)
+    every = list(asked)
+    assert len(every) == len(OFFERED)
+    parameters._count, parameters._indices = len(every), {*range(len(every))} - {3, 5}
+    for message in parameters._missing(Peer(*DRONE)):
+        drone(message)
+    assert asked[len(every) :] == [every[3], every[5]]
+
+
+def test_what_a_drone_reports_is_shown_without_a_proof(tmp_path: Path) -> None:
+    """Pulses, acknowledgements of commands and states; answers to orders of motion are not."""
+    path = key_file(tmp_path)
+    ground = sealing_ground(read_key(path), Gate((), str(path)))
+    ground.orders.append(7)
+    forger = FrameWriter(*DRONE)
+    pulse = pulse_to_wire(PulsePose(pulse=pulse_at(NOW_NS), pose=None)).encode()
+    ack = tunnel.AckG1(acked_command=6, result=tunnel.SUCCESS, message="").encode()
+    state = MotionState(kind="state", standing="out", text="stopped")
+    shown: list[str] = []
+    for kind, payload in (
+        (0, pulse),
+        (0, ack),
+        (MOTION_STATE_TYPE, encode_state(state)),
+        (MOTION_STATE_TYPE, encode_state(replace(state, request_id=7))),
+        (COURSE_TYPE, encode_course(COURSE)),
+    ):
+        message = dialect.Tunnel(
+            target_system=GROUND[0],
+            target_component=GROUND[1],
+            payload_type=kind,
+            payload_length=len(payload),
+            payload=payload,
+        )
+        beat = dialect.Heartbeat(
+            type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
+        )
+        for one in (beat, message):
+            (frame,) = FrameParser().feed(forger.encode(one))
+            shown += [type(event).__name__ for event in ground.receive(frame, NOW_NS)]
+    assert shown == ["PulsePose", "Acknowledged", "MotionState", "Course"]
+    assert ground.counters["bad_payloads"] == 1, "the answer to an order"

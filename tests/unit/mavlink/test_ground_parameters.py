@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sealed import introduce
 
 from uavrt.clock import Clock
 from uavrt.config.parameters import RUN, parameter_values
@@ -155,7 +156,7 @@ def test_a_drone_with_a_key_takes_only_sealed_parameters(world: World, tmp_path:
                 friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)
             place = drone.connection.place
             assert friend.protocol._sealer is not None
-            friend.protocol._sealer.hear(drone.gate.announcement(place) or b"", place)
+            introduce(friend.protocol._sealer, drone.gate, (254, 190), place)
             sealed = friend.protocol.sealed_parameter("RADIO_GAIN", 15.0)
             assert sealed is not None
             stranger.send(sealed)

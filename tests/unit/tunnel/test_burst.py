@@ -96,12 +96,12 @@ def test_any_bytes_are_a_burst_or_refused(payload: bytes) -> None:
 @pytest.mark.parametrize(
     ("offset", "layout", "value", "said"),
     [
-        (0, "<B", 2, "another version"),
+        (0, "<B", 2, "has version 2, not 1"),
         (1, "<B", 0, "0 pulses"),
-        (1, "<B", 3, "3 pulses in a burst of"),
-        (2, "<B", 200, "200 other tags"),
-        (8, "<d", float("nan"), "not a time"),
-        (8, "<d", 1e10, "not a time"),
+        (1, "<B", 3, "bytes in place of"),
+        (2, "<B", 200, "has 200 others"),
+        (8, "<d", float("nan"), "start_s nan"),
+        (8, "<d", 1e10, r"start_s 1e\+10"),
         (20, "<i", -5, "cannot be"),
         (28, "<i", 700_000_000, "cannot be"),
     ],

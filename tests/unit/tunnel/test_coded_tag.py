@@ -61,7 +61,7 @@ def test_a_list_goes_to_the_drone_and_is_the_same_there() -> None:
     exchange, writing = Exchange(), Writing("G1")
     begin, coded, end = writing.upload([replace(TAG, name="hen")])
     accept(exchange, exchange.receive(begin, GROUND))
-    command, ack = accept(exchange, exchange.receive_coded_tag(coded, GROUND))
+    command, ack = accept(exchange, exchange.receive(coded, GROUND, coded_tag=True))
     assert (command.name, command.tag) == ("add_tag", TAG)
     answer = decode(ack)
     assert isinstance(answer, AckG1)
@@ -79,8 +79,8 @@ def test_a_numbered_upload_is_complete_with_its_coded_tags() -> None:
     early = exchange.receive(end, GROUND)
     assert isinstance(early, Answer)
     assert b"missing 0" in early.payload
-    accept(exchange, exchange.receive_coded_tag(coded, GROUND))
-    again = exchange.receive_coded_tag(coded, GROUND)
+    accept(exchange, exchange.receive(coded, GROUND, coded_tag=True))
+    again = exchange.receive(coded, GROUND, coded_tag=True)
     assert isinstance(again, Answer), "the answer is replayed, the tag not added again"
     opened = decode(end, "G2")
     assert isinstance(opened, UploadG2)
@@ -93,22 +93,22 @@ def test_any_bytes_are_a_coded_tag_or_refused_with_an_answer(payload: bytes) -> 
     try:
         CodedTag.decode(payload)
     except TunnelError:
-        result = Exchange().receive_coded_tag(payload, GROUND)
+        result = Exchange().receive(payload, GROUND, coded_tag=True)
         assert result is None or isinstance(result, Answer)
 
 
 @pytest.mark.parametrize(
     ("offset", "layout", "value", "said"),
     [
-        (0, "<I", 5, "in place of"),
-        (16, "<I", 0, "id is 0"),
-        (20, "<I", 0, "frequency is 0"),
+        (0, "<I", 5, "command 5, not"),
+        (16, "<I", 0, "tag_id 0"),
+        (20, "<I", 0, "frequency_hz 0"),
         (24, "<I", 0, "overlap"),
         (28, "<I", 100_000, "longer than its interval"),
         (40, "<B", 2, "version 2"),
         (41, "<B", 0, "0 gaps"),
         (41, "<B", 7, "in place of"),
-        (42, "<H", 0, "K is 0"),
+        (42, "<H", 0, "k 0"),
         (44, "<d", float("nan"), "probability"),
         (52, "<I", 4_000, "overlap"),
     ],

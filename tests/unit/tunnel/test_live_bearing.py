@@ -55,7 +55,7 @@ def test_a_bearing_from_nowhere_is_refused(
 ) -> None:
     payload = bytearray(encode_bearing(bearing))
     struct.pack_into("<d", payload, offset, value)
-    with pytest.raises(TunnelError, match=r"cannot be|no place"):
+    with pytest.raises(TunnelError, match="itude_deg"):
         decode_bearing(bytes(payload))
 
 

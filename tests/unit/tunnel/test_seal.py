@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sealed import introduce
 
 from uavrt.errors import ConfigError, LinkError, TunnelError
 from uavrt.mavlink.signing import read_signing_key
@@ -66,7 +67,7 @@ def test_a_repeated_message_is_refused() -> None:
 
 def test_a_genuine_stop_is_refused_after_a_restart_whatever_the_clocks_say() -> None:
     first = SealKeeper(KEY)
-    told, _ = session_of(first.announcement(DRONE), KEY, DRONE)
+    told, *_ = session_of(first.announcement(DRONE), KEY, DRONE)
     stop = seal(b"stop", 0, KEY, GROUND, COUNT, told)
     assert first.open(stop, GROUND, DRONE) == (0, b"stop")
     for _ in range(20):
@@ -87,7 +88,7 @@ def test_a_station_whose_clock_fell_back_goes_on_above_the_newest_counter() -> N
     assert not station.ready
     with pytest.raises(LinkError, match="what to seal commands for"):
         station(b"stop", 0)
-    station.hear(drone.announcement(DRONE), DRONE)
+    introduce(station, drone, GROUND, DRONE)
     assert drone.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")
     assert drone.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")
 

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
+from math import ceil
 
 from uavrt import tunnel
 from uavrt.commands import CommandName
@@ -36,7 +37,7 @@ from uavrt.mavlink import (
     Signing,
     SigningKey,
 )
-from uavrt.mavlink.dialect import Tunnel
+from uavrt.mavlink.dialect import FileTransferProtocol, Tunnel
 from uavrt.messages import Neighbour, Tag
 from uavrt.tunnel import (
     CODED_TAG_TYPE,
@@ -67,6 +68,8 @@ HEARTBEAT_S = 1.0
 RECEIPT_POLL_S = 0.05
 ACK_WAIT_S = 2.0
 TRIES = 4
+STOP_WAIT_S = 0.4
+"""Time after which a stop is sent again [s]; on a radio an answer takes 0.3 s or more."""
 CONFIRMS_WITHIN_NS = ns_from_s(1.0)
 """From the operator's word until a confirmation leaves; later it is not what was meant."""
 EVENTS = 20_000
@@ -207,7 +210,7 @@ class GroundLink:
             raise
         self._serving = True
         try:
-            next_heartbeat_ns = 0
+            next_heartbeat_ns = turn = 0
             while True:
                 now_ns = self._clock_ns()
                 if addresses and now_ns >= next_heartbeat_ns:
@@ -216,6 +219,10 @@ class GroundLink:
                 receipt = self.protocol.receipt(now_ns)
                 if receipt is not None:
                     self._ways.answer(receipt)
+                links = self._ways.alive() or self._ways.best()
+                for message in self.protocol.signs_of_life(len(links), now_ns):
+                    self._ways.send(message, links[turn % len(links)])
+                    turn += 1
                 await asyncio.sleep(RECEIPT_POLL_S)
         finally:
             for task in opening:
@@ -371,9 +378,9 @@ class GroundLink:
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
         """Send an order of motion, a confirmation or a stop; return the drone's answer.
 
-        An order and a stop are repeated until they are answered; a confirmation is not: its
-        nonce holds once, and what is on the way longer than a second is not confirmed. A stop
-        waits for nothing else that is under way.
+        An order and a stop are repeated until they are answered, a stop every 0.4 s; a
+        confirmation is not: its nonce holds once, and what is on the way longer than a second
+        is not confirmed. A stop waits for nothing else that is under way.
 
         Parameters
         ----------
@@ -389,7 +396,9 @@ class GroundLink:
         LinkError
             It did not answer.
         """
-        tries = 1 if is_confirmation(payload) else TRIES
+        wait_s = min(self._ack_wait_s, STOP_WAIT_S) if is_stop(payload) else self._ack_wait_s
+        tries = 1 if is_confirmation(payload) else ceil(TRIES * self._ack_wait_s / wait_s)
+        self.protocol.orders.append(request_id)
         begun_ns = self._clock_ns()
         async with contextlib.nullcontext() if is_stop(payload) else self._busy:
             waited_ns = self._clock_ns() - begun_ns
@@ -408,7 +417,7 @@ class GroundLink:
                     if self.protocol.drone is None or attempt == tries - 1:
                         raise
                 try:
-                    async with asyncio.timeout(self._ack_wait_s):
+                    async with asyncio.timeout(wait_s):
                         state: MotionState = await future
                 except TimeoutError:
                     self.protocol.counters["retries"] += 1
@@ -448,6 +457,8 @@ class GroundLink:
 
     def send(self, message: Message) -> None:
         """Send a message that needs no acknowledgement."""
+        if isinstance(message, FileTransferProtocol):
+            self.protocol.files_asked_ns = self._clock_ns()
         self._ways.send(message)
 
     def _receive(self, frame: Frame, link: int) -> None:

@@ -1,6 +1,7 @@
 """The drone's parameters, as any ground station lists and sets them; with a key, sealed."""
 
 import asyncio
+import math
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -76,8 +77,9 @@ class DroneParameters:
         self._indices.clear()
         self._count = None
         for _ in range(TRIES):
-            for message in self._missing(drone):
-                self._send(message)
+            with suppress(LinkError):  # its session comes within a second
+                for message in self._missing(drone):
+                    self._send(message)
             await self._quiet()
             if self._count is not None and len(self._indices) >= self._count:
                 return {name: self._value(name) for name in self._raw}
@@ -126,11 +128,14 @@ class DroneParameters:
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
+        """Requests for all values, or for those that have not arrived; sealed with a key."""
         place = {"target_system": drone.system_id, "target_component": drone.component_id}
+        sealed = self._protocol.sealed_parameter
         if self._count is None:
-            return [dialect.ParamRequestList(**place)]
+            return [sealed("", math.nan) or dialect.ParamRequestList(**place)]
         return [
-            dialect.ParamRequestRead(**place, param_id="", param_index=index)
+            sealed("", index)
+            or dialect.ParamRequestRead(**place, param_id="", param_index=index)
             for index in range(self._count)
             if index not in self._indices
         ]

@@ -1,7 +1,7 @@
 """The ground's side of the protocol with the drone, without I/O."""
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass
 
 from uavrt import tunnel
@@ -28,10 +28,9 @@ from uavrt.messages import (
     Tag,
 )
 from uavrt.tunnel import (
-    BEARING_TYPE,
-    BURST_TYPE,
-    COURSE_TYPE,
+    FROM_DRONE,
     MOTION_STATE_TYPE,
+    PROVEN_STATE_TYPE,
     RECEIPT_TYPE,
     SEALED_TYPE,
     SESSION_TYPE,
@@ -40,10 +39,6 @@ from uavrt.tunnel import (
     Generation,
     MotionState,
     Sealer,
-    decode_bearing,
-    decode_burst,
-    decode_course,
-    decode_state,
 )
 from uavrt.units import ns_from_s
 
@@ -52,6 +47,10 @@ log = get_logger()
 DRONE_COMPONENT = 191
 DRONE_SILENCE_NS = ns_from_s(6.0)
 """The original ground station calls the drone lost after this."""
+FILES_NS = ns_from_s(3.0)
+"""Time after a request for a file in which signs of life say that files are asked for."""
+ORDERS = 16
+"""Orders of motion whose answers may still come."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,8 +147,12 @@ class GroundProtocol:
         self.drone: Peer | None = None
         self.tags: dict[int, Tag] = {}
         """Tags we uploaded: they give received pulses their width."""
+        self.orders: deque[int] = deque(maxlen=ORDERS)
+        """Numbers of the last orders of motion, whose answers are checked."""
         self.counters: Counter[str] = Counter()
         self._heard_ns = 0
+        self.files_asked_ns = -FILES_NS
+        """When the drone was last asked for a file."""
         self._texts = TextAssembler()
 
     def forget(self) -> None:
@@ -192,25 +195,21 @@ class GroundProtocol:
                 remedy="Check its power and the radio, and that the autopilot forwards MAVLink",
             )
         if self._sealer is not None:
-            payload = self._sealer(payload, payload_type)
-            payload_type = SEALED_TYPE
+            return self._message(self._sealer(payload, payload_type), SEALED_TYPE)
+        return self._message(payload, payload_type)
+
+    def sealed_parameter(self, name: str, value: float) -> dialect.Tunnel | None:
+        """Write a sealed request to set a parameter, NaN: to report it; None without a key."""
+        if self._sealer is None or self.drone is None:
+            return None
+        return self._message(self._sealer.parameter(name, value), SEALED_TYPE)
+
+    def _message(self, payload: bytes, payload_type: int) -> dialect.Tunnel:
+        assert self.drone is not None
         return dialect.Tunnel(
             target_system=self.drone.system_id,
             target_component=self.drone.component_id,
             payload_type=payload_type,
-            payload_length=len(payload),
-            payload=payload,
-        )
-
-    def sealed_parameter(self, name: str, value: float) -> dialect.Tunnel | None:
-        """Write the wish to set a parameter to a drone with a key; None without one."""
-        if self._sealer is None or self.drone is None:
-            return None
-        payload = self._sealer.parameter(name, value)
-        return dialect.Tunnel(
-            target_system=self.drone.system_id,
-            target_component=self.drone.component_id,
-            payload_type=SEALED_TYPE,
             payload_length=len(payload),
             payload=payload,
         )
@@ -233,68 +232,35 @@ class GroundProtocol:
             texts = self._texts.add((peer.system_id, peer.component_id), message)
             return [StatusText(severity=severity, text=text) for severity, text in texts]
         if isinstance(message, dialect.Tunnel) and self._for_us(message):
-            if message.payload_type == BEARING_TYPE:
-                return self._bearing(message.payload[: message.payload_length])
-            if message.payload_type == BURST_TYPE:
-                return self._burst(message.payload[: message.payload_length])
-            if message.payload_type == MOTION_STATE_TYPE:
-                return self._motion(message.payload[: message.payload_length])
-            if message.payload_type == COURSE_TYPE:
-                return self._course(message.payload[: message.payload_length])
-            if message.payload_type == SESSION_TYPE and self._sealer is not None:
-                self._hear_session(message.payload[: message.payload_length], peer)
-            if message.payload_type != tunnel.PAYLOAD_TYPE:
-                return []
-            return self._tunnel(message.payload[: message.payload_length])
+            return self._tunnel(message.payload_type, message.payload[: message.payload_length])
         return []
 
-    def _hear_session(self, payload: bytes, drone: Peer) -> None:
-        assert self._sealer is not None
-        try:
-            self._sealer.hear(payload, (drone.system_id, drone.component_id))
-        except TunnelError as error:
-            self.counters["bad_payloads"] += 1
-            self._log_bad("bad session", error)
+    def signs_of_life(self, links: int, now_ns: int) -> list[dialect.Tunnel]:
+        """Sealed messages due now, for links that carry them in turn; none without a key."""
+        if self._sealer is None or self.drone is None:
+            return []
+        files = now_ns - self.files_asked_ns < FILES_NS
+        sealed = self._sealer.signs_of_life(links, files=files)
+        return [self._message(payload, SEALED_TYPE) for payload in sealed]
 
-    def _bearing(self, payload: bytes) -> list[GroundEvent]:
-        try:
-            bearing = decode_bearing(payload)
-        except TunnelError as error:
-            self.counters["bad_payloads"] += 1
-            self._log_bad("bad bearing", error)
-            return []
-        self.counters["LiveBearing"] += 1
-        return [bearing]
-
-    def _burst(self, payload: bytes) -> list[GroundEvent]:
-        try:
-            burst = decode_burst(payload)
-        except TunnelError as error:
-            self.counters["bad_payloads"] += 1
-            self._log_bad("bad inside of a burst", error)
-            return []
-        if self.receipts is not None and self.receipts.seen(payload):
-            self.counters["repeated_pulses"] += 1
-            return []
-        self._unstored.append(payload)
-        self.counters["BurstInside"] += 1
-        return [burst]
-
-    def _motion(self, payload: bytes) -> list[GroundEvent]:
-        try:
-            return [decode_state(payload)]
-        except TunnelError as error:
-            self.counters["bad_payloads"] += 1
-            self._log_bad("bad state of motion", error)
-            return []
-
-    def _course(self, payload: bytes) -> list[GroundEvent]:
-        try:
-            return [decode_course(payload)]
-        except TunnelError as error:
-            self.counters["bad_payloads"] += 1
-            self._log_bad("bad course", error)
-            return []
+    def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
+        """Read a payload of any type; None for what is not shown."""
+        if payload_type == tunnel.PAYLOAD_TYPE:
+            event = self._event(tunnel.decode(payload, self._generation))
+            self.counters["unexpected_payloads"] += event is None
+            return event
+        if payload_type == SESSION_TYPE and self._sealer is not None:
+            assert self.drone is not None
+            self._sealer.hear(payload, (self.drone.system_id, self.drone.component_id))
+            return None
+        if payload_type == PROVEN_STATE_TYPE and self._sealer is not None:
+            payload = self._sealer.answer(payload, self.orders)
+            return FROM_DRONE[MOTION_STATE_TYPE](payload)  # type: ignore[no-any-return]
+        reader = FROM_DRONE.get(payload_type)
+        event = None if reader is None else reader(payload)
+        if isinstance(event, MotionState) and event.request_id and self._sealer is not None:
+            raise TunnelError("an answer to a sealed order has no proof", payload)
+        return event
 
     def _log_bad(self, event: str, error: TunnelError) -> None:
         count = self.counters["bad_payloads"]
@@ -305,23 +271,23 @@ class GroundProtocol:
             message.target_component in (0, self.own.component_id)
         )
 
-    def _tunnel(self, payload: bytes) -> list[GroundEvent]:
+    def _tunnel(self, payload_type: int, payload: bytes) -> list[GroundEvent]:
+        plain = payload_type == tunnel.PAYLOAD_TYPE
         try:
-            event = self._event(tunnel.decode(payload, self._generation))
+            event = self._read(payload_type, payload)
         except TunnelError as error:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad tunnel payload", error)
-            if tunnel.acked_command_of(payload) == CommandId.PULSE:
+            if plain and tunnel.acked_command_of(payload) == CommandId.PULSE:
                 self._unstored.append(payload)  # in the log; again it would be no better
             return []
-        if isinstance(event, PulsePose):
+        if event is None:
+            return []
+        if isinstance(event, PulsePose | BurstInside):
             if self.receipts is not None and self.receipts.seen(payload):
                 self.counters["repeated_pulses"] += 1
                 return []
             self._unstored.append(payload)
-        if event is None:
-            self.counters["unexpected_payloads"] += 1
-            return []
         self.counters[type(event).__name__] += 1
         return [event]
 

@@ -18,6 +18,7 @@ from uavrt.ground.fleet import Fleet
 from uavrt.ground.link import NO_KEYS, GroundEvent, LinkKeys
 from uavrt.ground.session import ESSENTIAL, GroundSession
 from uavrt.ground.store import GroundStore
+from uavrt.ground.web.password_tries import LEAST_PASSWORD
 from uavrt.ground.web.server import PageServer, ServerSettings, listening_socket, page_server
 from uavrt.heap import HeapKeeper
 from uavrt.messages import PulsePose, Tag
@@ -99,6 +100,12 @@ class PageStation:
             raise ConfigError(
                 f"the page would be open to everyone who can reach {settings.host}",
                 remedy="Set a password in the environment variable UAVRT_GROUND_PASSWORD",
+            )
+        if settings.password and len(settings.password) < LEAST_PASSWORD:
+            raise ConfigError(
+                f"the page's password has {len(settings.password)} characters, too few",
+                remedy=f"Set {LEAST_PASSWORD} random letters and digits or more in "
+                "UAVRT_GROUND_PASSWORD",
             )
         sock = listening_socket(settings)
         server = page_server(self.fleet, settings)

@@ -1,0 +1,64 @@
+"""The table of all link messages between a drone and a ground station, both of uavrt.
+
+A message from the drone has a decoder on the ground. A message to the drone has a number
+inside a seal (`uavrt.tunnel.seal`); some are accepted only sealed.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from uavrt.tunnel.burst import BURST_TYPE, decode_burst
+from uavrt.tunnel.coded_tag import CODED_TAG_TYPE
+from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing
+from uavrt.tunnel.motion import decode_state
+from uavrt.tunnel.neighbours import decode_course
+from uavrt.tunnel.private import (
+    COURSE_TYPE,
+    MOTION_STATE_TYPE,
+    MOTION_TYPE,
+    NEIGHBOUR_TYPE,
+    RECEIPT_TYPE,
+)
+from uavrt.tunnel.seal import (
+    ALIVE_INSIDE,
+    CODED_TAG_INSIDE,
+    MOTION_INSIDE,
+    NEIGHBOUR_INSIDE,
+    PARAMETER_INSIDE,
+    PLAIN_INSIDE,
+    RECEIPT_INSIDE,
+)
+from uavrt.tunnel.wire import PAYLOAD_TYPE
+
+FROM_DRONE: dict[int, Callable[[bytes], Any]] = {
+    BEARING_TYPE: decode_bearing,
+    BURST_TYPE: decode_burst,
+    MOTION_STATE_TYPE: decode_state,
+    COURSE_TYPE: decode_course,
+}
+"""Decoders of what the ground station shows, by payload type."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToDrone:
+    """A kind of message from a ground station."""
+
+    inside: int
+    """Its number in a seal."""
+    payload_type: int | None = None
+    """Its payload type without a seal; None: accepted only sealed."""
+    answers: int = 0
+    """Messages that its answer takes, for the allowance of unsealed ones."""
+
+
+TO_DRONE = (
+    ToDrone(inside=PLAIN_INSIDE, payload_type=PAYLOAD_TYPE, answers=1),
+    ToDrone(inside=RECEIPT_INSIDE, payload_type=RECEIPT_TYPE),
+    ToDrone(inside=PARAMETER_INSIDE),
+    ToDrone(inside=MOTION_INSIDE, payload_type=MOTION_TYPE, answers=1),
+    ToDrone(inside=CODED_TAG_INSIDE, payload_type=CODED_TAG_TYPE, answers=1),
+    ToDrone(inside=NEIGHBOUR_INSIDE, payload_type=NEIGHBOUR_TYPE),
+    ToDrone(inside=ALIVE_INSIDE),
+)
+UNSEALED = {one.payload_type: one for one in TO_DRONE if one.payload_type is not None}
