@@ -1,7 +1,7 @@
 """Writes a flight so that nothing recorded is ever lost.
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
-committed record through ``kill -9``. On the drone, where commits are rare, each also reaches
+committed record through ``kill -9``. In a flight that is received or flown each also reaches
 the disk itself (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the
 database when it has grown to `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does
 both. The text log is a second copy. On a disk that is full or read-only the records wait in
@@ -118,15 +118,17 @@ class FlightRecorder:
         return recorder
 
     @classmethod
-    def reopen(cls, directory: str | Path) -> "FlightRecorder":
+    def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
         """Continue with a flight after a kill or a power cut: nothing lost, nothing doubled.
+
+        `durable` as in `open`.
 
         Raises
         ------
         RecordingError
             There is no flight, or it cannot be written.
         """
-        recorder = cls(Path(directory))
+        recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
             raise RecordingError(
                 f"{directory} holds no flight.sqlite", remedy="Start a new flight"
@@ -157,7 +159,12 @@ class FlightRecorder:
     @property
     def waiting_records(self) -> int:
         """Records taken and not yet committed."""
-        return len(self._pulses) + len(self._urgent) + len(self._others)
+        return self.waiting_pulses + len(self._others)
+
+    @property
+    def waiting_pulses(self) -> int:
+        """Pulses, and what belongs to them, taken and not yet committed."""
+        return len(self._pulses) + len(self._urgent)
 
     def write_pulses(self, pulses: Iterable[Pulse]) -> None:
         """Add pulses as detected; recorded with the next commit."""

@@ -144,7 +144,10 @@ class GroundProtocol:
         self._sealer = sealer
         self._generation: Generation = generation
         self.receipts = receipts
-        self._unstored: list[bytes] = []
+        self._in_hand: list[bytes] = []
+        """Payloads of pulses in the last frame."""
+        self._uncommitted: dict[bytes, None] = {}
+        """Payloads of pulses that were taken and are not known to be on the disk."""
         self.drone: Peer | None = None
         self.tags: dict[int, Tag] = {}
         """Tags we uploaded: they give received pulses their width."""
@@ -164,12 +167,17 @@ class GroundProtocol:
         """Our heartbeat."""
         return station_heartbeat(as_gcs=self._as_gcs)
 
+    def taken(self) -> None:
+        """Note that what the last `receive` gave is in the store's hands."""
+        self._uncommitted.update(dict.fromkeys(self._in_hand))
+        self._in_hand.clear()
+
     def stored(self) -> None:
-        """What the last `receive` gave is safe: it may be acknowledged."""
+        """Acknowledge all that was taken: it is on the disk."""
         if self.receipts is not None:
-            for payload in self._unstored:
+            for payload in self._uncommitted:
                 self.receipts.stored(payload)
-        self._unstored.clear()
+        self._uncommitted.clear()
 
     def receipt(self, now_ns: int) -> dialect.Tunnel | None:
         """Return the receipt that is due, if any is and the drone is known."""
@@ -217,7 +225,7 @@ class GroundProtocol:
 
     def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
         """Handle a frame; return what it says."""
-        self._unstored.clear()  # what could not be stored is to come again
+        self._in_hand.clear()  # what could not be taken is to come again
         if frame.component_id != DRONE_COMPONENT:
             return []
         peer = Peer(frame.system_id, frame.component_id)
@@ -273,12 +281,19 @@ class GroundProtocol:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad inside of a burst", error)
             return []
-        if self.receipts is not None and self.receipts.seen(payload):
-            self.counters["repeated_pulses"] += 1
+        if self._repeated(payload):
             return []
-        self._unstored.append(payload)
+        self._in_hand.append(payload)
         self.counters["BurstInside"] += 1
         return [burst]
+
+    def _repeated(self, payload: bytes) -> bool:
+        """Whether a pulse came before; one that is stored is acknowledged once more."""
+        known = payload in self._uncommitted
+        if not known and (self.receipts is None or not self.receipts.seen(payload)):
+            return False
+        self.counters["repeated_pulses"] += 1
+        return True
 
     def _motion(self, payload: bytes) -> list[GroundEvent]:
         try:
@@ -312,13 +327,12 @@ class GroundProtocol:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad tunnel payload", error)
             if tunnel.acked_command_of(payload) == CommandId.PULSE:
-                self._unstored.append(payload)  # in the log; again it would be no better
+                self._in_hand.append(payload)  # in the log; again it would be no better
             return []
         if isinstance(event, PulsePose):
-            if self.receipts is not None and self.receipts.seen(payload):
-                self.counters["repeated_pulses"] += 1
+            if self._repeated(payload):
                 return []
-            self._unstored.append(payload)
+            self._in_hand.append(payload)
         if event is None:
             self.counters["unexpected_payloads"] += 1
             return []
