@@ -22,7 +22,14 @@ from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulseKey, PulsePose
 from uavrt.recording import read_flight, read_pulse_file
-from uavrt.tunnel import RECEIPT_TYPE, Receipt, payload_hash, pulse_from_wire, pulse_to_wire
+from uavrt.tunnel import (
+    RECEIPT_TYPE,
+    PulseG1,
+    Receipt,
+    payload_hash,
+    pulse_from_wire,
+    pulse_to_wire,
+)
 
 REPEAT_S = 0.4
 BEAT_S = 0.3
@@ -131,6 +138,7 @@ class StreamingDrone:
         self._next_ns += 31_000_000
         sent = pulse_to_wire(PulsePose(pulse=pulse_at(self._next_ns), pose=None))
         payload = sent.encode()
+        assert isinstance(sent, PulseG1)
         received = pulse_from_wire(sent, None)
         assert isinstance(received, PulsePose)
         number = payload_hash(payload)
@@ -163,8 +171,8 @@ class StreamingDrone:
                 self._listen()
         return until()
 
-    @property
     def all_acknowledged(self) -> bool:
+        """Whether every pulse is."""
         return not self._open
 
     def _send(self, message: Message) -> None:

@@ -38,7 +38,7 @@ from uavrt.recording import ended as queries_ended
 from uavrt.recording import inside_record, pulse_record
 from uavrt.tunnel import command_name, digest_in, tag_list_digest
 
-RETRY_S = 2.0
+START_RETRY_S = 2.0
 QUIET_S = 1.0
 """After the drone has stopped: as long without a pulse means that all have arrived."""
 STOP_TIMEOUT_S = 12.0
@@ -169,7 +169,7 @@ class Station:
         while not self._stopping.is_set():
             try:
                 if (link := session.link) is not None:
-                    drone = await link.wait_for_drone(RETRY_S)
+                    drone = await link.wait_for_drone(START_RETRY_S)
                     self._show({"event": "drone", "system": drone.system_id})
                     if await self._upload(session, link) and self._settings.start:
                         # Not by the state, which is as old as the last heartbeat.
@@ -181,7 +181,7 @@ class Station:
                 if str(error) != said:
                     said = str(error)
                     self._show({"event": "waiting", "reason": said})
-            await asyncio.sleep(RETRY_S / 10)
+            await asyncio.sleep(START_RETRY_S / 10)
 
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
         """Send the tags; False when the drone detects already and there is nothing to start.

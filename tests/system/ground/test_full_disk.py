@@ -89,7 +89,7 @@ def test_all_that_is_acknowledged_is_stored_and_the_rest_when_it_comes_again(
         drone = streaming(port := free_udp_port(), random.randrange(10**6))
         pid = stations.start(kind, port, place)
         drone.detect()
-        assert drone.run(AGAIN_S, lambda drone=drone: drone.all_acknowledged), "it listens"
+        assert drone.run(AGAIN_S, drone.all_acknowledged), "it listens"
         full_s = time.monotonic() + random.uniform(0.0, STREAM_S)
         end_s = full_s + random.uniform(0.0, STREAM_S)
         full = False
@@ -110,7 +110,7 @@ def test_all_that_is_acknowledged_is_stored_and_the_rest_when_it_comes_again(
         assert acknowledged <= set(stored_keys(place)), told
         held_back += len(drone.keys) - len(acknowledged)
         stations.start(kind, port, place)
-        assert drone.run(AGAIN_S, lambda drone=drone: drone.all_acknowledged), told
+        assert drone.run(AGAIN_S, drone.all_acknowledged), told
         stations.kill()
         assert set(stored_keys(place)) == set(drone.keys.values()), told
         if kind == "headless":

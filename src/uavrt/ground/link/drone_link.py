@@ -221,8 +221,7 @@ class GroundLink:
                 if addresses and now_ns >= next_heartbeat_ns:
                     next_heartbeat_ns = now_ns + ns_from_s(HEARTBEAT_S)
                     self._ways.send_by_all(self.protocol.heartbeat())
-                if self._stored():
-                    self.protocol.stored()
+                self._acknowledge()
                 receipt = self.protocol.receipt(now_ns)
                 if receipt is not None:
                     self._ways.answer(receipt)
@@ -474,6 +473,7 @@ class GroundLink:
             for event in self.protocol.receive(frame, self._clock_ns()):
                 self._deliver(event)
             self.protocol.taken()
+            self._acknowledge()
         except RecordingError as error:  # it comes again, as it is not acknowledged
             self.protocol.counters["not_stored"] += 1
             log.seldom(self.protocol.counters["not_stored"], "not stored", reason=str(error))
@@ -484,6 +484,11 @@ class GroundLink:
                 DRONE_COMPONENT,
             ):
                 self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
+
+    def _acknowledge(self) -> None:
+        """Let the next receipt name what is on the disk."""
+        if self._stored():
+            self.protocol.stored()
 
     def _deliver(self, event: GroundEvent) -> None:
         if isinstance(event, Acknowledged) and self._waiting is not None:
