@@ -520,6 +520,8 @@ class GroundSession:
         self._commit_due = False
         self._committed_s = monotonic_s()
         self.flight.commit()
+        if text := self.flight.mended():
+            self.note(3, text)
         unshown, self._unshown = self._unshown, []
         for kind, record in unshown:
             self.hub.send(kind, record)

@@ -283,6 +283,13 @@ class FlightKeeper:
                 log.warning("flight not written", reason=str(error))
             self.fault = str(error)
 
+    def mended(self) -> str:
+        """Get what was wrong with the flight's database and has been put right, once."""
+        text = "" if self._recorder is None else self._recorder.mended
+        if self._recorder is not None:
+            self._recorder.mended = ""
+        return text
+
     def close(self) -> None:
         """End the recording; what the disk does not take now is written by a later `commit`."""
         if self._recorder is not None:
