@@ -55,7 +55,6 @@ from uavrt.ground.web import (
     table_version,
 )
 from uavrt.localization import HeardInTurn
-from uavrt.log import get_logger
 from uavrt.mavlink import Frame, parse_address
 from uavrt.messages import (
     BurstInside,
@@ -70,8 +69,6 @@ from uavrt.messages import (
 from uavrt.recording import Mark, battery_note, home_note, pulse_record, vehicle_note
 from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-log = get_logger()
 
 TICK_S = 0.25
 STATE_S = 1.0
@@ -163,6 +160,7 @@ class GroundSession:
         self._estimator = Estimator()
         self._estimate_due = False
         self._estimate_at_s = 0.0
+        self._estimate_fault = ""
         self._one_at_a_time = asyncio.Lock() if estimating is None else estimating
         self.vehicle: VehicleWatch | None = None
         self._serving: asyncio.Task[None] | None = None
@@ -662,7 +660,9 @@ class GroundSession:
                 self.store.chosen_tags,
             )
         except UavrtError as error:
-            log.warning("no estimate", reason=str(error))
+            if str(error) != self._estimate_fault:
+                self._estimate_fault = str(error)
+                self.note(4, f"No estimate: {error}")
             return
         finally:
             took_s = monotonic_s() - begun_s
@@ -674,7 +674,7 @@ class GroundSession:
             if found.told != self.estimates.told:
                 for companion in self.companions:
                     companion.estimate_soon()
-            self.estimates = found
+            self.estimates, self._estimate_fault = found, ""
             self.hub.send("estimates", {"flight_id": flight_id, **found.record()})
 
     def note(self, severity: int, text: str, *, source: str = "ground") -> None:

@@ -9,7 +9,7 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.recording.channel_recorder import ChannelRecorder
-    from uavrt.recording.csv_line import csv_cells
+    from uavrt.recording.csv_line import TableWriter, csv_cells, text_of_cell
     from uavrt.recording.detector_configs import (
         DetectorConfig,
         detector_config,
@@ -124,6 +124,7 @@ __all__ = [
     "Ring",
     "SearchedFor",
     "SilentAround",
+    "TableWriter",
     "WriterLock",
     "battery_note",
     "copy_beside",
@@ -166,6 +167,7 @@ __all__ = [
     "read_usual_noise_db",
     "require_writable",
     "tag_from_row",
+    "text_of_cell",
     "told_in",
     "undelivered",
     "usual_noise_db",
@@ -205,6 +207,8 @@ __getattr__ = lazily(
         "TAG_COLUMNS": "schema",
         "WriterLock": "writer_lock",
         "csv_cells": "csv_line",
+        "text_of_cell": "csv_line",
+        "TableWriter": "csv_line",
         "detector_config": "detector_configs",
         "ended": "plain_database",
         "fields_of": "fields",

@@ -1,5 +1,6 @@
 """Read a flight directory, whole, half written, or cut off by a dead battery."""
 
+import math
 import os
 import shutil
 import sqlite3
@@ -219,8 +220,8 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
         directory=str(directory),
         start_time_ns=int(row[0]),
         clock_offset_ns=int(row[1]),
-        center_frequency_hz=row[2],
-        sample_rate_hz=row[3],
+        center_frequency_hz=math.nan if row[2] is None else float(row[2]),
+        sample_rate_hz=math.nan if row[3] is None else float(row[3]),
         tags=tags_with_names(map(schema.tag_from_row, tags), directory),
     )
 

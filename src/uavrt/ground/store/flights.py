@@ -195,7 +195,8 @@ class FlightLibrary:
         """
         path = self.directory / flight_id
         plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
-        if not plain or "\0" in flight_id or not FlightLayout(path).database.is_file():
+        # Not by Path.is_file, which raises for names that no file can have.
+        if not plain or not os.path.isfile(FlightLayout(path).database):
             raise UsageError(f"there is no flight {flight_id[:80]!r}")
         return path
 
