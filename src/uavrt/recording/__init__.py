@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         with_copies,
     )
     from uavrt.recording.flight_reader import (
+        DAMAGED,
         Flight,
         read_flight,
         read_health,
@@ -99,6 +100,7 @@ if TYPE_CHECKING:
     from uavrt.recording.writer_lock import WriterLock
 
 __all__ = [
+    "DAMAGED",
     "FETCHED_COPY",
     "FLIGHT_ORDER",
     "FLIGHT_PREFIX",
@@ -188,6 +190,7 @@ __getattr__ = lazily(
         "read_pulse_levels": "outline",
         "ChannelRecorder": "channel_recorder",
         "DetectorConfig": "detector_configs",
+        "DAMAGED": "flight_reader",
         "Flight": "flight_reader",
         "FlightLayout": "layout",
         "FlightRecorder": "flight_recorder",

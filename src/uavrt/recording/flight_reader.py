@@ -169,6 +169,10 @@ def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
         return tuple(time_ns for (time_ns,) in rows)
 
 
+DAMAGED = (sqlite3.Error, OSError, ValueError, TypeError, ArithmeticError, LookupError)
+"""What a database raises, or whoever reckons with what it holds, where it is damaged."""
+
+
 @contextmanager
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
     """Open a flight's database for reading; what it lacks of today's columns is added.
@@ -188,7 +192,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
         with tempfile.TemporaryDirectory() as scratch, closing(_open(path, scratch)) as opened:
             schema.read_older(opened)
             yield opened
-    except (sqlite3.Error, OSError, ValueError, TypeError, OverflowError) as error:
+    except DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}",
             remedy="Its pulse_pose_log.txt holds the pulses too; give that instead",
