@@ -46,5 +46,6 @@ def guard_terminals() -> None:
     """Have standard output and error write harmless text where they are terminals."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is not None and stream.isatty():
+        guarded = stream is None or isinstance(stream, TerminalText)
+        if not guarded and stream.isatty():
             setattr(sys, name, TerminalText(stream))
