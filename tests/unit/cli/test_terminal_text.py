@@ -44,7 +44,7 @@ def test_tables_of_ours_pass_a_guarded_terminal_unchanged() -> None:
 @given(st.text())
 def test_whatever_is_written_a_terminal_gets_no_other_control_character(text: str) -> None:
     stream = io.StringIO()
-    assert TerminalText(stream).write(text) == len(text)  # type: ignore[arg-type]
+    assert TerminalText(stream).write(text) == len(text)
     left = stream.getvalue()
     for ours in ("\n", "\r", "\t"):
         left = left.replace(ours, "")
