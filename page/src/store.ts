@@ -55,6 +55,8 @@ export interface Stored extends Estimates {
 }
 
 const RECONNECT_MS = 1000;
+/** The state comes every second: a station that is silent for so long stands still. */
+const SILENT_MS = 4000;
 /** Radius of 95 % of a round normal distribution, in standard deviations along one axis. */
 const SHARE95 = Math.sqrt(-2 * Math.log(0.05)) / Math.SQRT2;
 
@@ -304,14 +306,23 @@ class Store {
   connect(): void {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}${BASE}/api/records?page=${PAGE}`);
-    socket.onmessage = (event) => this.receive(JSON.parse(String(event.data)));
+    let silence = 0;
+    socket.onmessage = (event) => {
+      clearTimeout(silence);
+      silence = window.setTimeout(() => this.setOnline(false), SILENT_MS);
+      this.receive(JSON.parse(String(event.data)));
+    };
     socket.onclose = () => {
-      if (this.online) {
-        this.online = false;
-        this.emit("online");
-      }
+      clearTimeout(silence);
+      this.setOnline(false);
       setTimeout(() => this.connect(), RECONNECT_MS);
     };
+  }
+
+  private setOnline(online: boolean): void {
+    if (this.online === online) return;
+    this.online = online;
+    this.emit("online");
   }
 
   private receive(message: { topic: string; record: unknown }): void {
@@ -340,6 +351,7 @@ class Store {
         break;
       }
       case "state":
+        this.setOnline(true);
         this.takeState(message.record as State);
         break;
       case "tags_version":

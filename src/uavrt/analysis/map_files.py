@@ -11,6 +11,7 @@ import re
 import sqlite3
 import struct
 import zlib
+from collections.abc import Iterable
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +30,7 @@ _HEADER = 127
 _LEAF_LEVELS = 4
 _DAMAGED = (
     *(OSError, ValueError, IndexError, OverflowError, EOFError, StopIteration),
-    *(struct.error, zlib.error, sqlite3.Error),
+    *(struct.error, zlib.error, sqlite3.Error, TypeError, RecursionError),
 )
 _TYPES = {1: "mvt", 2: "png", 3: "jpg", 4: "webp", 5: "avif"}
 _NOT_COMPRESSED, _GZIP = 1, 2
@@ -93,6 +94,8 @@ def read_map(path: Path) -> MapFile:
         It is none.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise ValueError("it is no file")
         return _pmtiles(path) if path.suffix.lower() == ".pmtiles" else _mbtiles(path)
     except _DAMAGED as error:
         raise FormatError(
@@ -146,18 +149,28 @@ def _mbtiles(path: Path) -> MapFile:
         ).fetchone()
     if low is None:
         raise ValueError("it holds no tiles")
-    said = str(facts.get("format", "png"))
-    kind = {"pbf": "mvt", "jpeg": "jpg"}.get(said, said)
-    west, south, east, north = map(float, facts.get("bounds", "-180,-85,180,85").split(","))
+    said = str(facts.get("format") or "png")
+    edges = str(facts.get("bounds") or "-180,-85,180,85").split(",")
     return MapFile(
         path=path,
         format="mbtiles",
-        tiles=kind,
+        tiles={"pbf": "mvt", "jpeg": "jpg"}.get(said, said)[:20],
         min_zoom=int(low),
         max_zoom=int(high),
-        bounds=(west, south, east, north),
-        attribution=_plain(facts.get("attribution", "")),
+        bounds=_bounds(map(float, edges)),
+        attribution=_plain(facts.get("attribution")),
     )
+
+
+def _bounds(edges: Iterable[float]) -> tuple[float, float, float, float]:
+    """West, south, east and north; raises `ValueError` for what is no place on earth."""
+    west, south, east, north = edges
+    # So that a number that is none is refused, too.
+    if not (
+        max(abs(south), abs(north)) <= 90.0 and max(abs(west), abs(east)) <= _MOST_LONGITUDE
+    ):
+        raise ValueError("its edges are no place on earth")
+    return west, south, east, north
 
 
 def _mbtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
@@ -184,21 +197,17 @@ def _pmtiles(path: Path) -> MapFile:
     header = _header(path)
     facts = {}
     place, length = struct.unpack_from("<2Q", header, 24)
-    with suppress(ValueError, OSError, EOFError, zlib.error):
+    with suppress(ValueError, OSError, EOFError, RecursionError, zlib.error):
         facts = json.loads(_unpacked(_part(path, place, length), header[97]))
-    said = facts.get("attribution") if isinstance(facts, dict) else None
     _check_parts(header, path.stat().st_size)
-    west, south, east, north = (value / 1e7 for value in struct.unpack_from("<4i", header, 102))
-    if max(abs(south), abs(north)) > 90.0 or max(abs(west), abs(east)) > _MOST_LONGITUDE:
-        raise ValueError("its edges are no place on earth")
     return MapFile(
         path=path,
         format="pmtiles",
         tiles=_TYPES.get(header[99], "unknown"),
         min_zoom=header[100],
         max_zoom=header[101],
-        bounds=(west, south, east, north),
-        attribution=_plain(said if isinstance(said, str) else ""),
+        bounds=_bounds(value / 1e7 for value in struct.unpack_from("<4i", header, 102)),
+        attribution=_plain(facts.get("attribution") if isinstance(facts, dict) else None),
     )
 
 
@@ -302,6 +311,8 @@ def _varints(content: bytes) -> list[int]:
     return found
 
 
-def _plain(text: str) -> str | None:
-    """A text of others without its markup, to be shown beside the map."""
+def _plain(text: object) -> str | None:
+    """A text of others without its markup, to be shown beside the map; None for no text."""
+    if not isinstance(text, str):
+        return None
     return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text).split())[:200] or None

@@ -138,7 +138,10 @@ def _is_same(one: FlightOutline, other: FlightOutline) -> bool:
     if overlap < 0 or not _may_be_one_vehicle(one.vehicle, other.vehicle):
         return False
     if one.pulses and other.pulses:
-        levels = [read_pulse_levels(each.directory) for each in (one, other)]
+        try:
+            levels = [read_pulse_levels(each.directory) for each in (one, other)]
+        except FormatError:  # damaged: nobody can say
+            return False
         common = _common(*levels)
         # Drones side by side hear the same pulses, each as strong as at its own place.
         same = sum(abs(first - second) <= SAME_LEVEL_DB for first, second in common)

@@ -7,6 +7,7 @@ from rich.console import Console
 
 import uavrt
 from uavrt.cli.examples import examples
+from uavrt.cli.terminal_text import guard_terminals, harmless
 from uavrt.errors import UavrtError
 
 COMMANDS = {
@@ -79,6 +80,7 @@ app = make_app()
 
 def run() -> None:
     """Run ``uavrt``; a deliberate error is printed without a traceback and exits with 2."""
+    guard_terminals()
     try:
         arguments = sys.argv[1:]
         called = bool(arguments) and arguments[0] in COMMANDS
@@ -88,7 +90,7 @@ def run() -> None:
         _tell(error)
         sys.exit(2)
     except UavrtError as error:
-        print(f"uavrt: {error}", file=sys.stderr)
+        print(harmless(f"uavrt: {error}"), file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)

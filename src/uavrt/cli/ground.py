@@ -10,7 +10,7 @@ import webbrowser
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -25,9 +25,6 @@ from uavrt.ground.link import read_link_keys
 from uavrt.messages import SystemState
 from uavrt.recording import ended as queries_ended
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-if TYPE_CHECKING:
-    from uavrt.ground.web import PageStation
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
@@ -167,16 +164,13 @@ def ground(
             key=key is not None,
         )
         settings = StationSettings(
-            addresses=mavlink or (DEFAULT_ADDRESS,),
+            address=" ".join(mavlink or (DEFAULT_ADDRESS,)),
             directory=output or Path(f"ground_{datetime.now(UTC):%Y-%m-%d_%H-%M-%S}"),
-            tags=tag_list or (),
+            tags=tag_list,
             start=start,
             keys=keys,
         )
-        try:
-            asyncio.run(_serve_station(settings, show))
-        finally:
-            _let_out(lines)
+        _run(lambda: Station(settings, show), lines)
         return
     with _ground_extra():
         from uavrt.ground.web import PageSettings, PageStation, ServerSettings
@@ -203,9 +197,14 @@ def ground(
     )
     if browser and not json_lines:
         show = _opening(show)
+    _run(lambda: PageStation(page_settings, show), lines)
+
+
+def _run(make: Callable[[], Station], lines: TerminalLines) -> None:
+    """Serve a station until it ends or is stopped."""
     ended = threading.Event()
     try:
-        asyncio.run(_serve_page(lambda: PageStation(page_settings, show), ended, lines))
+        asyncio.run(_serve(make, ended, lines))
     finally:
         ended.set()
         queries_ended.clear()  # for whoever goes on in this program
@@ -218,14 +217,8 @@ def _let_out(lines: TerminalLines) -> None:
         os._exit(0 if sys.exc_info()[0] is None else 1)
 
 
-async def _serve_station(settings: StationSettings, show: Any) -> None:
-    station = Station(settings, show)
-    _on_signals(station.stop)
-    await station.run()
-
-
-async def _serve_page(
-    make: Callable[[], "PageStation"], ended: threading.Event, lines: TerminalLines
+async def _serve(
+    make: Callable[[], Station], ended: threading.Event, lines: TerminalLines
 ) -> None:
     station = make()
     _on_signals(station.stop)

@@ -1,6 +1,5 @@
 """``uavrt season``: a folder of flights in numbers."""
 
-import csv
 import json
 import sys
 from dataclasses import asdict, fields
@@ -14,6 +13,7 @@ from rich.table import Table
 from uavrt.cli.outputs import check_place
 from uavrt.cli.words import counted
 from uavrt.clock import iso_utc
+from uavrt.recording import TableWriter
 
 if TYPE_CHECKING:
     from uavrt.analysis import Season
@@ -60,9 +60,9 @@ def _write(found: "Season", path: Path) -> None:
     from uavrt.analysis import AnimalOfSeason
 
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(AnimalOfSeason)])
-        writer.writeheader()
-        writer.writerows(asdict(animal) for animal in found.animals)
+        writer = TableWriter(file)
+        writer.writerow(field.name for field in fields(AnimalOfSeason))
+        writer.writerows(asdict(animal).values() for animal in found.animals)
 
 
 def _show(found: "Season") -> None:

@@ -9,13 +9,13 @@ import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from uavrt import tunnel
 from uavrt.clock import Clock, monotonic_s
 from uavrt.computer import Bench, Finding, FlightFacts, first_flight
 from uavrt.config import RecordingSettings
-from uavrt.errors import ConfigError, LinkError, UavrtError, UsageError
+from uavrt.errors import ConfigError, LinkError, RecordingError, UavrtError, UsageError
 from uavrt.ground.fetch import Downloads
 from uavrt.ground.link import (
     NO_KEYS,
@@ -55,7 +55,6 @@ from uavrt.ground.web import (
     table_version,
 )
 from uavrt.localization import HeardInTurn
-from uavrt.log import get_logger
 from uavrt.mavlink import Frame, parse_address
 from uavrt.messages import (
     BurstInside,
@@ -71,13 +70,13 @@ from uavrt.recording import Mark, battery_note, home_note, pulse_record, vehicle
 from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
 
-log = get_logger()
-
 TICK_S = 0.25
 STATE_S = 1.0
 POSE_SEND_NS = 190_000_000
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
 """A pulse heard this long after the stop is of another flight, unless it was before it."""
+COMMIT_S = 0.15
+"""Pulses that come within this time are written together. Receipts go as often, and wait."""
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
 """Estimates run again after eight times as long as they took: at most 11 % of a core …"""
@@ -161,11 +160,14 @@ class GroundSession:
         self._estimator = Estimator()
         self._estimate_due = False
         self._estimate_at_s = 0.0
+        self._estimate_fault = ""
         self._one_at_a_time = asyncio.Lock() if estimating is None else estimating
         self.vehicle: VehicleWatch | None = None
         self._serving: asyncio.Task[None] | None = None
         self._estimating: asyncio.Task[None] | None = None
         self._commit_due = False
+        self._committed_s = 0.0
+        self._unshown: list[tuple[str, dict[str, Any]]] = []
         self.temperature_c: float | None = None
         self.heard: dict[int, int] = {}
         self._bench = Bench()
@@ -229,18 +231,23 @@ class GroundSession:
         """
         await self.disconnect()
         settings = self.store.settings
+        try:
+            receipts = open_receipts(self.store.own)
+        except RecordingError as error:
+            self._unconnected(error)
         link = GroundLink(
             self.clock.now_ns,
             on_event=self._take,
             on_frame=self._take_frame,
             generation=settings.generation,
-            receipts=open_receipts(self.store.own),
+            receipts=receipts,
             component_id=self._keys.component_id,
             as_gcs=self._keys.as_gcs,
             key=self._keys.command,
             signing_key=self._keys.signing,
             identity=self.identity,
             links=self._links,
+            stored=lambda: self.flight.stored,
         )
         link.protocol.tags = {tag.tag_id: tag for tag in self.sent_tags}
         self.vehicle = VehicleWatch(link.protocol.own, self.identity)
@@ -251,16 +258,20 @@ class GroundSession:
             if joins or task.done() or link.link is not None:
                 break
             await asyncio.sleep(0.01)
-        if task.done() and (error := task.exception()) is not None:
-            self.link_error = str(error)
-            self.note(3, self.link_error)
-            self.send_state()
-            raise LinkError(self.link_error)
+        if task.done() and (fault := task.exception()) is not None:
+            self._unconnected(fault)
         self.link, self._serving, self.link_error = link, task, None
         self._faults_told = 0
         if not joins:
             self.note(6, f"connected to {settings.address}")
         self.send_state()
+
+    def _unconnected(self, error: BaseException) -> NoReturn:
+        """Show why there is no link, and raise it."""
+        self.link_error = str(error)
+        self.note(3, self.link_error)
+        self.send_state()
+        raise LinkError(self.link_error) from error
 
     async def disconnect(self) -> None:
         """Close the link."""
@@ -355,8 +366,6 @@ class GroundSession:
         if now_ns - self._last_pose_ns >= POSE_SEND_NS:
             self._last_pose_ns = now_ns
             self.hub.send("pose", pose_record(pose, now_ns))
-            if not self.flight.ended:
-                self.commit_soon()
 
     def _take(self, event: GroundEvent) -> None:
         if self._on_event is not None:
@@ -403,20 +412,22 @@ class GroundSession:
         if not self.flight.add_pulse(event):
             return
         self._estimate_due = True
-        # Written first, shown then; pulses that come together are one transaction.
-        self.commit_soon()
         record = pulse_record(event) | {
             "received_ns": now_ns,
             "flight_id": self.flight.flight_id,
         }
-        asyncio.get_running_loop().call_soon(self.hub.send, "pulse", record)
+        self._show_written("pulse", record)
 
     def _take_inside(self, event: BurstInside) -> None:
         """Put into a burst what came after it."""
         if self.flight.put_inside(event):
-            self.commit_soon()
             record = asdict(event) | {"flight_id": self.flight.flight_id}
-            asyncio.get_running_loop().call_soon(self.hub.send, "burst", record)
+            self._show_written("burst", record)
+
+    def _show_written(self, kind: str, record: dict[str, Any]) -> None:
+        """Show a record with the next commit, which writes it first."""
+        self._unshown.append((kind, record))
+        self.commit_soon()
 
     def _is_of_next_flight(self, event: PulsePose) -> bool:
         """Whether a pulse was sent after the flight had ended: someone else started again."""
@@ -442,11 +453,18 @@ class GroundSession:
     def _resume(self) -> None:
         """Continue with the flight that a restart interrupted."""
         kept = self.store.current_flight
-        if kept is None or not self.flight.resume(kept):
+        if kept is None:
             return
-        self.flight.load(self.library.columns(kept))
-        self.sent_tags = self.library.summary(kept).tags
-        self.marks = list(self.library.places(kept).marks)
+        try:
+            columns, tags = self.library.columns(kept), self.library.summary(kept).tags
+            marks = list(self.library.places(kept).marks)
+        except UavrtError as error:
+            self.note(4, f"flight {kept} does not go on: {error}")
+            return
+        if not self.flight.resume(kept):
+            return
+        self.flight.load(columns)
+        self.sent_tags, self.marks = tags, marks
         self._estimate_due = True
         self.note(6, f"flight {kept} goes on")
 
@@ -490,14 +508,21 @@ class GroundSession:
         self.store.set_flight(None)
 
     def commit_soon(self) -> None:
-        """Write what was received to the disk, with what arrives in the same moment."""
+        """Write what was received to the disk, with what comes within `COMMIT_S`."""
         if not self._commit_due:
             self._commit_due = True
-            asyncio.get_running_loop().call_soon(self._commit)
+            wait_s = max(0.0, self._committed_s + COMMIT_S - monotonic_s())
+            asyncio.get_running_loop().call_later(wait_s, self._commit)
 
     def _commit(self) -> None:
         self._commit_due = False
+        self._committed_s = monotonic_s()
         self.flight.commit()
+        if text := self.flight.mended():
+            self.note(3, text)
+        unshown, self._unshown = self._unshown, []
+        for kind, record in unshown:
+            self.hub.send(kind, record)
 
     def _once_a_second(self) -> None:
         now_ns = self.clock.now_ns()
@@ -516,7 +541,7 @@ class GroundSession:
             link.send(watch.ping(now_ns))
             self._watch_presence(link.protocol.present(now_ns))
             self._tell_faults(link.faults)
-        self.flight.commit()
+        self._commit()
         self.send_state()
 
     def _watch_presence(self, present: bool) -> None:
@@ -635,7 +660,9 @@ class GroundSession:
                 self.store.chosen_tags,
             )
         except UavrtError as error:
-            log.warning("no estimate", reason=str(error))
+            if str(error) != self._estimate_fault:
+                self._estimate_fault = str(error)
+                self.note(4, f"No estimate: {error}")
             return
         finally:
             took_s = monotonic_s() - begun_s
@@ -647,7 +674,7 @@ class GroundSession:
             if found.told != self.estimates.told:
                 for companion in self.companions:
                     companion.estimate_soon()
-            self.estimates = found
+            self.estimates, self._estimate_fault = found, ""
             self.hub.send("estimates", {"flight_id": flight_id, **found.record()})
 
     def note(self, severity: int, text: str, *, source: str = "ground") -> None:

@@ -1,33 +1,31 @@
-"""A ground station without a page: uploads tags, starts, stores pulses, stops.
+"""A ground station: the sessions of its vehicles, and what is to be done by itself.
 
-The page of ``uavrt ground`` stands on the same link; this is what a script or a first bench
-test needs.
+Without a page it is for scripts and a first bench test: it uploads tags, starts, stops, and
+writes each pulse as a line. `uavrt.ground.web.page` puts the same station on HTTP.
 """
 
 import asyncio
 import json
-import math
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import write_tags
-from uavrt.errors import CommandRefused, LinkError, RecordingError
+from uavrt.errors import CommandRefused, LinkError
+from uavrt.ground.fleet import Fleet
 from uavrt.ground.link import (
     NO_KEYS,
     Acknowledged,
-    DetectorAlive,
     DroneHeartbeat,
     GroundEvent,
     GroundLink,
     LinkKeys,
-    open_receipts,
 )
-from uavrt.ground.store import PULSES_NAME
+from uavrt.ground.session import ESSENTIAL, GroundSession
+from uavrt.ground.store import PULSES_NAME, GroundStore, PulseLines
 from uavrt.messages import (
     BurstInside,
     PulsePose,
@@ -36,8 +34,9 @@ from uavrt.messages import (
     SystemState,
     Tag,
 )
-from uavrt.recording import PulseWriter, inside_record, pulse_record
-from uavrt.tunnel import Generation, command_name, digest_in, tag_list_digest
+from uavrt.recording import ended as queries_ended
+from uavrt.recording import inside_record, pulse_record
+from uavrt.tunnel import command_name, digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 QUIET_S = 1.0
@@ -47,19 +46,28 @@ STOP_TIMEOUT_S = 12.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationSettings:
-    """What the station is to do."""
+    """What ``uavrt ground`` was asked for."""
 
-    addresses: tuple[str, ...]
-    """Ways to the same drone, the one to prefer first."""
     directory: Path
-    tags: tuple[Tag, ...]
-    start: bool
-    generation: Generation = "G1"
+    address: str | None = None
+    """One or several, the one to prefer first, with spaces between; None: the one of the last
+    time."""
+    my_place: str | None = None
+    """Of a GPS receiver; None: that of the last time."""
+    dem: str | None = None
+    """Elevation files; None: those of the last time."""
+    archive: str | None = None
+    """What `uavrt batch` wrote; None: that of the last time."""
+    tags: tuple[Tag, ...] | None = None
+    """None: those of the last time."""
+    start: bool = False
+    further_vehicles: tuple[int, ...] = ()
+    """System numbers of vehicles to serve besides the first, as those of the last time are."""
     keys: LinkKeys = NO_KEYS
 
 
 class Station:
-    """One ground station session.
+    """The ground station without a page; `PageStation` adds one.
 
     Parameters
     ----------
@@ -74,16 +82,24 @@ class Station:
     ) -> None:
         self._settings = settings
         self._show = show
-        self._clock = Clock.start()
         self._stopping = asyncio.Event()
+        self._started: set[GroundSession] = set()
+        self._lines: PulseLines | None = None
         self._state: SystemState | None = None
-        self._last_pulse_s = 0.0
-        self._started = False
-        self._waits_for = ""
+        self._made = not settings.directory.exists()
         self.pulses = 0
+        """Different pulses received."""
+        store = GroundStore(settings.directory)
+        for name in ("address", "my_place", "dem", "archive"):
+            if (value := getattr(settings, name)) is not None:
+                store.set_settings(store.settings.changed({name: value}))
+        if settings.tags is not None:
+            store.set_tags(settings.tags)
+        self.fleet = Fleet(store, Clock.start(), self._take, settings.keys)
+        self.session = self.fleet.first
 
     def stop(self) -> None:
-        """Stop detection if it was started here, take the last pulses in, end."""
+        """Stop detection if it was started by itself, take the last pulses in, end."""
         self._stopping.set()
 
     async def run(self) -> None:
@@ -99,84 +115,91 @@ class Station:
             The pulses cannot be stored.
         """
         directory = self._settings.directory
-        made = not directory.exists()
+        self._lines = PulseLines(directory / PULSES_NAME)
         try:
-            await self._serve()
+            await self._serve(self._work(uploads=bool(self._settings.tags)))
         except LinkError:
             # A port that does not open leaves no directory for a flight that never was.
-            if made and not self.pulses:
+            if self._made and not self.pulses:
                 shutil.rmtree(directory, ignore_errors=True)
             raise
+        finally:
+            self._lines.close()
 
-    async def _serve(self) -> None:
-        with open_store(self._settings.directory) as stream:
-            if self._settings.tags:
-                # With their names, which do not go to the drone.
-                write_tags(self._settings.directory / "tags.toml", self._settings.tags)
-            self._writer = PulseWriter(stream, "jsonl")
-            link = GroundLink(
-                self._clock.now_ns,
-                on_event=self._take,
-                generation=self._settings.generation,
-                receipts=open_receipts(self._settings.directory),
-                component_id=self._settings.keys.component_id,
-                as_gcs=self._settings.keys.as_gcs,
-                key=self._settings.keys.command,
-                signing_key=self._settings.keys.signing,
-            )
-            serve = asyncio.create_task(link.run(*self._settings.addresses))
-            work = asyncio.create_task(self._work(link))
-            await asyncio.wait({serve, work}, return_when=asyncio.FIRST_COMPLETED)
-            for task in (work, serve):
-                if not task.done():
-                    task.cancel()
-                with suppress(asyncio.CancelledError):
-                    await task
+    async def _serve(self, work: Any, *others: "asyncio.Task[None]") -> None:
+        """Serve the vehicles until the work, or one of the other tasks, has ended."""
+        vehicles = asyncio.create_task(self.fleet.run())
+        for number in self._settings.further_vehicles:
+            self.fleet.serve(number)
+        working = asyncio.create_task(work)
+        tasks = (vehicles, working, *others)
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in tasks:
+                if task.done():
+                    task.result()
+        finally:
+            queries_ended.set()
+            working.cancel()
+            vehicles.cancel()
+            with suppress(asyncio.CancelledError, LinkError):
+                await vehicles
+            queries_ended.clear()  # for whoever goes on in this program
 
-    async def _work(self, link: GroundLink) -> None:
-        await self._begin(link)
+    async def _work(self, *, uploads: bool = False, page: str | None = None) -> None:
+        if self._settings.address is not None:
+            await self._link_opened()
+        if page is not None:
+            self._show({"event": "page", "address": page})
+        if uploads or self._settings.start:
+            await asyncio.gather(*(self._begin(one) for one in self.fleet.sessions))
         await self._stopping.wait()
-        if self._started:
-            await self._end(link)
+        await asyncio.gather(*(self._end(one) for one in self._started))
 
-    async def _begin(self, link: GroundLink) -> None:
-        """Find the drone, upload and start; a drone that does not answer is tried again."""
+    async def _link_opened(self) -> None:
+        """Wait for the link that was asked for by name; without it the station is no use."""
+        while self.session.link is None:
+            if self.session.link_error is not None:
+                raise LinkError(self.session.link_error)
+            await asyncio.sleep(0.02)
+
+    async def _begin(self, session: GroundSession) -> None:
+        """Send a vehicle the tags and start it; one that does not answer is tried again."""
+        said = ""
         while not self._stopping.is_set():
             try:
-                drone = await link.wait_for_drone(START_RETRY_S)
-                self._waits_for = ""
-                self._show({"event": "drone", "system": drone.system_id})
-                if self._settings.tags and not await self._upload(link):
+                if (link := session.link) is not None:
+                    drone = await link.wait_for_drone(START_RETRY_S)
+                    self._show({"event": "drone", "system": drone.system_id})
+                    if await self._upload(session, link) and self._settings.start:
+                        # Not by the state, which is as old as the last heartbeat.
+                        directory = await session.commands.start_by(link)
+                        self._started.add(session)
+                        self._show({"event": "started", "directory": directory})
                     return
-                if self._settings.start:
-                    directory = await link.start_detection()
-                    self._started = True
-                    self._show({"event": "started", "directory": directory})
-                return
             except LinkError as error:
-                self._wait_for(str(error))
+                if str(error) != said:
+                    said = str(error)
+                    self._show({"event": "waiting", "reason": said})
+            await asyncio.sleep(START_RETRY_S / 10)
 
-    def _wait_for(self, reason: str) -> None:
-        """Say what is waited for: once, and again when it is something else."""
-        if reason != self._waits_for:
-            self._waits_for = reason
-            self._show({"event": "waiting", "reason": reason})
-
-    async def _upload(self, link: GroundLink) -> bool:
+    async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
         """Send the tags; False when the drone detects already and there is nothing to start.
 
         A station that was restarted finds its own tags searched: it goes on as the one that
         started them. Others' it listens to, and leaves alone.
         """
-        tags = self._settings.tags
+        tags = session.store.chosen_tags
         try:
-            await link.upload_tags(tags)
+            await session.commands.send_tags_by(link)
         except CommandRefused as error:
             searched = digest_in(str(error))
             if searched is None:
                 raise
             if searched == tag_list_digest(tags):
-                self._started = self._settings.start
+                if self._settings.start:
+                    self._started.add(session)
+                session.sent_tags = tags
                 link.protocol.tags = {tag.tag_id: tag for tag in tags}
                 self._show({"event": "already detecting", "tags": [t.tag_id for t in tags]})
             else:
@@ -185,10 +208,11 @@ class Station:
         self._show({"event": "tags", "count": len(tags)})
         return True
 
-    async def _end(self, link: GroundLink) -> None:
+    async def _end(self, session: GroundSession) -> None:
         """Stop detection; wait until the drone has stopped and no pulse comes any more."""
         try:
-            await link.stop_detection()
+            if session.link is not None:
+                await session.link.stop_detection()
         except (LinkError, CommandRefused) as error:
             self._show({"event": "stop failed", "reason": str(error)})
             return
@@ -197,21 +221,24 @@ class Station:
         # The state on the way when the command arrived may still say "has tags".
         await asyncio.sleep(QUIET_S)
         while monotonic_s() < deadline_s:
-            quiet = monotonic_s() - self._last_pulse_s > QUIET_S
-            if self._state is not SystemState.DETECTING and quiet:
+            quiet = monotonic_s() - session.last_pulse_s > QUIET_S
+            if session.state not in ESSENTIAL and quiet:
                 break
             await asyncio.sleep(0.1)
-        self._show({"event": "stopped", "pulses": self.pulses})
+        self._show({"event": "stopped", "pulses": session.flight.pulses})
 
     def _take(self, event: GroundEvent) -> None:
+        """Write and show what was received, before a session stores it."""
+        lines = self._lines
         match event:
             case PulsePose():
-                self.pulses += 1
-                self._last_pulse_s = monotonic_s()
-                self._writer.write(_without_nan(event))
-                self._show({"event": "pulse", **pulse_record(event)})
+                if lines is None or lines.write(event):
+                    self.pulses += 1
+                    self._show({"event": "pulse", **pulse_record(event)})
+            case _ if lines is None:
+                return  # the page shows it
             case BurstInside():
-                self._writer.write_inside(event)
+                lines.write(event)
                 self._show({"event": "burst", **inside_record(event)})
             case SearchReport():
                 self._show({"event": "searched", "tag_id": event.tag_id})
@@ -230,34 +257,6 @@ class Station:
                         "message": event.message,
                     }
                 )
-            case DetectorAlive():
-                pass
-
-
-def _without_nan(pulse_pose: PulsePose) -> PulsePose:
-    """Leave out a pose whose place is unknown."""
-    pose = pulse_pose.pose
-    if pose is None or math.isfinite(pose.latitude_deg):
-        return pulse_pose
-    return replace(pulse_pose, pose=None)
-
-
-def open_store(directory: Path) -> TextIO:
-    """Open the file of received pulses for appending.
-
-    Raises
-    ------
-    RecordingError
-        It cannot be written.
-    """
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        return (directory / PULSES_NAME).open("a", encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(
-            f"pulses cannot be stored in {directory}: {error.strerror}",
-            remedy="Give a writable directory with -o",
-        ) from error
 
 
 def json_line(event: dict[str, Any]) -> str:

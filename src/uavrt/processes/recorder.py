@@ -53,6 +53,8 @@ MOST_UNSAID = 100_000
 MOST_COMMANDS = 64
 """Commands that wait for their reply."""
 LOCK_WAIT_S = 3.0
+LOOK_S = 2.0
+"""Between two looks at the disk: a fault is told before the next commit would meet it."""
 TELL_S = 30.0
 """Between two words to the operator on poses that never came."""
 
@@ -80,7 +82,7 @@ class Recorder:
         self._unchecked: deque[Path] = deque(self._ended)
         self._newest_ns = 0
         self._poses_made_up = self._without_pose = self._untold = 0
-        self._tell_at_s = 0.0
+        self._tell_at_s = self._look_at_s = 0.0
 
     # ------------------------------------------------------------------ flights
 
@@ -101,6 +103,7 @@ class Recorder:
             )
         except RecordingError as error:
             self._complain(error)
+        self._look_at_s = 0.0
         self._look_for_missing_poses()
 
     def close(self) -> None:
@@ -172,6 +175,10 @@ class Recorder:
                 self._say_taken()
         elif self._times.pulses_due(now_s):
             self._commit(pulses_only=True)
+        elif now_s >= self._look_at_s:
+            self._look_at_s = now_s + LOOK_S
+            if self._flight.is_suspect():
+                self._commit()
         elif not records:
             if self._look_again and not self._awaited:
                 self._look_for_missing_poses()
@@ -299,6 +306,9 @@ class Recorder:
             self._complain(error)
             return False
         self._fault = ""
+        if self._flight.mended:
+            self._frame.tell(3, f"Recorder: {self._flight.mended}")
+            self._flight.mended = ""
         self._times.committed(now_s, pulses_only=pulses_only)
         self._say_recorded()
         return True

@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,13 @@ def sigmf_layout(
             f"{data_path} holds {count} samples, but a capture starts at "
             f"{captures[-1].first}: truncated"
         )
+    gap_s = max((_lost(*pair, rate_hz) for pair in pairwise(captures)), default=0) / rate_hz
+    if gap_s > MOST_GAP_S:
+        raise _fault(
+            meta_path,
+            f"lacks {gap_s / 3600.0:.0f} hours of samples between two captures",
+            "Correct their core:global_index or core:datetime, or split it",
+        )
     start_from = SAID
     if start_time_ns is None and captures[0].time_ns is None:
         start_time_ns, start_from = file_start_ns(data_path, count, rate_hz), FILE_DATE
@@ -106,6 +114,12 @@ def sigmf_global(path: Path, key: str) -> object:
     """
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)
+
+
+MOST_GAP_S = 30 * 86_400.0
+"""Between two captures of one recording: more is a wrong index or time, and no gap."""
+LAST_NS = 2**62
+"""In the year 2116: what comes after it is no time of a recording [ns since 1970]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,6 +194,8 @@ def _captures(
         time_text = item.get("core:datetime")
         try:
             time_ns = None if time_text is None else parse_iso_utc(_ns_text(time_text))
+            if not 0 <= (time_ns or 0) < LAST_NS:
+                raise ValueError("not in our time")
         except (ValueError, TypeError, OverflowError) as error:
             raise _fault(path, f"has core:datetime {time_text!r}", "Use ISO 8601") from error
         frequency_hz = _number(item, "core:frequency", path)

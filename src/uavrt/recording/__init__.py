@@ -9,7 +9,7 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.recording.channel_recorder import ChannelRecorder
-    from uavrt.recording.csv_line import csv_cells
+    from uavrt.recording.csv_line import TableWriter, csv_cells, text_of_cell
     from uavrt.recording.detector_configs import (
         DetectorConfig,
         detector_config,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         with_copies,
     )
     from uavrt.recording.flight_reader import (
+        DAMAGED,
         Flight,
         read_flight,
         read_health,
@@ -99,6 +100,7 @@ if TYPE_CHECKING:
     from uavrt.recording.writer_lock import WriterLock
 
 __all__ = [
+    "DAMAGED",
     "FETCHED_COPY",
     "FLIGHT_ORDER",
     "FLIGHT_PREFIX",
@@ -124,6 +126,7 @@ __all__ = [
     "Ring",
     "SearchedFor",
     "SilentAround",
+    "TableWriter",
     "WriterLock",
     "battery_note",
     "copy_beside",
@@ -166,6 +169,7 @@ __all__ = [
     "read_usual_noise_db",
     "require_writable",
     "tag_from_row",
+    "text_of_cell",
     "told_in",
     "undelivered",
     "usual_noise_db",
@@ -186,6 +190,7 @@ __getattr__ = lazily(
         "read_pulse_levels": "outline",
         "ChannelRecorder": "channel_recorder",
         "DetectorConfig": "detector_configs",
+        "DAMAGED": "flight_reader",
         "Flight": "flight_reader",
         "FlightLayout": "layout",
         "FlightRecorder": "flight_recorder",
@@ -205,6 +210,8 @@ __getattr__ = lazily(
         "TAG_COLUMNS": "schema",
         "WriterLock": "writer_lock",
         "csv_cells": "csv_line",
+        "text_of_cell": "csv_line",
+        "TableWriter": "csv_line",
         "detector_config": "detector_configs",
         "ended": "plain_database",
         "fields_of": "fields",

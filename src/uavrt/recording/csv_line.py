@@ -1,6 +1,52 @@
-"""One line of a CSV file, by itself: what is wrong with it concerns no other line."""
+"""Lines of CSV files: read each by itself, written so that a spreadsheet runs none."""
 
 import csv
+from collections.abc import Iterable
+from typing import Any, TextIO
+
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+"""A text that begins so is a formula to a spreadsheet."""
+
+
+class TableWriter:
+    """Writes rows of a CSV file; names that begin as a formula get an apostrophe before them.
+
+    Parameters
+    ----------
+    stream : TextIO
+        Where to; opened with ``newline=""``.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._writer = csv.writer(stream, lineterminator="\n")
+
+    def writerow(self, row: Iterable[Any]) -> None:
+        """Write one row."""
+        self._writer.writerow([_no_formula(cell) for cell in row])
+
+    def writerows(self, rows: Iterable[Iterable[Any]]) -> None:
+        """Write rows."""
+        for row in rows:
+            self.writerow(row)
+
+
+def _no_formula(cell: Any) -> Any:
+    if not isinstance(cell, str) or not cell.startswith(FORMULA_STARTS) or _is_numbers(cell):
+        return cell
+    return f"'{cell}"
+
+
+def _is_numbers(text: str) -> bool:
+    """Whether a text is one number or several."""
+    try:
+        return bool([float(part) for part in text.split()])
+    except ValueError:
+        return False
+
+
+def text_of_cell(cell: str) -> str:
+    """Read a text as `TableWriter` has written it."""
+    return cell[1:] if cell[:1] == "'" and cell[1:].startswith(FORMULA_STARTS) else cell
 
 
 def csv_cells(line: str) -> list[str]:

@@ -1,5 +1,6 @@
 """Read a flight directory, whole, half written, or cut off by a dead battery."""
 
+import math
 import os
 import shutil
 import sqlite3
@@ -168,6 +169,10 @@ def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
         return tuple(time_ns for (time_ns,) in rows)
 
 
+DAMAGED = (sqlite3.Error, OSError, ValueError, TypeError, ArithmeticError, LookupError)
+"""What a database raises, or whoever reckons with what it holds, where it is damaged."""
+
+
 @contextmanager
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
     """Open a flight's database for reading; what it lacks of today's columns is added.
@@ -187,7 +192,7 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
         with tempfile.TemporaryDirectory() as scratch, closing(_open(path, scratch)) as opened:
             schema.read_older(opened)
             yield opened
-    except (sqlite3.Error, OSError, ValueError, TypeError, OverflowError) as error:
+    except DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}",
             remedy="Its pulse_pose_log.txt holds the pulses too; give that instead",
@@ -219,8 +224,8 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
         directory=str(directory),
         start_time_ns=int(row[0]),
         clock_offset_ns=int(row[1]),
-        center_frequency_hz=row[2],
-        sample_rate_hz=row[3],
+        center_frequency_hz=math.nan if row[2] is None else float(row[2]),
+        sample_rate_hz=math.nan if row[3] is None else float(row[3]),
         tags=tags_with_names(map(schema.tag_from_row, tags), directory),
     )
 

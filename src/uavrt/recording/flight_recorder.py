@@ -1,7 +1,7 @@
 """Writes a flight so that nothing recorded is ever lost.
 
 A pulse is *recorded* when `FlightRecorder.commit` returns. SQLite in WAL mode keeps every
-committed record through ``kill -9``. On the drone, where commits are rare, each also reaches
+committed record through ``kill -9``. In a flight that is received or flown each also reaches
 the disk itself (``synchronous=FULL``, one fsync), and the write-ahead log is folded into the
 database when it has grown to `WAL_BYTES`. Elsewhere a checkpoint every `CHECKPOINT_S` does
 both. The text log is a second copy. On a disk that is full or read-only the records wait in
@@ -11,10 +11,12 @@ memory and every commit tries again.
 import itertools
 import json
 import math
+import os
+import shutil
 import sqlite3
 from collections import deque
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -50,6 +52,9 @@ WAL_BYTES = 4_000_000
 """A write-ahead log of this size is folded into the database: each page that was written again
 and again meanwhile is copied once. Some ten minutes of a flight; it is read anew in 10 ms."""
 
+LEAST_FREE_BYTES = 1_000_000
+"""With less than this on the disk, a commit may be refused at any moment."""
+
 PAGE_BYTES = 512
 """Every commit writes whole pages, and in an ordinary flight some ten that are partly full:
 with SQLite's 4096 these would be eight times as large."""
@@ -76,6 +81,8 @@ class FlightRecorder:
         self.layout = FlightLayout(directory)
         self._durable = durable
         self._database: sqlite3.Connection | None = None
+        self._file: tuple[int, int] | None = None
+        """Device and number of the open database."""
         self._origin: tuple[FlightInfo, Settings | None] | None = None
         self._begun = True
         self._restoring = False
@@ -97,6 +104,8 @@ class FlightRecorder:
         """Records given up because too many waited for a disk that did not recover."""
         self.refused_records = 0
         """Records that no database could hold: numbers beyond 64 bits and the like."""
+        self.mended = ""
+        """What was wrong with the database last and has been put right, for the operator."""
 
     @classmethod
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
@@ -118,15 +127,17 @@ class FlightRecorder:
         return recorder
 
     @classmethod
-    def reopen(cls, directory: str | Path) -> "FlightRecorder":
+    def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
         """Continue with a flight after a kill or a power cut: nothing lost, nothing doubled.
+
+        `durable` as in `open`.
 
         Raises
         ------
         RecordingError
             There is no flight, or it cannot be written.
         """
-        recorder = cls(Path(directory))
+        recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
             raise RecordingError(
                 f"{directory} holds no flight.sqlite", remedy="Start a new flight"
@@ -157,7 +168,12 @@ class FlightRecorder:
     @property
     def waiting_records(self) -> int:
         """Records taken and not yet committed."""
-        return len(self._pulses) + len(self._urgent) + len(self._others)
+        return self.waiting_pulses + len(self._others)
+
+    @property
+    def waiting_pulses(self) -> int:
+        """Pulses, and what belongs to them, taken and not yet committed."""
+        return len(self._pulses) + len(self._urgent)
 
     def write_pulses(self, pulses: Iterable[Pulse]) -> None:
         """Add pulses as detected; recorded with the next commit."""
@@ -248,6 +264,8 @@ class FlightRecorder:
         try:
             if not self._begun:
                 self._begin()
+            if self._is_gone():
+                self._write_again()
             database = self._connected()
             others = deque[Statement]() if pulses_only else self._others
             if self._pulses or self._urgent or others:
@@ -257,6 +275,15 @@ class FlightRecorder:
             raise self._failure(error) from error
         self._logs.write(database)
         self._checkpoint(database)
+
+    def is_suspect(self) -> bool:
+        """Whether the disk may refuse the next commit, as far as that shows without one."""
+        root = self.layout.root
+        try:
+            full = shutil.disk_usage(root).free < LEAST_FREE_BYTES
+        except OSError:
+            return True
+        return full or not self._begun or self._is_gone() or not os.access(root, os.W_OK)
 
     def close(self) -> None:
         """Commit, fold the log into the database file and close.
@@ -323,6 +350,14 @@ class FlightRecorder:
 
     def _put_aside(self, now_ns: int, why: str) -> None:
         """Begin a new database with the pulses of the text log; keep the damaged one."""
+        aside = self._rename()
+        self._logs.compare_first()
+        self._restoring = True
+        self.mended = f"database damaged ({why}), put aside as {aside}"
+        self.write_note(self.mended, now_ns)
+
+    def _rename(self) -> str:
+        """Give what is there by the database's name another one; get it."""
         database = self.layout.database
         number = 1
         while (aside := database.with_name(f"{database.name}.damaged-{number}")).exists():
@@ -331,9 +366,30 @@ class FlightRecorder:
             file = database.with_name(f"{database.name}{suffix}")
             if file.exists():
                 file.replace(aside.with_name(f"{aside.name}{suffix}"))
+        return aside.name
+
+    def _is_gone(self) -> bool:
+        """Whether the open database is no longer the file of its name: nobody could read it."""
+        return self._database is not None and _identity(self.layout.database) != self._file
+
+    def _write_again(self) -> None:
+        """Copy a database that was removed or replaced, and is open still, to its place."""
+        root, old = self.layout.root, self._database
+        assert old is not None
+        assert self._file is not None
+        there = next(path for path in root.parents if path.exists())
+        if there.stat().st_dev != self._file[0]:
+            raise RecordingError(f"the disk of {root} is gone", remedy="Connect it again")
+        self.layout.make([])
+        copy = root / ".flight.sqlite"
+        copy.unlink(missing_ok=True)
+        with closing(sqlite3.connect(copy)) as new:
+            old.backup(new)
+        self._disconnect()  # before the new one has a log, which this would remove
+        self._rename()
+        copy.replace(self.layout.database)
         self._logs.compare_first()
-        self._restoring = True
-        self.write_note(f"database damaged ({why}), put aside as {aside.name}", now_ns)
+        self.mended = "the flight's database was removed or replaced, and is written again"
 
     def _take(self, sql: str, row: schema.Row) -> None:
         self._others.append((sql, row))
@@ -361,7 +417,7 @@ class FlightRecorder:
             except sqlite3.Error:
                 database.close()
                 raise
-            self._database = database
+            self._database, self._file = database, _identity(self.layout.database)
         return self._database
 
     def _disconnect(self) -> None:
@@ -449,7 +505,8 @@ class FlightRecorder:
             try:
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
-                self._disconnect()
+                if not self._is_gone():
+                    self._disconnect()
             except sqlite3.Error:
                 self._database = None
         waiting = f"{self.waiting_records} records wait in memory"
@@ -457,6 +514,15 @@ class FlightRecorder:
             f"cannot write the flight {self.layout.root}: {error}",
             remedy=f"Free space or repair the disk; {waiting}",
         )
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Device and number of a file; None where there is none."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_dev, stat.st_ino
 
 
 def _damaged(error: Exception) -> bool:

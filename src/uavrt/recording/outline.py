@@ -79,15 +79,15 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
             )
             for tag_id, pulses, first_ns, last_ns in database.execute(_HEARD)
         }
-    vehicle = vehicle_of(notes)
-    return FlightOutline(
-        info=info,
-        end_time_ns=max(int(one) for one in ends if one is not None),
-        heard=heard,
-        of_ground=vehicle is not None or any(text == GROUND_NOTE for _, text in notes),
-        vehicle=vehicle,
-        battery_percent=battery_levels(notes),
-    )
+        vehicle = vehicle_of(notes)
+        return FlightOutline(
+            info=info,
+            end_time_ns=max(int(one) for one in ends if one is not None),
+            heard=heard,
+            of_ground=vehicle is not None or any(text == GROUND_NOTE for _, text in notes),
+            vehicle=vehicle,
+            battery_percent=battery_levels(notes),
+        )
 
 
 def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
@@ -102,7 +102,8 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
         As `read_outline`.
     """
     with flight_database(directory) as database:
-        return {(tag_id, ns): level for tag_id, ns, level in database.execute(_LEVELS)}
+        found = database.execute(_LEVELS)
+        return {(int(tag_id), int(ns)): float(level) for tag_id, ns, level in found}
 
 
 def battery_note(percent: int) -> str:

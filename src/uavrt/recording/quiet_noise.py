@@ -42,11 +42,11 @@ def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
             "SELECT min(time_ns) FROM poses WHERE altitude_relative_m > ?", (_IN_THE_AIR_M,)
         ).fetchone()
         rows = [] if taken_off_ns is None else database.execute(_NOISE).fetchall()
-    told: dict[int, list[tuple[int, float]]] = {}
-    for tag_id, time_ns, noise_psd in rows:
-        if isfinite(noise_psd):
-            told.setdefault(tag_id, []).append((time_ns, 10.0 * log10(noise_psd)))
-    return median(_quiet_db(one, taken_off_ns) for one in told.values()) if told else None
+        told: dict[int, list[tuple[int, float]]] = {}
+        for tag_id, time_ns, noise_psd in rows:
+            if isfinite(noise_psd):
+                told.setdefault(tag_id, []).append((time_ns, 10.0 * log10(noise_psd)))
+        return median(_quiet_db(one, taken_off_ns) for one in told.values()) if told else None
 
 
 def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:

@@ -261,19 +261,14 @@ def tag_row(tag: Tag) -> Row:
 
 
 def tag_from_row(row: Row) -> Tag:
-    """Tag of a row."""
-    return Tag(
-        tag_id=row[0],
-        name=row[1],
-        frequency_hz=row[2],
-        pulse_width_s=row[3],
-        pulse_intervals_s=tuple(json.loads(row[4])),
-        interval_uncertainty_s=row[5],
-        interval_jitter_s=row[6],
-        k=row[7],
-        false_alarm_probability=row[8],
-        gaps_s=tuple(json.loads(row[9])) if row[9] else (),
-    )
+    """Tag of a row; raises `ValueError` or `TypeError` where it is none."""
+    record = dict(zip(TAG_COLUMNS.split(", "), row, strict=True))
+    record["pulse_intervals_s"] = json.loads(record["pulse_intervals_s"])
+    record["gaps_s"] = json.loads(record["gaps_s"] or "[]")
+    try:
+        return msgspec.convert(record, Tag)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"tag {row[0]}: {error}") from error
 
 
 def search_report_row(report: SearchReport) -> Row:

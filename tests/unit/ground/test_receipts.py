@@ -1,11 +1,14 @@
 """The ground acknowledges what is safe, and takes no pulse twice."""
 
+import errno
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pulses import pulse_at
 
 from uavrt.errors import RecordingError
+from uavrt.ground.link import stored_pulses
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.ground.link.stored_pulses import RECEIVED_NAME, open_receipts
@@ -85,6 +88,48 @@ def test_half_a_number_left_by_a_power_cut_is_cut_off(tmp_path: Path) -> None:
     assert third.seen(b"b")
 
 
+def test_a_receipt_that_a_full_disk_did_not_take_is_written_when_there_is_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = open_receipts(tmp_path)
+    first.stored(b"a")
+    rooms = iter((0, 0, 3, 1000))
+
+    def filling(*given: Any, **told: Any) -> "_Filling":
+        return _Filling(open(*given, **told), next(rooms))
+
+    monkeypatch.setattr(stored_pulses, "open", filling, raising=False)
+    for payload in (b"b", b"c", b"d"):
+        first.stored(payload)
+        assert open_receipts(tmp_path).seen(b"a")
+    first.stored(b"e")
+    again = open_receipts(tmp_path)
+    assert again.store == first.store
+    assert all(again.seen(payload) for payload in (b"a", b"b", b"c", b"d", b"e"))
+
+
+class _Filling:
+    """A file of which a full disk takes some bytes, or none."""
+
+    def __init__(self, file: Any, room: int) -> None:
+        self._file, self._room = file, room
+
+    def __enter__(self) -> "_Filling":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def seek(self, place: int) -> None:
+        self._file.seek(place)
+
+    def write(self, content: bytes) -> int:
+        if self._room == 0:
+            raise OSError(errno.ENOSPC, "no space")
+        written: int = self._file.write(content[: self._room])
+        return written
+
+
 def test_an_empty_directory_is_a_new_store(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
     assert open_receipts(tmp_path / "one").store != open_receipts(tmp_path / "two").store
@@ -116,11 +161,16 @@ def test_a_pulse_that_could_not_be_stored_is_not_acknowledged_by_the_next_frame(
         payload=payload,
     )
     hear(beat)
+    protocol.taken()
+    hear(pulse)  # and it was not taken
     protocol.stored()
-    hear(pulse)  # and the disk was full: nobody says `stored`
+    assert not receipts.seen(payload)
     hear(beat)
+    protocol.taken()
     protocol.stored()
     assert not receipts.seen(payload)
     hear(pulse)
+    protocol.taken()
+    assert not receipts.seen(payload), "taken, and not on the disk"
     protocol.stored()
     assert receipts.seen(payload)

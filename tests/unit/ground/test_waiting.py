@@ -22,7 +22,7 @@ def test_a_drone_that_is_not_heard_is_told_once_however_long_it_takes(
 
     async def main() -> None:
         settings = StationSettings(
-            addresses=(f"udpin://127.0.0.1:{free_udp_port()}",),
+            address=f"udpin://127.0.0.1:{free_udp_port()}",
             directory=tmp_path / "ground",
             tags=tags,
             start=True,

@@ -36,7 +36,7 @@ def listen(bay: Any, directory: Path, until: Until, tags: tuple[Tag, ...]) -> li
     async def main() -> None:
         async with bay.running():
             settings = StationSettings(
-                addresses=(f"udpin://127.0.0.1:{bay.ground_port}",),
+                address=f"udpin://127.0.0.1:{bay.ground_port}",
                 directory=directory,
                 tags=tags,
                 start=True,

@@ -244,9 +244,7 @@ def test_no_frame_makes_the_station_without_a_page_deaf(
 
     async def main() -> None:
         collected_faults(faults)
-        settings = StationSettings(
-            addresses=("udpin://127.0.0.1:14550",), directory=tmp_path, tags=(), start=False
-        )
+        settings = StationSettings(address="udpin://127.0.0.1:14550", directory=tmp_path)
         station = Station(settings, lambda event: lines.append(json_line(event)))
         serving = asyncio.create_task(station.run())
         await attack(links, Random(20263))

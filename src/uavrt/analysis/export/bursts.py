@@ -7,7 +7,6 @@ burst, with the columns of ``find_tags``' hits and the nominal frequency, as Mot
 A beep is a burst of one pulse: it has a row, and no gaps.
 """
 
-import csv
 import io
 import math
 import statistics
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 
 from uavrt.analysis.survey import Survey
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.recording import TableWriter
 from uavrt.recording.formats import tag_numbers
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
@@ -130,7 +130,7 @@ def detections_csv(survey: Survey) -> str:
     share one frequency here, so that nobody knows ``freqsd``.
     """
     stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
+    writer = TableWriter(stream)
     writer.writerow(DETECTION_COLUMNS)
     last_ns: dict[int, int] = {}
     run: dict[int, tuple[int, int]] = {}

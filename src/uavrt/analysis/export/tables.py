@@ -1,6 +1,5 @@
 """A survey as tables: our CSV, the original's, and one in the words of Movebank."""
 
-import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
@@ -13,7 +12,7 @@ from uavrt.analysis.positions import positions_of_bearings
 from uavrt.analysis.survey import Survey
 from uavrt.clock import iso_utc
 from uavrt.localization import Position, PositionMethod
-from uavrt.recording import PulseWriter
+from uavrt.recording import PulseWriter, TableWriter
 from uavrt.recording.formats import BearingRow, PositionRow, write_tagtracker
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -281,7 +280,7 @@ def _metres(value: float | None) -> str:
 
 def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
+    writer = TableWriter(stream)
     writer.writerow(header)
     writer.writerows(rows)
     return stream.getvalue()

@@ -6,7 +6,10 @@ and Foxglove open. Small chunks and an index keep a large flight quick to seek i
 
 import heapq
 import json
+import math
 import os
+import shutil
+import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -122,8 +125,17 @@ def export_bag(
             remedy="Name a directory that does not exist yet, in a place where you can write",
         ) from error
     file = target / f"{target.name}_0.mcap"
-    text, counts = write_mcap(file, entries)
-    (target / "metadata.yaml").write_text(text, encoding="utf-8")
+    try:
+        text, counts = write_mcap(file, entries)
+        (target / "metadata.yaml").write_text(text, encoding="utf-8")
+    except BaseException as error:
+        shutil.rmtree(target)  # half of it would be in the way of the next try
+        if isinstance(error, ValueError | TypeError | OverflowError | struct.error):
+            raise FormatError(
+                f"{flight_directory} holds what no ROS 2 message can: {error}",
+                remedy="Export it in another format",
+            ) from error
+        raise
     return Bag(directory=target, file=file, messages=dict(counts))
 
 
@@ -194,7 +206,9 @@ def _orders(info: FlightInfo, prefix: str) -> Iterator[Entry]:
         else:
             yield start_ns, f"{prefix}store_tag_information", tag_to_ros(tag)
     yield start_ns, f"{prefix}release_tag_information", Flag(data=True)
-    center = {"center_frequency": f"{info.center_frequency_hz / 1e6:.6f}"}
+    center = {}
+    if math.isfinite(info.center_frequency_hz):  # a ground station does not know it
+        center = {"center_frequency": f"{info.center_frequency_hz / 1e6:.6f}"}
     yield start_ns, f"{prefix}control_start_subprocess", _order("start", start_ns, center)
 
 

@@ -63,8 +63,11 @@ class Commands:
         CommandRefused, LinkError
             The drone refused, or did not answer.
         """
+        return await self.send_tags_by(self._allowed("send_tags"))
+
+    async def send_tags_by(self, link: GroundLink) -> str:
+        """Send the tag table whatever the last heartbeat said; raises as `send_tags`."""
         tags = self._session.store.chosen_tags
-        link = self._allowed("send_tags")
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
             self._session.sent_tags = tags
@@ -72,7 +75,10 @@ class Commands:
 
     async def start(self) -> str:
         """Start detection; the ground begins a flight of its own."""
-        link = self._allowed("start")
+        return await self.start_by(self._allowed("start"))
+
+    async def start_by(self, link: GroundLink) -> str:
+        """Start detection whatever the drone's last heartbeat said."""
         settings = self._session.store.settings
         async with self._working("start", "starting"):
             frequency = settings.center_frequency_mhz

@@ -11,7 +11,7 @@ from math import ceil
 
 from uavrt import tunnel
 from uavrt.commands import CommandName
-from uavrt.errors import CommandRefused, LinkError, UavrtError
+from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_parameters import DroneParameters
@@ -27,6 +27,7 @@ from uavrt.ground.link.protocol import (
 from uavrt.ground.link.stored_pulses import new_store
 from uavrt.ground.link.vehicle_identity import VehicleIdentity
 from uavrt.ground.link.vehicle_missions import VehicleMissions
+from uavrt.log import get_logger
 from uavrt.mavlink import (
     GCS_SYSTEM_ID,
     STATION_SYSTEM_ID,
@@ -63,6 +64,8 @@ __all__ = [
     "GroundLink",
     "GroundProtocol",
 ]
+
+log = get_logger()
 
 HEARTBEAT_S = 1.0
 RECEIPT_POLL_S = 0.05
@@ -108,8 +111,11 @@ class GroundLink:
         Called with every frame of the link, the autopilot's and the radio's too.
     receipts : Receipts, optional
         What the station holds already, from `uavrt.ground.link.stored_pulses.open_receipts`;
-        without it the drone sends all of its flight. With `on_event`, a pulse is
-        acknowledged when that returns.
+        without it the drone sends all of its flight.
+    stored : callable, optional
+        Whether all that `on_event` took is on the disk: what came before that is acknowledged,
+        and nothing for which `on_event` raises `RecordingError`. Without it a pulse is
+        acknowledged when `on_event` returns.
     key : Key, optional
         What commands and receipts are sealed with, see `uavrt.tunnel.seal`.
     signing_key : SigningKey, optional
@@ -137,6 +143,7 @@ class GroundLink:
         signing_key: SigningKey | None = None,
         identity: VehicleIdentity | None = None,
         links: Links | None = None,
+        stored: Callable[[], bool] = lambda: True,
     ) -> None:
         if system_id is None:
             system_id = GCS_SYSTEM_ID if as_gcs else STATION_SYSTEM_ID
@@ -157,6 +164,7 @@ class GroundLink:
         self._clock_ns = clock_ns
         self._on_event = on_event
         self._on_frame = on_frame
+        self._stored = stored
         self._writing = Writing(generation)
         self._ack_wait_s = ack_wait_s
         self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
@@ -216,6 +224,7 @@ class GroundLink:
                 if addresses and now_ns >= next_heartbeat_ns:
                     next_heartbeat_ns = now_ns + ns_from_s(HEARTBEAT_S)
                     self._ways.send_by_all(self.protocol.heartbeat())
+                self._acknowledge()
                 receipt = self.protocol.receipt(now_ns)
                 if receipt is not None:
                     self._ways.answer(receipt)
@@ -471,9 +480,14 @@ class GroundLink:
             self._on_frame(frame)
         self.parameters.take(frame)
         self.missions.take(frame)
-        for event in self.protocol.receive(frame, self._clock_ns()):
-            self._deliver(event)
-        self.protocol.stored()
+        try:
+            for event in self.protocol.receive(frame, self._clock_ns()):
+                self._deliver(event)
+            self.protocol.taken()
+            self._acknowledge()
+        except RecordingError as error:  # it comes again, as it is not acknowledged
+            self.protocol.counters["not_stored"] += 1
+            log.seldom(self.protocol.counters["not_stored"], "not stored", reason=str(error))
         if self.protocol.drone is not None:
             self._drone_there.set()
             if (frame.system_id, frame.component_id) == (
@@ -481,6 +495,11 @@ class GroundLink:
                 DRONE_COMPONENT,
             ):
                 self._ways.heard_drone(link, pulse=frame.message_id == Tunnel.ID)
+
+    def _acknowledge(self) -> None:
+        """Let the next receipt name what is on the disk."""
+        if self._stored():
+            self.protocol.stored()
 
     def _deliver(self, event: GroundEvent) -> None:
         if isinstance(event, Acknowledged) and self._waiting is not None:

@@ -143,7 +143,10 @@ class GroundProtocol:
         self._sealer = sealer
         self._generation: Generation = generation
         self.receipts = receipts
-        self._unstored: list[bytes] = []
+        self._in_hand: list[bytes] = []
+        """Payloads of pulses in the last frame."""
+        self._uncommitted: dict[bytes, None] = {}
+        """Payloads of pulses that were taken and are not known to be on the disk."""
         self.drone: Peer | None = None
         self.tags: dict[int, Tag] = {}
         """Tags we uploaded: they give received pulses their width."""
@@ -167,12 +170,17 @@ class GroundProtocol:
         """Our heartbeat."""
         return station_heartbeat(as_gcs=self._as_gcs)
 
+    def taken(self) -> None:
+        """Note that what the last `receive` gave is in the store's hands."""
+        self._uncommitted.update(dict.fromkeys(self._in_hand))
+        self._in_hand.clear()
+
     def stored(self) -> None:
-        """What the last `receive` gave is safe: it may be acknowledged."""
+        """Acknowledge all that was taken: it is on the disk."""
         if self.receipts is not None:
-            for payload in self._unstored:
+            for payload in self._uncommitted:
                 self.receipts.stored(payload)
-        self._unstored.clear()
+        self._uncommitted.clear()
 
     def receipt(self, now_ns: int) -> dialect.Tunnel | None:
         """Return the receipt that is due, if any is and the drone is known."""
@@ -216,7 +224,7 @@ class GroundProtocol:
 
     def receive(self, frame: Frame, now_ns: int) -> list[GroundEvent]:
         """Handle a frame; return what it says."""
-        self._unstored.clear()  # what could not be stored is to come again
+        self._in_hand.clear()  # what could not be taken is to come again
         if frame.component_id != DRONE_COMPONENT:
             return []
         peer = Peer(frame.system_id, frame.component_id)
@@ -262,6 +270,14 @@ class GroundProtocol:
             raise TunnelError("an answer to a sealed order has no proof", payload)
         return event
 
+    def _repeated(self, payload: bytes) -> bool:
+        """Whether a pulse came before; one that is stored is acknowledged once more."""
+        known = payload in self._uncommitted
+        if not known and (self.receipts is None or not self.receipts.seen(payload)):
+            return False
+        self.counters["repeated_pulses"] += 1
+        return True
+
     def _log_bad(self, event: str, error: TunnelError) -> None:
         count = self.counters["bad_payloads"]
         log.seldom(count, event, reason=error.message, payload=error.payload.hex())
@@ -279,15 +295,14 @@ class GroundProtocol:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad tunnel payload", error)
             if plain and tunnel.acked_command_of(payload) == CommandId.PULSE:
-                self._unstored.append(payload)  # in the log; again it would be no better
+                self._in_hand.append(payload)  # in the log; again it would be no better
             return []
         if event is None:
             return []
         if isinstance(event, PulsePose | BurstInside):
-            if self.receipts is not None and self.receipts.seen(payload):
-                self.counters["repeated_pulses"] += 1
+            if self._repeated(payload):
                 return []
-            self._unstored.append(payload)
+            self._in_hand.append(payload)
         self.counters[type(event).__name__] += 1
         return [event]
 

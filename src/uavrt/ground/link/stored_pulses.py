@@ -5,9 +5,10 @@
 it is a new store, and the drone sends it the whole flight.
 """
 
-import os
+import errno
 import secrets
 import struct
+from contextlib import suppress
 from pathlib import Path
 
 from uavrt.errors import RecordingError
@@ -15,6 +16,7 @@ from uavrt.ground.link.delivery_receipts import Receipts
 
 RECEIVED_NAME = "received.bin"
 _NUMBER = struct.Struct("<Q")
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def new_store() -> int:
@@ -25,32 +27,53 @@ def new_store() -> int:
 def open_receipts(directory: Path) -> Receipts:
     """Get the receipts of a directory.
 
+    On a full disk they are in memory until there is room. After a restart, the drone then sends
+    pulses again that are stored already.
+
     Raises
     ------
     RecordingError
         The directory cannot be read or written.
     """
     path = directory / RECEIVED_NAME
+    content = b""
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # Not buffered: a receipt that was sent must be here after a kill.
-        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-        content = path.read_bytes()
-        whole = len(content) - len(content) % _NUMBER.size
-        os.truncate(file, whole)  # a power cut may leave half a number
-        if whole == 0:
-            store = new_store()
-            os.write(file, _NUMBER.pack(store))
-        else:
-            store = _NUMBER.unpack_from(content)[0] & 0xFFFFFFFF
+        with path.open("a+b") as file:
+            file.seek(0)
+            content = file.read()
     except OSError as error:
-        raise RecordingError(
-            f"receipts cannot be saved in {directory}: {error.strerror}",
-            remedy="Give a writable directory with -o",
-        ) from error
-    known = (number for (number,) in _NUMBER.iter_unpack(content[_NUMBER.size : whole]))
-    return Receipts(store, known, keep=lambda number: _append(file, number))
+        if error.errno not in _FULL:
+            raise RecordingError(
+                f"receipts cannot be saved in {directory}: {error.strerror}",
+                remedy="Give a writable directory with -o",
+            ) from error
+    numbers = [number for (number,) in _NUMBER.iter_unpack(content[: _whole(len(content))])]
+    store = numbers[0] & 0xFFFFFFFF if numbers else new_store()
+    kept = _Received(path, _whole(len(content)))
+    if not numbers:
+        kept.append(store)
+    return Receipts(store, numbers[1:], keep=kept.append)
 
 
-def _append(file: int, number: int) -> None:
-    os.write(file, _NUMBER.pack(number))
+def _whole(size: int) -> int:
+    return size - size % _NUMBER.size
+
+
+class _Received:
+    """The file, to which numbers are appended; what a full disk does not take waits."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        self._path, self._size = path, size
+        self._waiting = b""
+
+    def append(self, number: int) -> None:
+        """Write a number after the whole ones; half of one is written over."""
+        self._waiting += _NUMBER.pack(number)
+        with suppress(OSError):
+            # Not buffered: a receipt that was sent must be here after a kill.
+            with open(self._path, "r+b" if self._size else "wb", buffering=0) as file:
+                file.seek(self._size)
+                written = _whole(file.write(self._waiting))
+            self._size += written
+            self._waiting = self._waiting[written:]

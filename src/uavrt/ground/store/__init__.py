@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, FlightLibrary
     from uavrt.ground.store.known_flights import FlightChoice
     from uavrt.ground.store.settings import GroundStore
-    from uavrt.ground.store.stored import PULSES_NAME, read_ground_pulses
+    from uavrt.ground.store.stored import PULSES_NAME, PulseLines, read_ground_pulses
 
 __all__ = [
     "PULSES_NAME",
@@ -31,6 +31,7 @@ __all__ = [
     "FlightKeeper",
     "FlightLibrary",
     "GroundStore",
+    "PulseLines",
     "flight_under_way",
     "is_the_drones",
     "read_ground_pulses",
@@ -48,6 +49,7 @@ __getattr__ = lazily(
         "FlightLibrary": "flights",
         "GroundStore": "settings",
         "PULSES_NAME": "stored",
+        "PulseLines": "stored",
         "PULSE_COLUMNS": "flights",
         "flight_under_way": "beside_drone",
         "is_the_drones": "beside_drone",

@@ -5,11 +5,22 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 LINES = 1000
 """Lines that a page is given; the file keeps all."""
 TAIL = 400_000
 """Bytes of the file that are read at the start."""
 MAX_TEXT = 400
+
+
+class _Line(msgspec.Struct, frozen=True):
+    """A line of the file; what is none does not reach a page."""
+
+    time_ns: int
+    severity: int
+    text: str
+    source: str
 
 
 class EventLog:
@@ -72,8 +83,8 @@ class EventLog:
             return
         for text in data.decode("utf-8", "replace").splitlines():
             try:
-                line = json.loads(text)
-                line["number"] = self._number = self._number + 1
-                self._lines.append(line)
-            except (ValueError, TypeError):
+                line = msgspec.json.decode(text, type=_Line)
+            except msgspec.MsgspecError:
                 continue  # the first line is cut by the tail, the last by a power cut
+            self._number += 1
+            self._lines.append(msgspec.to_builtins(line) | {"number": self._number})

@@ -1,6 +1,5 @@
 """The ground's own flight recording: start, resume after a restart, end."""
 
-import contextlib
 import math
 import sqlite3
 from array import array
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.clock import Clock
+from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import RecordingError
 from uavrt.ground.store.beside_drone import is_the_drones
 from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
@@ -42,6 +41,11 @@ log = get_logger()
 
 POSE_STEP_NS = 190_000_000
 """Poses are kept five times a second at most: 36 000 in two hours."""
+MOST_WAITING = 10_000
+"""Pulses that wait in memory for a disk that fails. More stay with the drone, which sends again
+what is not acknowledged."""
+RETRY_S = 1.0
+"""Between two tries of a disk that fails."""
 PULSE_WIDTH = len(PULSE_COLUMNS)
 POSE_WIDTH = 8
 
@@ -61,6 +65,9 @@ class FlightKeeper:
         self._directory = directory
         self._clock = clock
         self._recorder: FlightRecorder | None = None
+        self._ending: list[FlightRecorder] = []
+        """Of flights that are over, and that the disk has not taken whole."""
+        self._retry_at_s = 0.0
         self._keys: set[tuple[int, int]] = set()
         self._pulses = array("d")
         self._poses = array("d")
@@ -101,7 +108,7 @@ class FlightKeeper:
             sample_rate_hz=math.nan,
             tags=tuple(tags),
         )
-        self._recorder = FlightRecorder.open(info)
+        self._recorder = FlightRecorder.open(info, durable=True)
         if flown is None and is_the_drones(self._directory):
             self._note(path)
         self._forget(path.name, now_ns)
@@ -124,7 +131,7 @@ class FlightKeeper:
         if Path(flight_id).name != flight_id:
             return False
         try:
-            self._recorder = FlightRecorder.reopen(path)
+            self._recorder = FlightRecorder.reopen(path, durable=True)
             with closing(open_plain(FlightLayout(path).database)) as database:
                 (start_ns,) = database.execute("SELECT start_time_ns FROM flight").fetchone()
                 self._forget(flight_id, start_ns)
@@ -133,7 +140,7 @@ class FlightKeeper:
                 self._told = told_in(database)
         except (RecordingError, sqlite3.Error, TypeError) as error:
             log.warning("flight not resumed", flight=flight_id, reason=str(error))
-            self._recorder = None
+            self._recorder = self.flight_id = None
             return False
         self.ended = False
         return True
@@ -143,21 +150,50 @@ class FlightKeeper:
         self._pulses = array("d", columns.pulses.T.ravel().tolist())
         self._poses = array("d", columns.poses.T.ravel().tolist())
 
+    @property
+    def stored(self) -> bool:
+        """Whether every pulse that was taken is on the disk."""
+        return not self._waiting()
+
+    def _waiting(self) -> int:
+        current = () if self._recorder is None else (self._recorder,)
+        return sum(recorder.waiting_pulses for recorder in (*self._ending, *current))
+
+    def _room(self) -> FlightRecorder:
+        """Get the recorder for one more pulse; raises `RecordingError` where it cannot wait."""
+        if self._recorder is None:
+            raise RecordingError("no flight is open")
+        if self._waiting() >= MOST_WAITING:
+            raise RecordingError(self.fault or "the disk is too slow for the pulses received")
+        return self._recorder
+
     def add_pulse(self, item: PulsePose) -> bool:
-        """Add a pulse; False when it was here before."""
+        """Add a pulse; False when it was here before.
+
+        Raises
+        ------
+        RecordingError
+            It was not taken: too many wait for the disk.
+        """
         key = item.pulse.key
-        if self._recorder is None or key in self._keys:
+        if key in self._keys:
             return False
+        self._room().write_pulse_poses([item])
         self._keys.add(key)
-        self._recorder.write_pulse_poses([item])
         self._pulses.extend(pulse_cells(item))
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Put into a burst of this flight what came after it; False where there is none."""
-        if self._recorder is None or burst.key not in self._keys:
+        """Put into a burst of this flight what came after it; False where there is none.
+
+        Raises
+        ------
+        RecordingError
+            It was not taken: too many wait for the disk.
+        """
+        if burst.key not in self._keys:
             return False
-        self._recorder.write_inside(burst)
+        self._room().write_inside(burst)
         if burst.also_possible_tag_ids:
             self._doubt(burst)
         return True
@@ -230,24 +266,38 @@ class FlightKeeper:
         )
 
     def commit(self) -> None:
-        """Bring everything to the disk; a fault is kept and shown, nothing is lost by it."""
-        if self._recorder is None:
+        """Bring everything to the disk; what it does not take waits, and `fault` says why."""
+        now_s = monotonic_s()
+        if now_s < self._retry_at_s:
             return
         try:
-            self._recorder.commit()
+            if self._recorder is not None:
+                self._recorder.commit()
+            while self._ending:
+                self._ending[0].close()
+                del self._ending[0]
             self.fault = None
         except RecordingError as error:
+            self._retry_at_s = now_s + RETRY_S
             if self.fault is None:
                 log.warning("flight not written", reason=str(error))
             self.fault = str(error)
 
-    def close(self) -> None:
-        """End the recording."""
+    def mended(self) -> str:
+        """Get what was wrong with the flight's database and has been put right, once."""
+        text = "" if self._recorder is None else self._recorder.mended
         if self._recorder is not None:
-            with contextlib.suppress(RecordingError):
-                self._recorder.close()
+            self._recorder.mended = ""
+        return text
+
+    def close(self) -> None:
+        """End the recording; what the disk does not take now is written by a later `commit`."""
+        if self._recorder is not None:
+            self._ending.append(self._recorder)
         self._recorder = None
         self.ended = True
+        self._retry_at_s = 0.0
+        self.commit()
 
     def _forget(self, flight_id: str, start_time_ns: int) -> None:
         self.flight_id, self.start_time_ns = flight_id, start_time_ns

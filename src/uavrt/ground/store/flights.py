@@ -28,6 +28,7 @@ from uavrt.ground.store.known_flights import (
 from uavrt.ground.store.prepared_columns import PreparedColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose
 from uavrt.recording import (
+    DAMAGED,
     GROUND_NOTE,
     POSE_COLUMNS,
     TAG_COLUMNS,
@@ -47,6 +48,8 @@ from uavrt.recording import (
 )
 
 CHUNK = 4000
+LAST_NS = 2**63
+"""After all times of flights, which are 64 bits [ns since 1970]."""
 PREPARED_MOST = 200
 """Flights whose columns are kept ready: of thousands they would fill the disk."""
 PREPARED_ON_DRONE = 20
@@ -195,7 +198,8 @@ class FlightLibrary:
         """
         path = self.directory / flight_id
         plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
-        if not plain or "\0" in flight_id or not FlightLayout(path).database.is_file():
+        # Not by Path.is_file, which raises for names that no file can have.
+        if not plain or not os.path.isfile(FlightLayout(path).database):
             raise UsageError(f"there is no flight {flight_id[:80]!r}")
         return path
 
@@ -230,10 +234,13 @@ class FlightLibrary:
                 "SELECT time_ns, text FROM notes WHERE text LIKE 'vehicle %' ORDER BY time_ns"
             ).fetchall()
             start_ns = int(row[0])
+            end_ns = max(start_ns, int(last or 0), int(last_pose or 0))
+            if not -LAST_NS <= start_ns <= end_ns < LAST_NS:
+                raise FormatError(f"{flight_id} has times that are none")
             summary = FlightSummary(
                 flight_id=flight_id,
                 start_time_ns=start_ns,
-                end_time_ns=max(start_ns, last or 0, last_pose or 0),
+                end_time_ns=end_ns,
                 pulses=count,
                 tags=tuple(map(tag_from_row, tags)),
                 source="ground" if ours else "drone",
@@ -427,7 +434,7 @@ class FlightLibrary:
             with closing(open_plain(path)) as database:
                 read_older(database)
                 yield database
-        except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
+        except DAMAGED as error:
             raise FormatError(f"{path} cannot be read: {error}") from error
 
 

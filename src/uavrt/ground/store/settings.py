@@ -113,8 +113,10 @@ class GroundStore:
                 f"cannot store flights in {directory}: {error.strerror}",
                 remedy="Give a writable directory with -o",
             ) from error
+        self._behind = False
         kept = self._read()
-        self.current_flight: str | None = kept.get("current_flight")
+        current = kept.get("current_flight")
+        self.current_flight: str | None = current if isinstance(current, str) else None
         # Only while a flight is in progress: tomorrow it may be another drone.
         self.vehicle = _vehicle(kept) if self.current_flight else (None, None)
         """System number and unique number of the vehicle that is served."""
@@ -124,7 +126,8 @@ class GroundStore:
         self.commander: str | None = page if isinstance(page, str) else None
         """The page that commands."""
         self.settings = GroundSettings()
-        for name, value in kept.get("settings", {}).items():
+        settings = kept.get("settings")
+        for name, value in settings.items() if isinstance(settings, dict) else ():
             with contextlib.suppress(UavrtError):
                 self.settings = self.settings.changed({name: value})
         self.tags: tuple[Tag, ...] = read_table(self._tags_path)
@@ -182,13 +185,17 @@ class GroundStore:
     def set_flight(self, flight_id: str | None) -> None:
         """Keep which flight goes on, for a restart."""
         self.current_flight = flight_id
-        self._write()
+        self._write_soon()
 
     def set_served(self, system_id: int | None, uid: str | None, page: str | None) -> None:
-        """Keep which vehicle is served and which page commands, for a restart in flight."""
-        if (self.vehicle, self.commander) != ((system_id, uid), page):
+        """Keep which vehicle is served and which page commands, for a restart in flight.
+
+        It is called again and again: what a full disk did not take is written when there is
+        room.
+        """
+        if self._behind or (self.vehicle, self.commander) != ((system_id, uid), page):
             self.vehicle, self.commander = (system_id, uid), page
-            self._write()
+            self._write_soon()
 
     def set_further_vehicles(self, numbers: tuple[int, ...]) -> None:
         """Keep which vehicles are served besides the first."""
@@ -202,6 +209,12 @@ class GroundStore:
             return {}
         return kept if isinstance(kept, dict) else {}
 
+    def _write_soon(self) -> None:
+        """Write what no operator waits for; a disk that does not take it is tried again."""
+        self._behind = True
+        with contextlib.suppress(ConfigError):
+            self._write()
+
     def _write(self) -> None:
         kept = {
             "settings": asdict(self.settings),
@@ -214,7 +227,11 @@ class GroundStore:
         try:
             write_text_atomically(path, json.dumps(kept, indent=1) + "\n")
         except OSError as error:
-            raise ConfigError(f"cannot write {path}: {error.strerror}") from error
+            raise ConfigError(
+                f"cannot write {path}: {error.strerror}",
+                remedy="Free space on the disk, or give a writable directory with -o",
+            ) from error
+        self._behind = False
 
 
 def _numbers(kept: object) -> tuple[int, ...]:

@@ -1,11 +1,72 @@
-"""What the ground has stored: pulses as they arrived, or flights of its own."""
+"""What the ground has stored: flights of its own, and pulses as lines for scripts."""
 
+import json
+from contextlib import suppress
 from pathlib import Path
 
-from uavrt.messages import Pulse
-from uavrt.recording import read_flight, read_pulse_file
+from uavrt.errors import FormatError, RecordingError
+from uavrt.messages import BurstInside, Pulse, PulsePose
+from uavrt.recording import inside_record, pulse_record, read_flight, read_pulse_file
 
 PULSES_NAME = "pulses.jsonl"
+
+
+class PulseLines:
+    """``pulses.jsonl``: a line for each pulse and for what is inside a burst, written at once.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is continued, without half a line that a kill has left.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._keys: set[tuple[int, int]] = set()
+        try:
+            self._file = path.open("a+b", buffering=0)
+            self._file.seek(0)
+            self._file.truncate(self._file.read().rfind(b"\n") + 1)
+        except OSError as error:
+            raise self._unwritten(error) from error
+        with suppress(FormatError):
+            self._keys.update(item.pulse.key for item in read_pulse_file(path))
+
+    def write(self, event: PulsePose | BurstInside) -> bool:
+        """Write a line; False for a pulse that is here. Raises as the constructor."""
+        if isinstance(event, BurstInside):
+            self._append(inside_record(event))
+        elif event.pulse.key in self._keys:
+            return False
+        else:
+            self._append(pulse_record(event))
+            self._keys.add(event.pulse.key)
+        return True
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _append(self, record: dict[str, object]) -> None:
+        line = json.dumps(record, allow_nan=False).encode() + b"\n"
+        size = self._file.seek(0, 2)
+        try:
+            if self._file.write(line) != len(line):
+                raise OSError(None, "there is no room")
+        except OSError as error:
+            self._file.truncate(size)
+            raise self._unwritten(error) from error
+
+    def _unwritten(self, error: OSError) -> RecordingError:
+        return RecordingError(
+            f"cannot write {self._path}: {error.strerror}",
+            remedy="Free space on the disk, or give a writable directory with -o",
+        )
 
 
 def read_ground_pulses(directory: Path, since_ns: int = 0) -> list[Pulse]:

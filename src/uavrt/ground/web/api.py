@@ -548,6 +548,9 @@ def answered(handler: Callable[[Request], Awaitable[Any]]) -> Callable[[Request]
         except UavrtError as error:
             missing = error.message.startswith("there is no")
             return _json_response({"error": str(error)}, 404 if missing else 422)
+        except OSError as error:
+            named = "" if error.filename is None else f"{str(error.filename)[-80:]}: "
+            return _json_response({"error": f"{named}{error.strerror or error}"}, 422)
         if isinstance(value, Response):
             return value
         if isinstance(value, Answer):

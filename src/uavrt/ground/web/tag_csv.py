@@ -9,6 +9,8 @@ or tabs between the cells.
 import csv
 from collections.abc import Sequence
 
+from uavrt.recording import text_of_cell
+
 TAG_NAMES = ("selected", "id", "name", "manufacturerid", "freqmhz")
 MAKER_NAMES = (
     *("id", "name", "ip_msecs_1", "ip_msecs_2", "ip1_id", "ip2_id"),
@@ -26,10 +28,13 @@ def read_csv(text: str) -> list[dict[str, str]]:
     if not lines:
         return []
     separator = max((";", "\t", ","), key=lines[0].count)
-    rows = [
-        [cell.strip() for cell in cells]
-        for cells in csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    ]
+    try:
+        rows = [
+            [text_of_cell(cell.strip()) for cell in cells]
+            for cells in csv.reader(lines, delimiter=separator, skipinitialspace=True)
+        ]
+    except csv.Error:  # a cell without end
+        return []
     names = [cell.lower() for cell in rows[0]]
     if any(name in names for name in _HEADINGS):
         return [dict(zip(names, cells, strict=False)) for cells in rows[1:]]

@@ -1,6 +1,5 @@
 """The tag table of the page: rows as typed, each mistake at its field; import and export."""
 
-import csv
 import hashlib
 import io
 import json
@@ -26,6 +25,7 @@ from uavrt.config import (
 from uavrt.errors import TagFileError, UsageError
 from uavrt.ground.web.tag_csv import is_selected, read_csv
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
+from uavrt.recording import TableWriter
 
 FIELDS: dict[str, Quantity] = {
     "id": "id",
@@ -224,9 +224,9 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
     if name == "tags.csv":
         stream = io.StringIO()
         more = CODE_FIELDS if any(tag.coded for tag in tags) else ()
-        writer = csv.DictWriter(stream, ["name", *FIELDS, *more], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows_from_tags(tags))
+        writer, names = TableWriter(stream), ["name", *FIELDS, *more]
+        writer.writerow(names)
+        writer.writerows([row.get(name, "") for name in names] for row in rows_from_tags(tags))
         return stream.getvalue()
     raise UsageError(f"there is no format {name}", remedy="tags.toml, TagInfo.txt or tags.csv")
 

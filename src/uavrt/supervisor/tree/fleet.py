@@ -25,6 +25,9 @@ log = get_logger()
 
 LineHandler = Callable[[Instance, bytes], None]
 
+SILENCE_REPORT_S = 4.0
+"""Silence after which the operator is warned of a process that may be silent for longer [s]."""
+
 
 class Fleet:
     """All instances of the table's rows.
@@ -183,6 +186,10 @@ class Fleet:
             return
         limit_s = instance.row.silence_limit_s if child.heard else instance.row.start_limit_s
         silent_s = now_s - child.last_heard_s
+        late = child.heard and SILENCE_REPORT_S < silent_s < limit_s - 1.0
+        if late and not instance.silence_reported:
+            self._tell(4, f"{instance.name} is silent: the disk may be slow or failing")
+        instance.silence_reported = late
         if silent_s > limit_s:
             instance.last_words = f"silent for {silent_s:.0f} s"
             child.kill()

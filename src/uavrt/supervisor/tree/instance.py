@@ -34,6 +34,8 @@ class Instance:
     own_cpu_s_before: float = 0.0
     """CPU time of its earlier children alone."""
     memory_mb: float = 0.0
+    silence_reported: bool = False
+    """The operator knows that it is silent."""
     last_words: str = ""
     """The last warning or error it printed, for the operator if it ends."""
 

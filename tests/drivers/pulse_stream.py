@@ -1,0 +1,216 @@
+"""A drone that streams pulses to a ground station's process, and that process, to be killed."""
+
+import os
+import resource
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Self
+
+from pulses import pulse_at
+
+from uavrt.clock import Clock
+from uavrt.ground.link.protocol import DRONE_COMPONENT
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
+from uavrt.messages import PulseKey, PulsePose
+from uavrt.recording import read_flight, read_pulse_file
+from uavrt.tunnel import (
+    RECEIPT_TYPE,
+    PulseG1,
+    Receipt,
+    payload_hash,
+    pulse_from_wire,
+    pulse_to_wire,
+)
+
+REPEAT_S = 0.4
+BEAT_S = 0.3
+
+STATIONS = """
+import asyncio, os, sys
+from pathlib import Path
+from uavrt.ground.station import Station, StationSettings
+from uavrt.ground.web.page import PageSettings, PageStation
+from uavrt.ground.web.server import ServerSettings
+
+def serve(kind, port, directory):
+    told = {"address": f"udpin://127.0.0.1:{port}", "directory": Path(directory)}
+    async def run():
+        if kind == "page":
+            settings = PageSettings(server=ServerSettings(port=0), **told)
+            station = PageStation(settings, lambda event: None)
+        else:
+            station = Station(StationSettings(**told), lambda event: None)
+        await station.run()
+    asyncio.run(run())
+
+print("ready", flush=True)
+for line in sys.stdin:
+    kind, port, directory = line.split(maxsplit=2)
+    pid = os.fork()
+    if pid == 0:
+        try:
+            serve(kind, port, directory.strip())
+        finally:
+            os._exit(1)
+    print(pid, flush=True)
+    os.waitpid(pid, 0)
+    print("gone", flush=True)
+"""
+"""Starts a ground station for each line, without the seconds that its imports take."""
+
+
+class Stations:
+    """Starts ground stations in processes of their own, one after the other."""
+
+    def __init__(self) -> None:
+        self._starter = subprocess.Popen(
+            [sys.executable, "-W", "ignore", "-c", STATIONS],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+        self._hear("ready")
+        self._pid = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+        with self._starter:
+            assert self._starter.stdin is not None
+            self._starter.stdin.close()
+
+    def start(self, kind: str, port: int, directory: Path) -> int:
+        """Start one, with a page or headless; get its process."""
+        assert self._starter.stdin is not None
+        print(kind, port, directory, file=self._starter.stdin, flush=True)
+        self._pid = int(self._hear())
+        return self._pid
+
+    def kill(self) -> None:
+        """Kill what runs (SIGKILL)."""
+        if self._pid:
+            with suppress(ProcessLookupError):
+                os.kill(self._pid, signal.SIGKILL)
+            self._hear("gone")
+            self._pid = 0
+
+    def _hear(self, word: str = "") -> str:
+        assert self._starter.stdout is not None
+        said = self._starter.stdout.readline().strip()
+        assert said, "the starter has ended"
+        assert word in said
+        return said
+
+
+class StreamingDrone:
+    """Sends each pulse until it is acknowledged, as the drone side does."""
+
+    def __init__(self, port: int, seed: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._there = ("127.0.0.1", port)
+        self._parser, self._writer = FrameParser(), FrameWriter(1, DRONE_COMPONENT)
+        self._next_ns = Clock.start().now_ns() - 10**9 + seed
+        self._beat_at_s = 0.0
+        self.keys: dict[int, PulseKey] = {}
+        """Of each pulse that was sent, by its payload's hash."""
+        self._open: dict[int, tuple[bytes, float]] = {}
+        self.acknowledged: set[int] = set()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def detect(self) -> None:
+        """Have one more pulse to send."""
+        self._next_ns += 31_000_000
+        sent = pulse_to_wire(PulsePose(pulse=pulse_at(self._next_ns), pose=None))
+        payload = sent.encode()
+        assert isinstance(sent, PulseG1)
+        received = pulse_from_wire(sent, None)
+        assert isinstance(received, PulsePose)
+        number = payload_hash(payload)
+        self.keys[number] = received.pulse.key
+        self._open[number] = (payload, 0.0)
+
+    def run(self, wait_s: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Send and listen for a time, or until something holds; whether it does."""
+        end_s = time.monotonic() + wait_s
+        while (now_s := time.monotonic()) < end_s:
+            if until():
+                return True
+            if now_s >= self._beat_at_s:
+                self._beat_at_s = now_s + BEAT_S
+                self._send(
+                    dialect.Heartbeat(
+                        type=18,
+                        autopilot=8,
+                        base_mode=0,
+                        custom_mode=0,
+                        system_status=4,
+                        mavlink_version=3,
+                    )
+                )
+            for number, (payload, sent_s) in list(self._open.items()):
+                if now_s - sent_s >= REPEAT_S:
+                    self._open[number] = (payload, now_s)
+                    self._send(_tunnel(payload))
+            if select.select([self._socket], [], [], 0.005)[0]:
+                self._listen()
+        return until()
+
+    def all_acknowledged(self) -> bool:
+        """Whether every pulse is."""
+        return not self._open
+
+    def _send(self, message: Message) -> None:
+        with suppress(OSError):  # nobody is there yet
+            self._socket.sendto(self._writer.encode(message), self._there)
+
+    def _listen(self) -> None:
+        with suppress(ConnectionError):
+            for frame in self._parser.feed(self._socket.recv(2048)):
+                message = frame.message()
+                if isinstance(message, dialect.Tunnel) and message.payload_type == RECEIPT_TYPE:
+                    receipt = Receipt.decode(message.payload[: message.payload_length])
+                    for number in receipt.hashes:
+                        self._open.pop(number, None)
+                        self.acknowledged.add(number)
+
+
+def _tunnel(payload: bytes) -> dialect.Tunnel:
+    return dialect.Tunnel(
+        target_system=254,
+        target_component=190,
+        payload_type=0,
+        payload_length=len(payload),
+        payload=payload,
+    )
+
+
+def limit_files(pid: int, most_bytes: int) -> None:
+    """Let a process write no file beyond a size, as a full disk does."""
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (most_bytes, resource.RLIM_INFINITY))
+
+
+def stored_keys(directory: Path) -> list[PulseKey]:
+    """Pulses in all flights of a ground station's directory."""
+    flights = (path.parent for path in directory.glob("*/flight.sqlite"))
+    return [one.pulse.key for each in flights for one in read_flight(each).pulse_poses]
+
+
+def line_keys(directory: Path) -> list[PulseKey]:
+    """Pulses in the lines of a station without a page."""
+    return [one.pulse.key for one in read_pulse_file(directory / "pulses.jsonl")]
