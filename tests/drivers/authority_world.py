@@ -5,15 +5,18 @@
 each state, breadth first, and merges equal states: times count by their age.
 """
 
-from collections import Counter
+import copyreg
+import pickle
+from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, is_dataclass
-from enum import Enum
+from dataclasses import dataclass, field
+from functools import cache
+from types import NoneType
 from typing import Any
 
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
-from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.manners import MANNERS, Manners, manners_of
 from uavrt.guidance.observed import (
     BootTimeSeen,
     HomeSeen,
@@ -36,17 +39,20 @@ OFFER_S = 10.0
 PLACES_M = (20.0, 0.0)
 OTHER_M = -20.0
 METRES_PER_DEGREE = 111_195.0
-ORDERS = (1, 2, 3)
-_OLDEST_S = 11.0
-_NOT_STATE = frozenset({"counters", "reason", "out_s", "_lateness", "_withdrawn"})
-"""Words and counts, and how late messages come: here none does."""
+ORDERS = (1, 2)
+_OLDEST_S = 6.0
+_OFFER_TIMES = frozenset({"made_s", "offered_s", "confirmed_s"})
+_NOT_STATE = frozenset(
+    {"counters", "reason", "out_s", "_lateness", "_withdrawn", "_landed", "_home", "now_s"}
+)
+"""Words and counts, what stays, and how late messages come: here none does."""
 
 
 def nonce(order_id: int) -> int:
     return 11 * order_id
 
 
-@dataclass
+@dataclass(slots=True)
 class World:
     flavour: Flavour
     authority: Authority = field(init=False)
@@ -64,7 +70,7 @@ class World:
     """Offered to this authority; one that starts again has forgotten them."""
     offered: int | None = None
     """Newest offer that a confirmation may follow."""
-    offered_s: float = 0.0
+    offered_s: float | None = None
     confirmed: int | None = None
     """Order whose confirmation is present."""
     moved_by: int | None = None
@@ -97,8 +103,10 @@ class World:
             self.authority.tick(self.now_s)
         if self.now_s - self.heard_s >= LOST_S:
             self.confirmed = None
-        if self.offered is not None and self.now_s - self.offered_s > OFFER_S:
+        if self.offered_s is not None and self.now_s - self.offered_s > OFFER_S:
             self.offered = None
+        if self.offered is None:
+            self.offered_s = None
         self.authority.planner_alive(self.now_s)
         stands = self.paused and self.own_mode and self.linked
         if not (stands and self.target_m is not None and abs(self.target_m - self.at_m) > 5.0):
@@ -208,12 +216,14 @@ class World:
 
     def pilot_pause(self) -> None:
         """No message shows it."""
-        self.paused = True
+        self.paused = self.own_mode
 
     def pilot_target(self) -> None:
-        self.target_m = OTHER_M
-        if self.own_mode and self.linked:
-            self.confirmed = None
+        """Where the drone has one already, that report does not differ from this."""
+        if self.own_mode and self.target_m != OTHER_M:
+            self.target_m = OTHER_M
+            if self.linked:
+                self.confirmed = None
 
     def reported_as_ours(self) -> None:
         """A report of our target once more, whatever the drone flies to."""
@@ -267,21 +277,21 @@ EVENTS: dict[str, Callable[[World], None]] = {
 
 
 def explore(flavour: Flavour, depth: int) -> Counter[str]:
-    """Visit every state that `depth` events lead to; raises `AssertionError` with the events."""
+    """Visit all states that `depth` events lead to; an `AssertionError` names the events."""
     counts: Counter[str] = Counter()
     start = World(flavour)
     start.beat()
-    seen, front = {state_of(start)}, [(start, ())]
+    seen, front = {hash(state_of(start))}, [(packed(start), ())]
     for level in range(depth):
-        following: list[tuple[World, tuple[str, ...]]] = []
+        following: list[tuple[bytes, tuple[str, ...]]] = []
         for world, story in front:
             for name, event in EVENTS.items():
-                after, told = clone(world), (*story, name)
+                after, told = pickle.loads(world), (*story, name)
                 counts["transitions"] += 1
                 try:
                     event(after)
                     after.beat()
-                    key = state_of(after)
+                    key = hash(state_of(after))
                     if key in seen:
                         continue
                     check(after)
@@ -290,7 +300,7 @@ def explore(flavour: Flavour, depth: int) -> Counter[str]:
                 seen.add(key)
                 counts[after.authority.standing.value] += 1
                 if level + 1 < depth:
-                    following.append((after, told))
+                    following.append((packed(after), told))
         front = following
     counts["states"] = len(seen)
     return counts
@@ -340,25 +350,15 @@ def latitude_deg(north_m: float) -> float:
     return HOME_DEG[0] + north_m / METRES_PER_DEGREE
 
 
-def names_of(thing: object) -> list[str]:
-    slots = [name for one in type(thing).__mro__ for name in getattr(one, "__slots__", ())]
-    return [*slots, *getattr(thing, "__dict__", ())]
+copyreg.pickle(Manners, lambda manners: (manners_of, (manners.name,)))
+
+
+def packed(thing: object) -> bytes:
+    return pickle.dumps(thing, pickle.HIGHEST_PROTOCOL)
 
 
 def clone(thing: Any) -> Any:
-    """A copy that shares what cannot change."""
-    if thing is None or isinstance(thing, bool | int | float | str | frozenset | Enum):
-        return thing
-    if isinstance(thing, dict):
-        return type(thing)({key: clone(value) for key, value in thing.items()})
-    if isinstance(thing, tuple | list | set):
-        return type(thing)(map(clone, thing))
-    if is_dataclass(thing) and thing.__dataclass_params__.frozen:  # type: ignore[attr-defined]
-        return thing
-    copied = object.__new__(type(thing))
-    for name in names_of(thing):
-        object.__setattr__(copied, name, clone(getattr(thing, name)))
-    return copied
+    return pickle.loads(packed(thing))
 
 
 def state_of(world: World) -> object:
@@ -366,24 +366,28 @@ def state_of(world: World) -> object:
     return _state(world, "", world.now_s)
 
 
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    """Attributes in slots that count."""
+    slots = [name for one in kind.__mro__ for name in getattr(one, "__slots__", ())]
+    return tuple(name for name in slots if name not in _NOT_STATE)
+
+
 def _state(thing: Any, name: str, now_s: float) -> object:
-    if isinstance(thing, bool) or thing is None or isinstance(thing, int | str | Enum):
-        return thing
-    if isinstance(thing, float):
-        if name.endswith("_s"):
-            age = now_s - thing - (50.0 if name.endswith("boot_s") else 0.0)
-            return round(min(age, _OLDEST_S), 2)
-        return round(thing, 7)
-    if isinstance(thing, dict):
-        return tuple((key, _state(one, "", now_s)) for key, one in sorted(thing.items()))
-    if isinstance(thing, set | frozenset):
+    kind = type(thing)
+    if kind in (int, str, bool, NoneType, Standing, Manners):
+        return thing if kind is not Manners else None
+    if kind is float:
+        if not name.endswith("_s"):
+            return round(thing, 7)
+        age = now_s - thing - (50.0 if name.endswith("boot_s") else 0.0)
+        oldest = OFFER_S + 1.0 if name in _OFFER_TIMES else _OLDEST_S
+        return round(min(age, oldest), 2)
+    if kind in (tuple, list, deque):
+        return tuple([_state(one, name, now_s) for one in thing])
+    if kind in (set, frozenset):
         return tuple(sorted(thing))
-    if isinstance(thing, tuple | list):
-        return tuple(_state(one, name, now_s) for one in thing)
-    if type(thing).__name__ == "Manners":
-        return None
-    return tuple(
-        _state(getattr(thing, one), one, now_s)
-        for one in names_of(thing)
-        if one not in _NOT_STATE and not (one == "now_s" and isinstance(thing, World))
-    )
+    if kind is dict:
+        return tuple([(key, _state(one, "", now_s)) for key, one in sorted(thing.items())])
+    names = _names(kind) or [one for one in vars(thing) if one not in _NOT_STATE]
+    return tuple([_state(getattr(thing, one), one, now_s) for one in names])

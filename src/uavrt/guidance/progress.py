@@ -29,11 +29,17 @@ class Left:
     """What may be left; infinite for what only shows that something is happening."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    time_s: float
+    parts: tuple[Left, ...]
+
+
 class Progress:
     """Watches one step from its command on."""
 
     def __init__(self, time_s: float) -> None:
-        self._seen: deque[tuple[float, tuple[Left, ...]]] = deque()
+        self._seen: deque[_Sample] = deque()
         self._start_s = time_s
 
     def see(self, time_s: float, *parts: Left) -> None:
@@ -42,19 +48,18 @@ class Progress:
             self._seen.clear()
             self._start_s = time_s
             return
-        self._seen.append((time_s, parts))
-        while len(self._seen) > 1 and self._seen[1][0] <= time_s - STANDS_S:
+        self._seen.append(_Sample(time_s, parts))
+        while len(self._seen) > 1 and self._seen[1].time_s <= time_s - STANDS_S:
             self._seen.popleft()
 
     def stands(self, time_s: float, for_s: float = STANDS_S) -> bool:
         """Whether something is left and nothing came nearer for so long."""
         if not self._seen or time_s - self._start_s < for_s:
             return False
-        now = self._seen[-1][1]
-        _, then = next(
-            (one for one in reversed(self._seen) if one[0] <= time_s - for_s), self._seen[0]
-        )
+        old = (one for one in reversed(self._seen) if one.time_s <= time_s - for_s)
+        then, now = next(old, self._seen[0]), self._seen[-1]
         share = for_s / STANDS_S
         return not any(
-            a.left - b.left >= share * b.least for a, b in zip(then, now, strict=True)
+            a.left - b.left >= share * b.least
+            for a, b in zip(then.parts, now.parts, strict=True)
         )
