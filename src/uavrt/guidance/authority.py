@@ -86,8 +86,8 @@ PLACE_JUMP_M = 30.0
 HOME_MOVED_M = 2.0
 """From where it was at the confirmation; the same for jumps of the altitude, in all."""
 YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
-BRAKES_M_S2 = 1.5
-"""Weakest braking, for where it would stand: that comes nearer while it turns back."""
+BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
+"""Weakest braking of a flight and of a turn."""
 FLYING_M = 2.0
 """Above home: lower than this it stands on the ground, where the autopilot does not tell."""
 LANDED_AGE_S = 3.0
@@ -866,9 +866,10 @@ class Authority:
                 motion.obeyed |= self.turned_deg >= 10.0
             return
         if self._same(seen, _target_of(place)):
-            # A turn keeps the place: there only the heading shows that it was obeyed.
-            motion.obeyed |= motion.yaw is None or motion.yaw.begun
             self._see_target_yaw(motion, seen)
+            # A turn keeps the place: there only the heading shows that it was obeyed.
+            watch = motion.target_yaw or motion.yaw
+            motion.obeyed |= watch is None or watch.begun
             return
         waits = not motion.obeyed and seen.time_s - motion.sent_s < CHANGES_WITHIN_S
         if waits and self._may_be_before(motion, seen):
@@ -989,7 +990,7 @@ class Authority:
         if not lowest <= seen.altitude_amsl_m <= highest:
             self._end("another changes the height", seen.time_s)
         self._see_yaw(motion, seen)
-        motion.progress.see(seen.time_s, *_left(motion, seen))
+        motion.progress.see(seen.time_s, *_left(motion, seen, self._turning_deg_s))
 
     def _see_yaw(self, motion: _Motion, seen: PositionSeen) -> None:
         if motion.yaw is None or seen.yaw_deg is None:
@@ -1106,8 +1107,11 @@ class Authority:
         self.counters["orders_ended"] += 1
 
 
-def _left(motion: _Motion, seen: PositionSeen) -> tuple[Left, ...]:
-    """What is left of a motion in the air."""
+def _left(motion: _Motion, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
+    """What is left of a motion in the air, and from where it would stand at once.
+
+    A drone that is told to turn back comes nearer only by the latter at first.
+    """
     wish, yaw = motion.wish, motion.yaw
     if not isinstance(wish, FlyThere):
         if yaw is None or yaw.turn_deg is None:
@@ -1128,6 +1132,8 @@ def _left(motion: _Motion, seen: PositionSeen) -> tuple[Left, ...]:
         asked = None if yaw is None else yaw.wanted_deg
         off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
         parts.append(Left(abs(off), TURNED_DEG, inf if asked is None else LOOKS_DEG))
+        stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * STOPS_TURNING_DEG_S2)
+        parts.append(Left(abs(off - stops_deg), TURNED_DEG))
     return tuple(parts)
 
 
