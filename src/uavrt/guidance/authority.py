@@ -88,6 +88,8 @@ HOME_MOVED_M = 2.0
 YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
 BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
 """Weakest braking of a flight and of a turn."""
+LOOKS_ABOUT_DEG = 15.0
+"""So near to its bearing, a heading that changes shows gusts, and no turn before the flight."""
 FLYING_M = 2.0
 """Above home: lower than this it stands on the ground, where the autopilot does not tell."""
 LANDED_AGE_S = 3.0
@@ -425,6 +427,11 @@ class Authority:
             return "the vehicle is on the ground", "Take off by hand first"
         if takeoff and not self.on_ground(now_s):
             return "the vehicle is in the air already", "Ask for another motion"
+        if (
+            not takeoff
+            and self._mode.mode == self.manners.takeoff_mode != self.manners.own_mode
+        ):
+            return "the vehicle still takes off", "Ask again once it hovers"
         if self._failsafe is not None:
             what = self._failsafe.what
             return f"the autopilot tells of a failsafe: {what}", "Land, and see to it"
@@ -1007,8 +1014,9 @@ class Authority:
         rises = isinstance(motion.wish, TakeOff)
         motion.obeyed |= rises and altitude > start.altitude_amsl_m + RISEN_M
         if motion.obeyed and rises:
-            left = Left(abs(motion.highest_m - altitude), HIGHER_M, AT_TOP_M)
-            motion.progress.see(seen.time_s, left)
+            left = abs(motion.highest_m - altitude)
+            part = Left(now=left, soon=left, least=HIGHER_M, tolerance=AT_TOP_M)
+            motion.progress.see(seen.time_s, part)
         moved = distance_m(
             seen.latitude_deg, seen.longitude_deg, start.latitude_deg, start.longitude_deg
         )
@@ -1108,33 +1116,34 @@ class Authority:
 
 
 def _left(motion: _Motion, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-    """What is left of a motion in the air, and from where it would stand at once.
-
-    A drone that is told to turn back comes nearer only by the latter at first.
-    """
+    """What is left of a motion in the air."""
     wish, yaw = motion.wish, motion.yaw
     if not isinstance(wish, FlyThere):
         if yaw is None or yaw.turn_deg is None:
             return ()
+        left = abs(yaw.turn_deg) - yaw.turned_deg
         least = min(TURNED_DEG, 1.5 * yaw.rate_deg_s)
-        return (Left(abs(yaw.turn_deg) - yaw.turned_deg, least, LOOKS_DEG),)
+        return (Left(now=left, soon=left, least=least, tolerance=LOOKS_DEG),)
     bearing, left = _bearing(seen, wish)
     height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
     stops = [one * seen.speed_m_s / (2.0 * BRAKES_M_S2) for one in seen.velocity_m_s[:2]]
     along = radians(bearing)
-    stand = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
-    parts = [
-        Left(left, NEARER_M, ARRIVED_M),
-        Left(stand, NEARER_M),
-        Left(height, HIGHER_M, AT_HEIGHT_M),
-    ]
-    if seen.yaw_deg is not None:
-        asked = None if yaw is None else yaw.wanted_deg
-        off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
-        parts.append(Left(abs(off), TURNED_DEG, inf if asked is None else LOOKS_DEG))
-        stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * STOPS_TURNING_DEG_S2)
-        parts.append(Left(abs(off - stops_deg), TURNED_DEG))
-    return tuple(parts)
+    soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
+    place = Left(now=left, soon=soon, least=NEARER_M, tolerance=ARRIVED_M)
+    up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)
+    if seen.yaw_deg is None:
+        return place, up
+    asked = None if yaw is None else yaw.wanted_deg
+    off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
+    stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * STOPS_TURNING_DEG_S2)
+    heading = Left(
+        now=abs(off),
+        soon=abs(off - stops_deg),
+        least=TURNED_DEG,
+        tolerance=LOOKS_ABOUT_DEG if asked is None else LOOKS_DEG,
+        needed=asked is not None,
+    )
+    return place, up, heading
 
 
 def _resting(

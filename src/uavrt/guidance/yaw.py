@@ -9,8 +9,10 @@ OTHERS_TURN = "another turns the drone"
 THERE_DEG, BEGUN_DEG = 6.0, 5.0
 NEAR_M = 1.5
 """Nearer to the target the heading stays; the autopilots look along the bearing until 2 m."""
-BESIDE_M = 1.0
+BESIDE_M = 0.3
 """Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
+FROZEN_M, STOPPED_S = 2.5, 1.0
+"""Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
 TURNS_ON_S = 4.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
@@ -57,6 +59,8 @@ class YawWatch:
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
+    _moved_s: float = 0.0
+    _turns: bool = False
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -94,11 +98,18 @@ class YawWatch:
         moved = 0.0 if self._aim_deg is None else abs(wrap_degrees_180(aim - self._aim_deg))
         off = abs(wrap_degrees_180(aim - yaw_deg))
         if self._aim_deg is None and self.wanted_deg is None:
-            self._best_deg = off
+            self._first_deg = self._best_deg = off
         self._aim_deg = aim
         # Also where the aim moves away from the heading that is not another's turn.
         most = self._best_deg + moved + slack + self.tolerance_deg
+        if off < self._best_deg + moved - 1.0 or moved > 1.0 or not self._moved_s:
+            self._moved_s = time_s
         self._best_deg = min(self._best_deg + moved, off)
+        frozen = self.wanted_deg is None and away_m < FROZEN_M
+        there = off <= slack + self.tolerance_deg or frozen
+        self._turns |= not there and off < self._first_deg - BEGUN_DEG
+        if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
+            return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         if time_s - self.start_s < TURNS_ON_S:
             most += abs(self.turning_deg_s)
         return OTHERS_TURN if off > most else None

@@ -568,7 +568,8 @@ class FlyingVehicle:
         assert self.yaw_setpoint_deg is not None
         if self.wanted_yaw_deg is not None or target is None or not self.commanded:
             return self.yaw_setpoint_deg if self.wanted_yaw_deg is None else self.wanted_yaw_deg
-        north, east = target.north_m - self.north_m, target.east_m - self.east_m
+        place = self.place_m
+        north, east = target.north_m - place[0], target.east_m - place[1]
         if math.hypot(north, east) <= LOOKS_UNTIL_M:
             return self.yaw_setpoint_deg
         return math.degrees(math.atan2(east, north)) % 360.0
