@@ -59,7 +59,7 @@ class TimeSync:
     """
 
     def __init__(
-        self, *, window_s: float = 20.0, keep: float = 0.6, jump_s: float = 0.06
+        self, *, window_s: float = 20.0, keep: float = 0.6, jump_s: float = 0.08
     ) -> None:
         self._window_ns = ns_from_s(window_s)
         self._keep = keep

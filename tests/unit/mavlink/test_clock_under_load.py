@@ -29,7 +29,7 @@ def resets_s(
     while time_s < lasts_s:
         wait_s = 0.1 if time_s < 2.0 else 1.0
         time_s += wait_s
-        stalled_s += rng.uniform(0.0, 2.0 * stalls_s) * wait_s
+        stalled_s += rng.uniform(0.5, 1.5) * stalls_s * wait_s
         there_s = time_s + way_s(rng)
         boot_s = 1000.0 + there_s * (1.0 - skew_ppm * 1e-6) - stalled_s
         boot_s += step_s if there_s > lasts_s / 2.0 else 0.0
