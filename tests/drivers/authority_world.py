@@ -281,7 +281,8 @@ def explore(flavour: Flavour, depth: int) -> Counter[str]:
     counts: Counter[str] = Counter()
     start = World(flavour)
     start.beat()
-    seen, front = {hash(state_of(start))}, [(packed(start), ())]
+    seen = {hash(state_of(start))}
+    front: list[tuple[bytes, tuple[str, ...]]] = [(packed(start), ())]
     for level in range(depth):
         following: list[tuple[bytes, tuple[str, ...]]] = []
         for world, story in front:
@@ -389,5 +390,6 @@ def _state(thing: Any, name: str, now_s: float) -> object:
         return tuple(sorted(thing))
     if kind is dict:
         return tuple([(key, _state(one, "", now_s)) for key, one in sorted(thing.items())])
-    names = _names(kind) or [one for one in vars(thing) if one not in _NOT_STATE]
+    slots: Callable[[type], tuple[str, ...]] = _names
+    names = slots(kind) or [one for one in vars(thing) if one not in _NOT_STATE]
     return tuple([_state(getattr(thing, one), one, now_s) for one in names])
