@@ -88,6 +88,8 @@ HOME_MOVED_M = 2.0
 YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
 BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
 """Weakest braking of a flight and of a turn."""
+SLOW_M_S = 1.5
+"""A drone that is not near its target is not slower, but at the start of a step."""
 LOOKS_ABOUT_DEG = 15.0
 """So near to its bearing, a heading that changes shows gusts, and no turn before the flight."""
 FLYING_M = 2.0
@@ -497,8 +499,10 @@ class Authority:
             raise CommandRefused("the first command is not yet seen to be obeyed")
         if motion is not None and not motion.obeyed:
             raise CommandRefused("the command before is not yet seen to be obeyed")
-        if motion is not None and not stops and motion.progress.stands(now_s, SLOW_S):
-            raise CommandRefused("the drone comes no nearer to its target")
+        if motion is not None and not stops:
+            brakes = not isinstance(wish, GoHome) and motion.progress.brakes(now_s)
+            if brakes or motion.progress.stands(now_s, SLOW_S):
+                raise CommandRefused("the drone comes no nearer to its target")
         if not first and not order.takeoff and self._target_age_s(now_s) > TARGET_AGE_S:
             raise CommandRefused(f"the target is older than {TARGET_AGE_S} s")
         if order.takeoff and not self.on_ground(now_s):
@@ -997,7 +1001,11 @@ class Authority:
         if not lowest <= seen.altitude_amsl_m <= highest:
             self._end("another changes the height", seen.time_s)
         self._see_yaw(motion, seen)
-        motion.progress.see(seen.time_s, *_left(motion, seen, self._turning_deg_s))
+        free = isinstance(motion.wish, FlyThere) and (
+            left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SLOW_M_S
+        )
+        parts = _left(motion, seen, self._turning_deg_s)
+        motion.progress.see(seen.time_s, *parts, free=free)
 
     def _see_yaw(self, motion: _Motion, seen: PositionSeen) -> None:
         if motion.yaw is None or seen.yaw_deg is None:

@@ -7,9 +7,9 @@ from uavrt.units import wrap_degrees_180
 
 OTHERS_TURN = "another turns the drone"
 THERE_DEG, BEGUN_DEG = 6.0, 5.0
-NEAR_M = 1.5
-"""Nearer to the target the heading stays; the autopilots look along the bearing until 2 m."""
-BESIDE_M = 0.3
+NEAR_M = 0.7
+"""Nearer to the target the heading stays; PX4 looks along the bearing until 1 to 2 m."""
+BESIDE_M = 1.0
 """Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
 FROZEN_M, STOPPED_S = 2.5, 1.0
 """Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
@@ -123,7 +123,7 @@ class YawWatch:
         was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(BESIDE_M / away_m))
-        if self._aim_deg is None or (self.exact and not was_near):
+        if self._aim_deg is None or not was_near:
             return yaw_deg, 0.0
         return self._aim_deg, 0.0
 

@@ -451,7 +451,7 @@ class FlyingVehicle:
         self._correct_home(step_s)
         target = None if self.paused else self.target
         self._move(target, step_s)
-        self._look(target, step_s)
+        self._look(target or self._here(), step_s)
         self._land()
 
     def _correct_home(self, step_s: float) -> None:
@@ -537,7 +537,7 @@ class FlyingVehicle:
         across = wind_east * north - wind_north * east
         return max(0.0, along + math.sqrt(max(0.0, self.frame.airspeed_m_s**2 - across**2)))
 
-    def _look(self, target: Target | None, step_s: float) -> None:
+    def _look(self, target: Target, step_s: float) -> None:
         """Turn to what was asked for, or where it flies to."""
         turning = _TURNING[self.flavour]
         if self.turn_left_deg:
@@ -563,10 +563,10 @@ class FlyingVehicle:
         self.yaw_rate_deg_s += max(-most, min(most, rate - self.yaw_rate_deg_s))
         self.yaw_deg = (self.yaw_deg + self.yaw_rate_deg_s * step_s) % 360.0
 
-    def _wanted_yaw(self, target: Target | None) -> float:
+    def _wanted_yaw(self, target: Target) -> float:
         """Heading that was asked for, or the bearing to a target that is not near."""
         assert self.yaw_setpoint_deg is not None
-        if self.wanted_yaw_deg is not None or target is None or not self.commanded:
+        if self.wanted_yaw_deg is not None or not self.commanded:
             return self.yaw_setpoint_deg if self.wanted_yaw_deg is None else self.wanted_yaw_deg
         place = self.place_m
         north, east = target.north_m - place[0], target.east_m - place[1]
