@@ -131,6 +131,7 @@ export function motionPanel(made: FlightMap): HTMLElement {
       { id: "offer", class: "offer", hidden: true, role: "group", "aria-label": "The drone's offer" },
       h("strong", {}, "The drone would"),
       h("p", { id: "offer-text" }),
+      h("p", { class: "note" }, "To take over, choose Pause, Position, Return or Land. On PX4, choosing Hold changes nothing."),
       h("label", { class: "check" }, h("input", { id: "sticks-unseen", type: "checkbox" }), "It sees no sticks, and I know"),
       holdButton(),
       h("button", { id: "offer-leave", onclick: () => leave() }, "Leave it"),

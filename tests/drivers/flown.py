@@ -18,13 +18,21 @@ from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
 from uavrt.mavlink.wind import wind_of
 from uavrt.planning import Wind
-from uavrt.simulation.flying import MODES, NOWHERE, Flavour, FlyingVehicle, Frame
+from uavrt.simulation.flying import (
+    DO_PAUSE_CONTINUE,
+    MODES,
+    NOWHERE,
+    Flavour,
+    FlyingVehicle,
+    Frame,
+)
 from uavrt.simulation.geometry import TangentPlane
 
 STEP_S = 0.05
 Through = Callable[[float, Iterable[Message]], Iterable[Message]]
 """A link: what arrives at a time, of what is told then."""
 HOME = TangentPlane(latitude_deg=47.1, longitude_deg=8.5, altitude_amsl_m=430.0)
+METRES_PER_DEGREE = 111_195.0
 CENTRED = (1500, 1500, 1400, 1500)
 
 
@@ -206,22 +214,12 @@ class Flown:
             yield self.vehicle.landed_state()
 
     def _position(self, boot_ms: int) -> Message:
-        vehicle = self.vehicle
-        latitude, longitude = vehicle.latitude_longitude()
+        message = self.vehicle.position(boot_ms)
         if not self.position:
-            latitude = longitude = 0.0
-        north, east, up = vehicle.velocity_m_s
-        return dialect.GlobalPositionInt(
-            time_boot_ms=boot_ms,
-            lat=round(latitude * 1e7),
-            lon=round(longitude * 1e7),
-            alt=round((HOME.altitude_amsl_m + vehicle.shown_height_m + self.jump_m) * 1e3),
-            relative_alt=round((vehicle.shown_height_m + self.jump_m - self.home_up_m) * 1e3),
-            vx=round(north * 100),
-            vy=round(east * 100),
-            vz=round(-up * 100),
-            hdg=round(vehicle.yaw_deg * 100) % 36_000,
-        )
+            message.lat = message.lon = 0
+        message.alt += round(self.jump_m * 1e3)
+        message.relative_alt += round((self.jump_m - self.home_up_m) * 1e3)
+        return message
 
     def _sticks(self, boot_ms: int) -> Message:
         unused = {f"chan{n}_raw": 65_535 for n in range(5, 19)}
@@ -269,19 +267,10 @@ class Flown:
         )
 
     def _home(self) -> Message:
-        latitude, longitude = HOME.to_geodetic(self.home_north_m, 0.0)
-        return dialect.HomePosition(
-            latitude=round(latitude * 1e7),
-            longitude=round(longitude * 1e7),
-            altitude=round((HOME.altitude_amsl_m + self.home_up_m) * 1e3),
-            x=0.0,
-            y=0.0,
-            z=0.0,
-            q=(1.0, 0.0, 0.0, 0.0),
-            approach_x=0.0,
-            approach_y=0.0,
-            approach_z=0.0,
-        )
+        message = self.vehicle.home()
+        message.latitude += round(self.home_north_m / METRES_PER_DEGREE * 1e7)
+        message.altitude += round(self.home_up_m * 1e3)
+        return message
 
     # ----------------------------------------------------- QGroundControl beside us
 
@@ -308,6 +297,19 @@ class Flown:
             self._reposition()
         else:
             self.vehicle.set_mode(MODES["ardupilot"]["brake"])
+
+    def pause_by_193(self) -> None:
+        """Mission Planner's pause."""
+        values = dict.fromkeys((f"param{n}" for n in range(1, 8)), 0.0)
+        self.vehicle.command(
+            dialect.CommandLong(
+                target_system=1,
+                target_component=1,
+                command=DO_PAUSE_CONTINUE,
+                confirmation=0,
+                **values,
+            )
+        )
 
     def go_to(self, north_m: float, east_m: float) -> None:
         latitude, longitude = self.place(north_m, east_m)

@@ -14,7 +14,7 @@ was on its way from a planner when a pilot took over is refused here.
 from collections import Counter
 from dataclasses import dataclass
 from enum import StrEnum
-from math import atan2, cos, degrees, inf, isfinite, nan, radians
+from math import atan2, cos, degrees, hypot, inf, isfinite, nan, radians, sin
 
 from uavrt.errors import CommandRefused
 from uavrt.geodesy import distance_m
@@ -35,6 +35,18 @@ from uavrt.guidance.observed import (
     TargetSeen,
 )
 from uavrt.guidance.orders import OFFER_HOLDS_S, VehicleNow
+from uavrt.guidance.progress import (
+    ARRIVED_M,
+    AT_HEIGHT_M,
+    HIGHER_M,
+    LOOKS_DEG,
+    NEARER_M,
+    SLOW_S,
+    TURNED_DEG,
+    Left,
+    Progress,
+)
+from uavrt.guidance.stopping import stops_within_m
 from uavrt.guidance.wishes import (
     FlyThere,
     GoHome,
@@ -44,7 +56,7 @@ from uavrt.guidance.wishes import (
     VehicleCommand,
     Wish,
 )
-from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
+from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw, YawWatch
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 BEGINS_WITHIN_S = 10.0
@@ -56,9 +68,9 @@ CHANGE_MODE_AGE_S = 0.2
 STICKS_AGE_S = 0.3
 """The same for sticks that are to be seen: they are told at 5 Hz or more."""
 MODE_LOST_S, POSITION_LOST_S, STICKS_LOST_S = 3.0, 2.0, 1.5
-TARGET_LOST_S, HEARTBEAT_LOST_S = 3.0, 5.0
+HEARTBEAT_LOST_S = 5.0
 """Older, and the order has ended. Only the heartbeat tells of disarming and failsafes."""
-TARGET_AGE_S = 1.0
+TARGET_AGE_S = 0.3
 """Older, and no further command is sent: another's target would not have been seen."""
 PLANNER_LOST_S = 2.0
 OBEYED_WITHIN_S = 3.0
@@ -72,18 +84,20 @@ HEIGHT_OFF_M = 5.0
 HEIGHT_JUMP_M = 5.0
 PLACE_JUMP_M = 30.0
 HOME_MOVED_M = 2.0
-"""From where it was at the confirmation; the same for the altitude of height 0."""
-BRAKES_M_S2 = 1.5
-MOVES_WITHIN_S = 12.0
-YAW_DEG, TARGET_YAW_DEG = 25.0, 15.0
-SHORT_WAY_M = 2.0
-"""On a shorter one the autopilots do not turn."""
+"""From where it was at the confirmation; the same for jumps of the altitude, in all."""
+YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
+BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
+"""Weakest braking of a flight and of a turn."""
+SLOW_M_S = 1.5
+"""A drone that is not near its target is not slower, but at the start of a step."""
+LOOKS_ABOUT_DEG = 15.0
+"""So near to its bearing, a heading that changes shows gusts, and no turn before the flight."""
 FLYING_M = 2.0
 """Above home: lower than this it stands on the ground, where the autopilot does not tell."""
 LANDED_AGE_S = 3.0
 TAKES_OFF_WITHIN_S = 10.0
-RISEN_M, AT_TOP_M, CLIMBS_WITHIN_S = 1.0, 3.0, 6.0
-"""Of a take-off: obeyed; as good as there; longest without having risen."""
+RISEN_M, AT_TOP_M = 1.0, 3.0
+"""Of a take-off: obeyed; as good as there."""
 
 
 class Standing(StrEnum):
@@ -94,7 +108,7 @@ class Standing(StrEnum):
     IN_COMMAND = "in command"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Offer:
     """An order that waits for the operator."""
 
@@ -114,7 +128,17 @@ class Offer:
     """As they were, if they were seen."""
     switches: SwitchWatch | None
     """Since then, likewise."""
+    yaw: RestingYaw | None
+    target_yaw: RestingYaw | None
+    """Headings of a vehicle that rests: its own, and the one that it reports as its target."""
     takeoff: bool = False
+
+    def turned(self, seen: PositionSeen | TargetSeen) -> bool:
+        """Whether another has turned the vehicle since, or has asked it to turn."""
+        watch = self.yaw if isinstance(seen, PositionSeen) else self.target_yaw
+        if watch is None or seen.yaw_deg is None:
+            return False
+        return watch.turned(seen.time_s, seen.yaw_deg)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -128,18 +152,50 @@ class _Motion:
     """Target of the time before the command."""
     left_m: float
     """Least distance to the target so far."""
-    begun_m: float
     slack_m: float
     lowest_m: float
     highest_m: float
     yaw: YawWatch | None
     target_yaw: YawWatch | None = None
+    progress: Progress
     start: PositionSeen
     """Where it was."""
     top_m: float
     """Greatest altitude so far, of a take-off."""
-    risen_s: float
     obeyed: bool = False
+
+
+@dataclass(slots=True, kw_only=True)
+class _Order:
+    """What was confirmed, and how the vehicle was then."""
+
+    order_id: int
+    takeoff: bool
+    confirmed_s: float
+    planner_s: float
+    mode: int
+    place: PositionSeen
+    home: HomeSeen
+    sticks_us: tuple[int, ...] | None
+    switches: SwitchWatch | None
+    """Since the confirmation, where a remote control was seen."""
+    sticks_unseen: bool
+    """The operator knows that no hand would be seen in time."""
+    rest: Offer | None
+    """What was confirmed, if the vehicle stood in our own mode by nobody's order then."""
+    still_ours: bool
+    """Whether the vehicle flies to the target of the order before this one."""
+    flown: _Motion | None
+    """Of that order, which the vehicle flies until the first command of this one."""
+    motion: _Motion | None = None
+    own_mode_seen: bool = False
+    jumped_m: float = 0.0
+    """By how much the altitude has jumped, against the height above home."""
+
+    @property
+    def datum_m(self) -> float:
+        """Altitude from which the heights of the order count, whatever home becomes."""
+        return self.place.altitude_amsl_m - self.place.altitude_relative_m
 
 
 class Authority:
@@ -172,48 +228,45 @@ class Authority:
         self.manners = manners
         self._lowest_m, self._highest_m, self._farthest_m = lowest_m, highest_m, farthest_m
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
-        self._takeoff = False
-        """The order that is confirmed is a take-off."""
-        self._landed: LandedSeen | None = None
-        self.standing = Standing.OUT
-        self.order_id: int | None = None
         self.reason = "nothing was confirmed"
         """Why it is out."""
         self.out_s = 0.0
         self.counters: Counter[str] = Counter()
+        self._order: _Order | None = None
         self._offer: Offer | None = None
         self._withdrawn: tuple[int, str] | None = None
         """Nonce of an offer that a pilot's hand ended, and how."""
-        self._still_ours = False
-        """Whether the vehicle flies to the target of the order before the one confirmed."""
-        self._rest: Offer | None = None
-        """What was confirmed, if the vehicle stood in our own mode by nobody's order then."""
         self._used: set[int] = set()
-        self._confirmed_s = 0.0
-        self._planner_s = 0.0
         self._mode: ModeSeen | None = None
-        self._mode_then = 0
         self._armed = False
         self._heartbeat_s = 0.0
-        self._own_mode_seen = False
         self._position: PositionSeen | None = None
         self._target: TargetSeen | None = None
+        self._turning_deg_s = self._target_turning_deg_s = 0.0
+        """How fast heading and reported heading changed when seen last."""
+        self._landed: LandedSeen | None = None
         self._sticks: SticksSeen | None = None
-        self._sticks_then: tuple[int, ...] | None = None
-        self._switches: SwitchWatch | None = None
-        """Since the confirmation, where a remote control was seen."""
-        self._sticks_unseen = False
-        """The operator knows that no hand would be seen in time."""
-        self._place_then: PositionSeen | None = None
         self._home: HomeSeen | None = None
-        self._home_then: HomeSeen | None = None
-        """At the confirmation."""
         self._boot_s = 0.0
         self._lateness = Lateness()
         self._failsafe: FailsafeSeen | None = None
-        self._motion: _Motion | None = None
-        self._flown: _Motion | None = None
-        """Of the order before, which the vehicle flies until the first command of this one."""
+
+    @property
+    def standing(self) -> Standing:
+        """Which of the three states it is in."""
+        if self._order is None:
+            return Standing.OUT
+        begun = self._order.motion is not None
+        return Standing.IN_COMMAND if begun else Standing.CONFIRMED
+
+    @property
+    def order_id(self) -> int | None:
+        """Order that is confirmed or in command."""
+        return None if self._order is None else self._order.order_id
+
+    @property
+    def _motion(self) -> _Motion | None:
+        return None if self._order is None else self._order.motion
 
     # --------------------------------------------------------------- the operator
 
@@ -236,18 +289,21 @@ class Authority:
         self._used.add(nonce)
         self._withdrawn = None
         sticks = self._fresh_sticks(now_s, STICKS_LOST_S)
-        rests = self.standing is Standing.OUT and self._mode.mode == self.manners.own_mode
+        rests = self._order is None and self._mode.mode == self.manners.own_mode
+        position, target = self._position, self._target if rests else None
         self._offer = Offer(
             order_id=order_id,
             nonce=nonce,
             made_s=now_s,
             mode=self._mode.mode,
-            target=self._target if rests else None,
+            target=target,
             rests=rests,
-            place=self._position,
+            place=position,
             home=self._home,
             sticks=sticks,
             switches=self._switch_watch(sticks),
+            yaw=_resting(position if rests else None, now_s, self._turning_deg_s, YAW_DEG),
+            target_yaw=_resting(target, now_s, self._target_turning_deg_s, TARGET_YAW_DEG),
             takeoff=takeoff,
         )
 
@@ -291,19 +347,27 @@ class Authority:
             self._check_sticks(now_s)
         sticks = self._fresh_sticks(now_s, STICKS_LOST_S)
         still_ours = self.flies_ours and self._mode.mode == self.manners.own_mode
-        motion = self._motion or self._flown
-        if self.standing is not Standing.OUT:
-            self._end("another order was confirmed", now_s)
-        self._still_ours, self._place_then = still_ours, self._position
-        self._rest = offer if offer.rests else None
-        self._sticks_then = None if sticks is None else sticks.channels_us
-        self._switches, self._sticks_unseen = self._switch_watch(sticks), sticks_unseen
-        self._home_then = self._home
-        self._mode_then, self._own_mode_seen = self._mode.mode, False
-        self._flown = motion if still_ours else None
-        self._motion, self._takeoff = None, offer.takeoff
-        self.standing, self.order_id, self.reason = Standing.CONFIRMED, order_id, ""
-        self._confirmed_s = self._planner_s = now_s
+        before = self._order
+        flown = None if before is None or not still_ours else before.motion or before.flown
+        self._end("another order was confirmed", now_s)
+        assert self._position is not None
+        assert self._home is not None
+        self._order = _Order(
+            order_id=order_id,
+            takeoff=offer.takeoff,
+            confirmed_s=now_s,
+            planner_s=now_s,
+            mode=self._mode.mode,
+            place=self._position,
+            home=self._home,
+            sticks_us=None if sticks is None else sticks.channels_us,
+            switches=self._switch_watch(sticks),
+            sticks_unseen=sticks_unseen,
+            rest=offer if offer.rests else None,
+            still_ours=still_ours,
+            flown=flown,
+        )
+        self.reason = ""
         self.counters["orders_confirmed"] += 1
 
     def _check_unchanged(self, offer: Offer, mode: ModeSeen) -> None:
@@ -365,6 +429,11 @@ class Authority:
             return "the vehicle is on the ground", "Take off by hand first"
         if takeoff and not self.on_ground(now_s):
             return "the vehicle is in the air already", "Ask for another motion"
+        if (
+            not takeoff
+            and self._mode.mode == self.manners.takeoff_mode != self.manners.own_mode
+        ):
+            return "the vehicle still takes off", "Ask again once it hovers"
         if self._failsafe is not None:
             what = self._failsafe.what
             return f"the autopilot tells of a failsafe: {what}", "Land, and see to it"
@@ -389,7 +458,8 @@ class Authority:
 
     def planner_alive(self, now_s: float) -> None:
         """Note a sign of life of the process that sends the wishes."""
-        self._planner_s = now_s
+        if self._order is not None:
+            self._order.planner_s = now_s
 
     # ---------------------------------------------------------------- the commands
 
@@ -414,31 +484,36 @@ class Authority:
             Nothing may be sent; the wish is gone.
         """
         self.tick(now_s)
-        if self.standing is Standing.OUT or order_id != self.order_id:
+        order = self._order
+        if order is None or order_id != order.order_id:
             raise CommandRefused(f"not in command: {self.reason or 'another order is'}")
-        first = self.standing is Standing.CONFIRMED and not stops
-        position = self._seen_lately(now_s)
+        first, motion = order.motion is None and not stops, order.motion
+        position = self._seen_lately(order, now_s)
         assert self._mode is not None
-        if self._takeoff != isinstance(wish, TakeMode | TakeOff):
+        if order.takeoff != isinstance(wish, TakeMode | TakeOff):
             raise CommandRefused("this is not what was confirmed")
         changes_mode = first or isinstance(wish, GoHome)
         if changes_mode and now_s - self._mode.time_s > CHANGE_MODE_AGE_S:
             raise CommandRefused("the mode was not seen just now")
         if not first and self._mode.mode != self.manners.own_mode:
             raise CommandRefused("the first command is not yet seen to be obeyed")
-        if self._motion is not None and not self._motion.obeyed:
+        if motion is not None and not motion.obeyed:
             raise CommandRefused("the command before is not yet seen to be obeyed")
-        if not first and not self._takeoff and self._target_age_s(now_s) > TARGET_AGE_S:
-            raise CommandRefused("the target is older than 1 s")
-        if self._takeoff and not self.on_ground(now_s):
+        if motion is not None and not stops:
+            brakes = not isinstance(wish, GoHome) and motion.progress.brakes(now_s)
+            if brakes or motion.progress.stands(now_s, SLOW_S):
+                raise CommandRefused("the drone comes no nearer to its target")
+        if not first and not order.takeoff and self._target_age_s(now_s) > TARGET_AGE_S:
+            raise CommandRefused(f"the target is older than {TARGET_AGE_S} s")
+        if order.takeoff and not self.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
-        command = self._written(wish, position, first=first)
-        self._motion, self._flown = self._begun(wish, position, now_s, first=first), None
-        self.standing, self._still_ours = Standing.IN_COMMAND, False
+        command = self._written(order, wish, first=first)
+        order.motion = self._begun(order, wish, position, now_s, first=first)
+        order.flown, order.still_ours = None, False
         self.counters["commands_sent"] += 1
         return command
 
-    def _seen_lately(self, now_s: float) -> PositionSeen:
+    def _seen_lately(self, order: _Order, now_s: float) -> PositionSeen:
         """Where it is; raises `CommandRefused` where a takeover would not have been seen."""
         position = self._position
         if self._mode is None or now_s - self._mode.time_s > MODE_AGE_S:
@@ -448,21 +523,20 @@ class Authority:
         if self.late is not None:
             raise CommandRefused(self.late)
         seen = self._fresh_sticks(now_s, STICKS_AGE_S) is not None
-        if self._sticks_then is not None and not seen and not self._sticks_unseen:
+        if order.sticks_us is not None and not seen and not order.sticks_unseen:
             raise CommandRefused(f"the sticks are older than {STICKS_AGE_S} s")
-        if self._switches is not None and self._switches.unsure:
+        if order.switches is not None and order.switches.unsure:
             raise CommandRefused("a switch of the remote control was moved just now")
         return position
 
-    def _written(self, wish: Wish, position: PositionSeen, *, first: bool) -> VehicleCommand:
+    def _written(self, order: _Order, wish: Wish, *, first: bool) -> VehicleCommand:
         match wish:
             case FlyThere():
-                ground = position.altitude_amsl_m - position.altitude_relative_m
                 values = (wish.latitude_deg, wish.longitude_deg, wish.altitude_amsl_m)
                 on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
                 if not (on_globe and isfinite(wish.altitude_amsl_m)):
                     raise CommandRefused(f"{values} is no place")
-                above = wish.altitude_amsl_m - ground
+                above = wish.altitude_amsl_m - order.datum_m
                 if not self._lowest_m - 0.5 <= above <= self._highest_m + 0.5:
                     raise CommandRefused(f"{above:.0f} m above home is too low or too high")
                 home = self._home
@@ -503,13 +577,11 @@ class Authority:
                     name="DO_SET_MODE", param1=1.0, param2=float(self.manners.own_mode)
                 )
             case TakeOff():
-                return self._written_takeoff(wish, position, first=first)
+                return self._written_takeoff(order, wish, first=first)
 
-    def _written_takeoff(
-        self, wish: TakeOff, position: PositionSeen, *, first: bool
-    ) -> VehicleCommand:
+    def _written_takeoff(self, order: _Order, wish: TakeOff, *, first: bool) -> VehicleCommand:
         """PX4 takes an altitude above mean sea level, ArduPilot a height above home."""
-        above = wish.altitude_amsl_m - position.altitude_amsl_m + position.altitude_relative_m
+        above = wish.altitude_amsl_m - order.datum_m
         if first == self.manners.own_mode_first:
             raise CommandRefused("the mode for a take-off is not taken")
         if not self._lowest_m - 0.5 <= above <= self._highest_m + 0.5:
@@ -528,10 +600,10 @@ class Authority:
         )
 
     def _begun(
-        self, wish: Wish, position: PositionSeen, now_s: float, *, first: bool
+        self, order: _Order, wish: Wish, position: PositionSeen, now_s: float, *, first: bool
     ) -> _Motion:
         """The motion that must be observed from now on."""
-        before, left, yaw = self._motion, 0.0, None
+        before, left, yaw = order.motion, 0.0, None
         heights = [position.altitude_amsl_m]
         if isinstance(wish, FlyThere):
             left = _distance_m(position, wish)
@@ -546,12 +618,10 @@ class Authority:
                 start_s=now_s,
                 yaw_deg=position.yaw_deg,
                 tolerance_deg=YAW_DEG,
-                wanted_deg=wish.yaw_deg
-                if isinstance(wish, FlyThere) and self.manners.yaw_in_reposition
-                else None,
-                course_deg=_course_deg(position, wish) if isinstance(wish, FlyThere) else None,
+                wanted_deg=self._wanted_yaw_deg(wish),
                 turn_deg=wish.turn_deg if isinstance(wish, TurnInPlace) else None,
                 rate_deg_s=wish.rate_deg_s if isinstance(wish, TurnInPlace) else 0.0,
+                turning_deg_s=self._turning_deg_s,
             )
         return _Motion(
             wish=wish,
@@ -559,15 +629,19 @@ class Authority:
             first=first,
             before=self._target,
             left_m=left,
-            begun_m=left,
-            slack_m=ASTRAY_M + position.speed_m_s**2 / (2.0 * BRAKES_M_S2),
+            slack_m=ASTRAY_M + stops_within_m(position.speed_m_s),
             lowest_m=min(heights),
             highest_m=max(heights),
             yaw=yaw,
+            progress=Progress(now_s),
             start=position,
             top_m=position.altitude_amsl_m,
-            risen_s=now_s,
         )
+
+    def _wanted_yaw_deg(self, wish: Wish) -> float | None:
+        """Heading that a command asks for, by an autopilot that takes one."""
+        takes = isinstance(wish, FlyThere) and self.manners.yaw_in_reposition
+        return wish.yaw_deg if isinstance(wish, FlyThere) and takes else None
 
     @property
     def mode_now(self) -> str:
@@ -577,7 +651,8 @@ class Authority:
     @property
     def taking_off(self) -> bool:
         """Whether an order to take off is in command: nothing makes the drone stand in it."""
-        return self._takeoff and self.standing is Standing.IN_COMMAND
+        order = self._order
+        return order is not None and order.takeoff and order.motion is not None
 
     @property
     def climbs(self) -> bool:
@@ -588,14 +663,14 @@ class Authority:
     @property
     def flies_ours(self) -> bool:
         """Whether the vehicle flies what we commanded: this order's, or the last one's yet."""
-        if self.standing is Standing.CONFIRMED:
-            return self._still_ours
-        return self.standing is Standing.IN_COMMAND
+        order = self._order
+        return order is not None and (order.motion is not None or order.still_ours)
 
     @property
     def obeyed(self) -> bool:
         """Whether the last command was seen to be obeyed; another may follow."""
-        return self._motion is not None and self._motion.obeyed
+        motion = self._motion
+        return motion is not None and motion.obeyed
 
     @property
     def turned_deg(self) -> float:
@@ -616,12 +691,15 @@ class Authority:
         position, home = self._position, self._home
         if position is None or home is None:
             return None
+        above = position.altitude_relative_m
+        if self._order is not None:
+            above = position.altitude_amsl_m - self._order.datum_m
         return VehicleNow(
             time_s=now_s,
             latitude_deg=position.latitude_deg,
             longitude_deg=position.longitude_deg,
             altitude_amsl_m=position.altitude_amsl_m,
-            altitude_relative_m=position.altitude_relative_m,
+            altitude_relative_m=above,
             speed_m_s=position.speed_m_s,
             yaw_deg=position.yaw_deg,
             home=(home.latitude_deg, home.longitude_deg),
@@ -668,9 +746,10 @@ class Authority:
         failsafe = self._failsafe
         if failsafe is not None and now_s - failsafe.time_s > MODE_LOST_S:
             self._failsafe = None
-        if self.standing is Standing.OUT:
+        order = self._order
+        if order is None:
             return
-        if now_s - self._planner_s > PLANNER_LOST_S:
+        if now_s - order.planner_s > PLANNER_LOST_S:
             self._end("the guide is silent", now_s)
         elif self._mode is None or now_s - self._mode.time_s > MODE_LOST_S:
             self._end("the mode is not told any more", now_s)
@@ -678,28 +757,28 @@ class Authority:
             self._end("no heartbeat of the autopilot", now_s)
         elif self._position is None or now_s - self._position.time_s > POSITION_LOST_S:
             self._end("the position is lost", now_s)
-        elif self._sticks_then is not None and self._fresh_sticks(now_s, STICKS_LOST_S) is None:
+        elif order.sticks_us is not None and self._fresh_sticks(now_s, STICKS_LOST_S) is None:
             self._end("the sticks are not seen any more", now_s)
-        elif self._switches is not None and self._switches.sure(now_s) is not None:
-            self._end(switched(self._switches.sure(now_s) or 0), now_s)
-        elif self.standing is Standing.CONFIRMED:
-            if now_s - self._confirmed_s > BEGINS_WITHIN_S:
-                late = "" if self.late is None else f": {self.late}"
-                self._end(f"the order was not begun within 10 s{late}", now_s)
-        else:
-            self._see_time(now_s)
+        elif order.switches is not None and order.switches.sure(now_s) is not None:
+            self._end(switched(order.switches.sure(now_s) or 0), now_s)
+        elif order.motion is not None:
+            self._see_time(order, order.motion, now_s)
+        elif now_s - order.confirmed_s > BEGINS_WITHIN_S:
+            late = "" if self.late is None else f": {self.late}"
+            self._end(f"the order was not begun within 10 s{late}", now_s)
 
-    def _see_time(self, now_s: float) -> None:
-        motion = self._motion
-        assert motion is not None
+    def _see_time(self, order: _Order, motion: _Motion, now_s: float) -> None:
         longest_s = OBEYED_WITHIN_S
         if isinstance(motion.wish, TakeOff):
             longest_s = TAKES_OFF_WITHIN_S
+        target_lost_s = self.manners.target_lost_s
         if not motion.obeyed and now_s - motion.sent_s > longest_s:
             self._end("the command was not seen to be obeyed", now_s)
-        elif self._takeoff:
+        elif motion.obeyed and motion.progress.stands(now_s):
+            self._end("the drone has stopped on its way", now_s)
+        elif order.takeoff:
             return  # ArduPilot tells no target then
-        elif motion.obeyed and self._target_age_s(now_s) > TARGET_LOST_S:
+        elif motion.obeyed and self._target_age_s(now_s) > target_lost_s:
             self._end("the target is not told any more", now_s)
 
     def _target_age_s(self, now_s: float) -> float:
@@ -731,29 +810,29 @@ class Authority:
         if seen.failsafe:
             self._failsafe = FailsafeSeen(seen.time_s, "critical state")
             self._end("the autopilot is in a failsafe", seen.time_s)
-        if self.standing is Standing.CONFIRMED and seen.mode != self._mode_then:
+        order = self._order
+        if order is not None and order.motion is not None:
+            self._see_mode_in_command(order, order.motion, seen)
+        elif order is not None and seen.mode != order.mode:
             self._end(self._mode_words(seen.mode), seen.time_s)
-        elif self.standing is Standing.IN_COMMAND:
-            self._see_mode_in_command(seen)
 
-    def _see_mode_in_command(self, seen: ModeSeen) -> None:
-        motion, own = self._motion, self.manners.own_mode
-        assert motion is not None
+    def _see_mode_in_command(self, order: _Order, motion: _Motion, seen: ModeSeen) -> None:
+        own = self.manners.own_mode
         if isinstance(motion.wish, GoHome) and seen.mode in self.manners.return_modes:
             self._end("returning: the autopilot flies home", seen.time_s)
             return
         if isinstance(motion.wish, TakeOff) and not self.manners.own_mode_first:
             if seen.mode == self.manners.takeoff_mode:
-                self._own_mode_seen = True
+                order.own_mode_seen = True
                 return
             if seen.mode == own and motion.top_m >= motion.highest_m - AT_TOP_M:
                 return  # it has arrived, and hovers
         elif seen.mode == own:
-            self._own_mode_seen = True
+            order.own_mode_seen = True
             motion.obeyed |= isinstance(motion.wish, TakeMode)
             return
         waits = seen.time_s - motion.sent_s < MODE_CHANGES_WITHIN_S
-        if not self._own_mode_seen and seen.mode == self._mode_then and waits:
+        if not order.own_mode_seen and seen.mode == order.mode and waits:
             return
         self._end(self._mode_words(seen.mode), seen.time_s)
 
@@ -764,20 +843,27 @@ class Authority:
         before = self._target
         if before is not None and seen.boot_s < before.boot_s:
             return  # overtaken on its way
+        if before is not None:
+            self._target_turning_deg_s = _turning_deg_s(
+                before, seen, self._target_turning_deg_s
+            )
         self._target = seen
         self._see_turned(seen)
-        if self.standing is Standing.CONFIRMED:
-            # A vehicle in another mode follows the sticks with its target, or a mission.
-            ours = self._mode_then == self.manners.own_mode
+        order = self._order
+        if order is None:
+            return
+        if order.motion is not None:
+            self._see_target_in_command(order.motion, seen)
+            return
+        if order.flown is not None and isinstance(order.flown.wish, FlyThere):
+            self._see_target_yaw(order.flown, seen)
+        # A vehicle in another mode follows the sticks with its target, or a mission.
+        if order.mode == self.manners.own_mode:
             changed = before is not None and not self._same(seen, before)
-            if ours and (changed or (before is None and _is_elsewhere(seen, self._place_then))):
+            if changed or (before is None and _is_elsewhere(seen, order.place)):
                 self._end("another has given a target", seen.time_s)
-        elif self.standing is Standing.IN_COMMAND:
-            self._see_target_in_command(seen)
 
-    def _see_target_in_command(self, seen: TargetSeen) -> None:
-        motion = self._motion
-        assert motion is not None
+    def _see_target_in_command(self, motion: _Motion, seen: TargetSeen) -> None:
         place = motion.wish
         if isinstance(place, GoHome):
             return  # the mode tells
@@ -791,9 +877,10 @@ class Authority:
                 motion.obeyed |= self.turned_deg >= 10.0
             return
         if self._same(seen, _target_of(place)):
-            # A turn keeps the place: there only the heading shows that it was obeyed.
-            motion.obeyed |= motion.yaw is None or motion.yaw.begun
             self._see_target_yaw(motion, seen)
+            # A turn keeps the place: there only the heading shows that it was obeyed.
+            watch = motion.target_yaw or motion.yaw
+            motion.obeyed |= watch is None or watch.begun
             return
         waits = not motion.obeyed and seen.time_s - motion.sent_s < CHANGES_WITHIN_S
         if waits and self._may_be_before(motion, seen):
@@ -834,7 +921,7 @@ class Authority:
                 position.latitude_deg,
                 position.longitude_deg,
             )
-            < ASTRAY_M + position.speed_m_s**2 / (2.0 * BRAKES_M_S2)
+            < ASTRAY_M + stops_within_m(position.speed_m_s)
         )
 
     def _see_target_yaw(self, motion: _Motion, seen: TargetSeen) -> None:
@@ -846,10 +933,12 @@ class Authority:
                 start_s=motion.sent_s,
                 yaw_deg=seen.yaw_deg,
                 tolerance_deg=TARGET_YAW_DEG,
-                wanted_deg=motion.wish.yaw_deg,
-                course_deg=None if motion.yaw is None else motion.yaw.course_deg,
+                wanted_deg=self._wanted_yaw_deg(motion.wish),
+                exact=True,
             )
-        fault = motion.target_yaw.fault(seen.time_s, seen.yaw_deg)
+        position = self._position
+        here = (None, 0.0) if position is None else _bearing(position, motion.wish)
+        fault = motion.target_yaw.fault(seen.time_s, seen.yaw_deg, *here)
         if fault is not None:
             self._end(fault, seen.time_s)
 
@@ -857,35 +946,44 @@ class Authority:
         before = self._position
         if before is not None and seen.boot_s < before.boot_s:
             return  # overtaken on its way
+        if before is not None:
+            self._turning_deg_s = _turning_deg_s(before, seen, self._turning_deg_s)
         self._position = seen
         self._see_turned(seen)
-        if self.standing is Standing.OUT:
+        order = self._order
+        if order is None:
             return
-        self._see_datum(seen)
         if before is not None:
-            gap_s = seen.time_s - before.time_s
-            rise = seen.altitude_amsl_m - before.altitude_amsl_m
-            above = seen.altitude_relative_m - before.altitude_relative_m
-            if max(abs(rise), abs(above)) > HEIGHT_JUMP_M * max(1.0, gap_s):
-                self._end(f"the height jumped by {rise:+.0f} m", seen.time_s)
-            moved = distance_m(
-                seen.latitude_deg,
-                seen.longitude_deg,
-                before.latitude_deg,
-                before.longitude_deg,
-            )
-            if moved > PLACE_JUMP_M + seen.speed_m_s * max(0.0, gap_s):
-                self._end(f"the position jumped by {moved:.0f} m", seen.time_s)
-        motion = self._motion or self._flown
+            self._see_jump(order, before, seen)
+        motion = order.motion or order.flown
         if motion is not None:
             self._see_motion(motion, seen)
 
+    def _see_jump(self, order: _Order, before: PositionSeen, seen: PositionSeen) -> None:
+        """The place must not jump, nor the altitude; the altitude of home may be corrected."""
+        gap_s = max(0.0, seen.boot_s - before.boot_s)
+        rise = seen.altitude_amsl_m - before.altitude_amsl_m
+        if abs(rise) > HEIGHT_JUMP_M * max(1.0, gap_s):
+            self._end(f"the height jumped by {rise:+.0f} m", seen.time_s)
+        above = seen.altitude_relative_m - before.altitude_relative_m
+        climb = seen.velocity_m_s[2] * gap_s
+        if abs(rise - climb) > abs(above - climb):
+            order.jumped_m += rise - above
+        if abs(order.jumped_m) > HOME_MOVED_M:
+            self._end(f"the altitude jumped by {order.jumped_m:+.0f} m", seen.time_s)
+        moved = distance_m(
+            seen.latitude_deg, seen.longitude_deg, before.latitude_deg, before.longitude_deg
+        )
+        if moved > PLACE_JUMP_M + seen.speed_m_s * gap_s:
+            self._end(f"the position jumped by {moved:.0f} m", seen.time_s)
+
     def _see_turned(self, seen: PositionSeen | TargetSeen) -> None:
         """Who turns it where it stands in our own mode is another, before our first command."""
-        offer, rest = self._offer, self._rest
-        if offer is not None and offer.rests and _turned(offer, seen):
+        offer, order = self._offer, self._order
+        if offer is not None and offer.turned(seen):
             self._withdraw(f"{OTHERS_TURN} since you were asked")
-        if self.standing is Standing.CONFIRMED and rest is not None and _turned(rest, seen):
+        rest = None if order is None or order.motion is not None else order.rest
+        if rest is not None and rest.turned(seen):
             self._end(OTHERS_TURN, seen.time_s)
 
     def _see_motion(self, motion: _Motion, seen: PositionSeen) -> None:
@@ -897,50 +995,56 @@ class Authority:
         place = motion.wish if isinstance(motion.wish, FlyThere) else motion.before
         left = 0.0 if place is None else _distance_m(seen, place)
         motion.left_m = min(motion.left_m, left)
-        waited = seen.time_s - motion.sent_s
-        stays = waited > MOVES_WITHIN_S and motion.left_m > max(10.0, motion.begun_m - 3.0)
-        if stays or left > motion.left_m + motion.slack_m:
+        if left > motion.left_m + motion.slack_m:
             self._end("the drone does not fly to our target", seen.time_s)
         lowest, highest = motion.lowest_m - HEIGHT_OFF_M, motion.highest_m + HEIGHT_OFF_M
         if not lowest <= seen.altitude_amsl_m <= highest:
             self._end("another changes the height", seen.time_s)
-        if motion.yaw is not None and seen.yaw_deg is not None:
-            fault = motion.yaw.fault(seen.time_s, seen.yaw_deg)
-            if fault is not None:
-                self._end(fault, seen.time_s)
+        self._see_yaw(motion, seen)
+        free = isinstance(motion.wish, FlyThere) and (
+            left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SLOW_M_S
+        )
+        parts = _left(motion, seen, self._turning_deg_s)
+        motion.progress.see(seen.time_s, *parts, free=free)
+
+    def _see_yaw(self, motion: _Motion, seen: PositionSeen) -> None:
+        if motion.yaw is None or seen.yaw_deg is None:
+            return
+        here = _bearing(seen, motion.wish) if isinstance(motion.wish, FlyThere) else (None, 0.0)
+        fault = motion.yaw.fault(seen.time_s, seen.yaw_deg, *here)
+        if fault is not None:
+            self._end(fault, seen.time_s)
 
     def _see_climb(self, motion: _Motion, seen: PositionSeen) -> None:
         """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""
         altitude, start = seen.altitude_amsl_m, motion.start
-        if altitude > motion.top_m + 0.3:
-            motion.top_m, motion.risen_s = altitude, seen.time_s
+        motion.top_m = max(motion.top_m, altitude)
         rises = isinstance(motion.wish, TakeOff)
         motion.obeyed |= rises and altitude > start.altitude_amsl_m + RISEN_M
-        reached = motion.top_m >= motion.highest_m - AT_TOP_M
-        rests = motion.obeyed and rises and not reached
+        if motion.obeyed and rises:
+            left = abs(motion.highest_m - altitude)
+            part = Left(now=left, soon=left, least=HIGHER_M, tolerance=AT_TOP_M)
+            motion.progress.see(seen.time_s, part)
         moved = distance_m(
             seen.latitude_deg, seen.longitude_deg, start.latitude_deg, start.longitude_deg
         )
         off = HEIGHT_OFF_M if rises else RISEN_M
-        if rests and seen.time_s - motion.risen_s > CLIMBS_WITHIN_S:
-            self._end("the drone does not climb", seen.time_s)
-        elif moved > ASTRAY_M:
+        if moved > ASTRAY_M:
             self._end("the drone does not climb straight up", seen.time_s)
         elif not motion.top_m - AT_TOP_M <= altitude <= motion.highest_m + off:
             self._end("another changes the height", seen.time_s)
-        elif motion.yaw is not None and seen.yaw_deg is not None:
-            fault = motion.yaw.fault(seen.time_s, seen.yaw_deg)
-            if fault is not None:
-                self._end(fault, seen.time_s)
+        else:
+            self._see_yaw(motion, seen)
 
     def _see_landed(self, seen: LandedSeen) -> None:
         self._landed = seen
-        if self.standing is Standing.OUT or seen.on_ground is None:
+        order = self._order
+        if order is None or seen.on_ground is None:
             return
-        if self._takeoff and self.standing is Standing.CONFIRMED:
+        if order.takeoff and order.motion is None:
             if not seen.on_ground:
                 self._end("the vehicle is in the air already", seen.time_s)
-        elif seen.on_ground and not (self._takeoff and not self._rising):
+        elif seen.on_ground and not (order.takeoff and not self._rising):
             self._end("the vehicle has landed", seen.time_s)
 
     @property
@@ -953,17 +1057,18 @@ class Authority:
         self._sticks = seen
         if self._offer is not None:
             self._see_sticks_of_offer(self._offer, seen)
-        if self.standing is Standing.OUT:
+        order = self._order
+        if order is None:
             return
-        if self._sticks_then is None:
+        if order.sticks_us is None:
             if seen.channels_us:
                 self._end("a remote control was switched on", seen.time_s)
-        elif len(seen.channels_us) != len(self._sticks_then):
+        elif len(seen.channels_us) != len(order.sticks_us):
             self._end("the sticks are not seen any more", seen.time_s)
-        elif sticks_moved(seen, self._sticks_then):
+        elif sticks_moved(seen, order.sticks_us):
             self._end("the sticks were moved", seen.time_s)
-        elif self._switches is not None:
-            channel = self._switches.see(seen)
+        elif order.switches is not None:
+            channel = order.switches.see(seen)
             if channel is not None:
                 self._end(switched(channel), seen.time_s)
 
@@ -987,10 +1092,13 @@ class Authority:
         return sticks
 
     def _see_home(self, seen: HomeSeen) -> None:
-        """Compare it with that of the confirmation, so that it cannot creep away either."""
+        """Compare its place with that of the confirmation, so that it cannot creep away either.
+
+        PX4 corrects its altitude in flight; heights hold to that of the confirmation.
+        """
         before, self._home = self._home, seen
-        if self.standing is not Standing.OUT:
-            before = self._home_then
+        if self._order is not None:
+            before = self._order.home
         elif self._offer is not None:
             before = self._offer.home
         if before is None:
@@ -998,15 +1106,8 @@ class Authority:
         moved = distance_m(
             seen.latitude_deg, seen.longitude_deg, before.latitude_deg, before.longitude_deg
         )
-        if max(moved, abs(seen.altitude_amsl_m - before.altitude_amsl_m)) > HOME_MOVED_M:
+        if moved > HOME_MOVED_M:
             self._end("home was moved", seen.time_s)
-
-    def _see_datum(self, seen: PositionSeen) -> None:
-        """Every height that we command is reckoned from the altitude of height 0."""
-        then = self._place_then
-        if then is not None and abs(_datum_m(seen) - _datum_m(then)) > HOME_MOVED_M:
-            off = _datum_m(seen) - _datum_m(then)
-            self._end(f"the altitude of height 0 has changed by {off:+.0f} m", seen.time_s)
 
     def _withdraw(self, why: str) -> None:
         """Offer it no more: a confirmation of it is refused with the reason."""
@@ -1015,17 +1116,65 @@ class Authority:
 
     def _end(self, reason: str, time_s: float) -> None:
         """Be out, with nothing on offer; the first reason counts."""
-        self._offer, self._still_ours = None, False
-        if self.standing is Standing.OUT:
+        self._offer = None
+        if self._order is None:
             return
-        self.standing, self.reason, self.out_s = Standing.OUT, reason, time_s
-        self.order_id = self._motion = self._flown = None
+        self._order, self.reason, self.out_s = None, reason, time_s
         self.counters["orders_ended"] += 1
 
 
-def _datum_m(seen: PositionSeen) -> float:
-    """Altitude above mean sea level of height 0, where home is."""
-    return seen.altitude_amsl_m - seen.altitude_relative_m
+def _left(motion: _Motion, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
+    """What is left of a motion in the air."""
+    wish, yaw = motion.wish, motion.yaw
+    if not isinstance(wish, FlyThere):
+        if yaw is None or yaw.turn_deg is None:
+            return ()
+        left = abs(yaw.turn_deg) - yaw.turned_deg
+        least = min(TURNED_DEG, 1.5 * yaw.rate_deg_s)
+        return (Left(now=left, soon=left, least=least, tolerance=LOOKS_DEG),)
+    bearing, left = _bearing(seen, wish)
+    height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
+    stops = [one * seen.speed_m_s / (2.0 * BRAKES_M_S2) for one in seen.velocity_m_s[:2]]
+    along = radians(bearing)
+    soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
+    place = Left(now=left, soon=soon, least=NEARER_M, tolerance=ARRIVED_M)
+    up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)
+    if seen.yaw_deg is None:
+        return place, up
+    asked = None if yaw is None else yaw.wanted_deg
+    off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
+    stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * STOPS_TURNING_DEG_S2)
+    heading = Left(
+        now=abs(off),
+        soon=abs(off - stops_deg),
+        least=TURNED_DEG,
+        tolerance=LOOKS_ABOUT_DEG if asked is None else LOOKS_DEG,
+        needed=asked is not None,
+    )
+    return place, up, heading
+
+
+def _resting(
+    seen: PositionSeen | TargetSeen | None, now_s: float, turning: float, tolerance: float
+) -> RestingYaw | None:
+    """Watch the heading of a vehicle that rests, if it reports one."""
+    if seen is None or seen.yaw_deg is None:
+        return None
+    return RestingYaw(
+        start_s=now_s, yaw_deg=seen.yaw_deg, turning_deg_s=turning, tolerance_deg=tolerance
+    )
+
+
+def _turning_deg_s(
+    before: PositionSeen | TargetSeen, seen: PositionSeen | TargetSeen, known: float
+) -> float:
+    """How fast a heading turns, by two reports; as it was known by two of the same instant."""
+    gap_s = seen.boot_s - before.boot_s
+    if gap_s <= 0.0:
+        return known
+    if before.yaw_deg is None or seen.yaw_deg is None or gap_s > POSITION_AGE_S:
+        return 0.0
+    return wrap_degrees_180(seen.yaw_deg - before.yaw_deg) / gap_s
 
 
 def _distance_m(seen: PositionSeen, place: FlyThere | TargetSeen) -> float:
@@ -1036,13 +1185,12 @@ def _distance_m(seen: PositionSeen, place: FlyThere | TargetSeen) -> float:
     )
 
 
-def _course_deg(seen: PositionSeen, place: FlyThere) -> float | None:
-    """Course to a place [deg]; None if it is too near for one."""
-    if _distance_m(seen, place) < SHORT_WAY_M:
-        return None
+def _bearing(seen: PositionSeen, place: FlyThere) -> tuple[float, float]:
+    """Bearing of a place [deg] and its distance [m], from where the vehicle is."""
     east = wrap_degrees_180(place.longitude_deg - seen.longitude_deg)
     north = place.latitude_deg - seen.latitude_deg
-    return degrees(atan2(east * cos(radians(seen.latitude_deg)), north))
+    bearing = degrees(atan2(east * cos(radians(seen.latitude_deg)), north))
+    return bearing, _distance_m(seen, place)
 
 
 def _target_of(place: FlyThere) -> TargetSeen:
@@ -1067,17 +1215,6 @@ def _same(one: TargetSeen, other: TargetSeen, within_m: float) -> bool:
     return distance_m(a, b, c, d) <= within_m and abs(heights[0] - heights[1]) <= within_m
 
 
-def _turned(offer: Offer, seen: PositionSeen | TargetSeen) -> bool:
-    """Whether it looks elsewhere, or is to, than when the operator was asked."""
-    then: PositionSeen | TargetSeen | None = offer.target
-    most = TARGET_YAW_DEG
-    if isinstance(seen, PositionSeen):
-        then, most = offer.place, YAW_DEG
-    if then is None or then.yaw_deg is None or seen.yaw_deg is None:
-        return False
-    return abs(wrap_degrees_180(seen.yaw_deg - then.yaw_deg)) > most
-
-
 def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
     """Whether a target that is the first one seen is not where the vehicle holds.
 
@@ -1086,7 +1223,6 @@ def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool
     """
     if target is None or target.latitude_deg is None or place is None:
         return False
-    stops_m = place.speed_m_s**2 / (2.0 * BRAKES_M_S2)
     height = target.altitude_amsl_m
     climbs = height is not None and abs(height - place.altitude_amsl_m) > HEIGHT_OFF_M
-    return climbs or _distance_m(place, target) > ASTRAY_M + stops_m
+    return climbs or _distance_m(place, target) > ASTRAY_M + stops_within_m(place.speed_m_s)

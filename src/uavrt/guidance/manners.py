@@ -43,6 +43,10 @@ class Manners:
     """So near to what was asked for is the target that is told. PX4 keeps the very numbers of
     the command; a pause of the drone where it stands must differ from them."""
 
+    target_lost_s: float
+    """Without a report of the target for so long an order ends. ArduCopter reports none while
+    another station flies it by velocities."""
+
     @property
     def own_mode_first(self) -> bool:
         """Whether a take-off is commanded in our own mode, which is to be taken before."""
@@ -84,6 +88,7 @@ PX4 = Manners(
     mission_modes=frozenset({_px4(4, 4), _px4(4, 5)}),
     home_in_mission=False,
     target_m=0.05,
+    target_lost_s=3.0,
 )
 ARDUPILOT = Manners(
     name="ardupilot",
@@ -111,6 +116,7 @@ ARDUPILOT = Manners(
     mission_modes=frozenset({3, 27}),
     home_in_mission=True,
     target_m=0.3,
+    target_lost_s=1.0,
 )
 MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(
     {"px4": PX4, "ardupilot": ARDUPILOT}

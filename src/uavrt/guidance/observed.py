@@ -1,6 +1,7 @@
 """Observed vehicle state, each item with our monotonic arrival time [s]."""
 
 from dataclasses import dataclass
+from math import hypot
 from typing import Literal
 
 
@@ -29,9 +30,14 @@ class PositionSeen:
     altitude_amsl_m: float
     altitude_relative_m: float
     """Above home."""
-    speed_m_s: float
-    """Over ground."""
+    velocity_m_s: tuple[float, float, float]
+    """North and east over ground, and up."""
     yaw_deg: float | None
+
+    @property
+    def speed_m_s(self) -> float:
+        """Speed over ground."""
+        return hypot(self.velocity_m_s[0], self.velocity_m_s[1])
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from math import atan2, cos, degrees, radians
 
 from uavrt.geodesy import distance_m
-from uavrt.guidance.authority import BRAKES_M_S2
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import (
@@ -22,16 +21,13 @@ from uavrt.guidance.plans import (
     map_fault,
     must_return,
 )
+from uavrt.guidance.progress import ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG
+from uavrt.guidance.stopping import stops_within_m
 from uavrt.guidance.wishes import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180
 
-ARRIVED_M, ARRIVED_M_S, AT_HEIGHT_M = 3.0, 1.0, 2.0
-LOOKS_DEG = 8.0
-TURNED_DEG = 8.0
-"""So much may be missing of a turn in place."""
-STEP_TAKES_S, SLOWER = 60.0, 3.0
-"""Longest for a step, besides its stay and so many times its way at the speed of the settings:
-wind, or an autopilot that is set to fly slower than they say."""
+ARRIVED_M_S = 1.0
+"""Slower than this it stands."""
 SLOW_M_S = 2.0
 BEND_DEG = 30.0
 """It goes to another place without standing first when that is no farther off its way."""
@@ -66,8 +62,6 @@ class Pilot:
         self._number = 0
         self._wished = 0
         self._wished_step: Step | None = None
-        self._step_until_s = 0.0
-        """Longer is too long, by where the step began."""
         self._there_s: float | None = None
         self._sent_for_step = 0
         self._holding: Go | None = None
@@ -176,11 +170,7 @@ class Pilot:
         if self._wished_step is not step:
             return self._wish(step, now)
         if not self._done(step, now):
-            if now.time_s <= self._step_until_s:
-                return None
-            if not self._flies_home:
-                self.give_up("a step takes too long")
-                return None
+            return None
         self._number += 1
         if self._number == len(self._steps):
             self.ended = None if self._waits else "done"
@@ -191,7 +181,6 @@ class Pilot:
         self._wished += 1
         self._sent_for_step = now.wishes_sent + 1
         self._wished_step, self._there_s = step, None
-        self._step_until_s = now.time_s + self._longest_s(step, now)
         match step:
             case Go():
                 amsl = target_amsl_m(
@@ -220,7 +209,7 @@ class Pilot:
     def _done(self, step: Step, now: VehicleNow) -> bool:
         match step:
             case Turn():
-                return now.turned_deg >= abs(step.turn_deg) - TURNED_DEG
+                return now.turned_deg >= abs(step.turn_deg) - LOOKS_DEG
             case Home() | Ready():
                 return True
             case Climb():
@@ -239,17 +228,6 @@ class Pilot:
         if self._there_s is None:
             self._there_s = now.time_s
         return now.time_s - self._there_s >= step.stay_s
-
-    def _longest_s(self, step: Step, now: VehicleNow) -> float:
-        match step:
-            case Go():
-                way = distance_m(now.latitude_deg, now.longitude_deg, *step.place)
-                return STEP_TAKES_S + SLOWER * way / self._limits.speed_m_s + step.stay_s
-            case Turn():
-                return STEP_TAKES_S + abs(step.turn_deg) / step.rate_deg_s
-            case Climb():
-                return STEP_TAKES_S + step.height_m
-        return STEP_TAKES_S
 
     # ------------------------------------------------------ what comes before any step
 
@@ -321,10 +299,10 @@ class Pilot:
 
 
 def standing_place(now: VehicleNow, goal: Place) -> Place:
-    """Where it comes to a stand on its way: behind that it would have to turn round."""
+    """Where it can come to a stand on its way, without turning round."""
     here = (now.latitude_deg, now.longitude_deg)
     left = distance_m(*here, *goal)
-    share = min(1.0, now.speed_m_s**2 / (2.0 * BRAKES_M_S2) / max(left, 0.1))
+    share = min(1.0, stops_within_m(now.speed_m_s) / max(left, 0.1))
     east = wrap_degrees_180(goal[1] - here[1])
     return (here[0] + share * (goal[0] - here[0]), here[1] + share * east)
 

@@ -1,22 +1,31 @@
 """Check that the heading moves as commanded. Pure."""
 
-import math
 from dataclasses import dataclass
+from math import atan, degrees
 
 from uavrt.units import wrap_degrees_180
 
-SETTLED_S = 1.0
-"""A heading that changed by less than `STEADY_DEG` for so long has settled."""
-STEADY_DEG = 3.0
-SETTLES_WITHIN_S = 10.0
-BEGINS_WITHIN_S = 4.0
-THERE_DEG, BEGUN_DEG = 6.0, 5.0
 OTHERS_TURN = "another turns the drone"
+THERE_DEG, BEGUN_DEG = 6.0, 5.0
+NEAR_M = 0.7
+"""Nearer to the target the heading stays; PX4 looks along the bearing until 1 to 2 m."""
+BESIDE_M = 1.0
+"""Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
+FROZEN_M, STOPPED_S = 2.5, 1.0
+"""Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
+TURNS_ON_S = 4.0
+"""A turn that goes on when a command comes is stopped and made up for within this [s]."""
+TURNING_DEG_S, TURNED_S = 4.0, 0.5
+"""A heading that changes slower than this, for this long, stands."""
 
 
 @dataclass(slots=True, kw_only=True)
 class YawWatch:
     """Watches a heading from a command on; `fault` says what is not ours.
+
+    The heading may stay as it was and come nearer to where the drone is to look: the heading
+    asked for, else the bearing to the target from where the drone is, as long as it is not
+    near. It may not go away from that.
 
     Parameters
     ----------
@@ -28,35 +37,36 @@ class YawWatch:
         Gusts and overshoot.
     wanted_deg : float, optional
         Heading that was asked for.
-    course_deg : float, optional
-        Where it flies to, when no heading was asked for: the autopilot looks there, or stays.
     turn_deg, rate_deg_s : float, optional
         A turn in place by so much, clockwise, instead.
+    turning_deg_s : float
+        How fast it turned when the command came.
+    exact : bool
+        The heading is a setpoint, which near the target stays to the degree.
     """
 
     start_s: float
     yaw_deg: float
     tolerance_deg: float
     wanted_deg: float | None = None
-    course_deg: float | None = None
     turn_deg: float | None = None
     rate_deg_s: float = 0.0
+    turning_deg_s: float = 0.0
+    exact: bool = False
     turned_deg: float = 0.0
-    """In the direction asked for; of a heading that was not asked for, clockwise."""
+    """In the direction asked for."""
+    _aim_deg: float | None = None
     _first_deg: float = 0.0
     _best_deg: float = 0.0
-    _arc_deg: float = 0.0
-    _settled: bool = False
-    _steady_deg: float = 0.0
-    _steady_s: float = 0.0
+    _near: bool = False
+    _moved_s: float = 0.0
+    _turns: bool = False
 
     def __post_init__(self) -> None:
-        self._steady_deg, self._steady_s = self.yaw_deg, self.start_s
         if self.wanted_deg is not None:
-            self._first_deg = abs(wrap_degrees_180(self.wanted_deg - self.yaw_deg))
-            self._best_deg = self._first_deg
-        if self.course_deg is not None:
-            self._arc_deg = wrap_degrees_180(self.course_deg - self.yaw_deg)
+            self._first_deg = self._best_deg = abs(
+                wrap_degrees_180(self.wanted_deg - self.yaw_deg)
+            )
 
     @property
     def begun(self) -> bool:
@@ -65,53 +75,90 @@ class YawWatch:
             return True
         return self._best_deg < max(THERE_DEG, self._first_deg - BEGUN_DEG)
 
-    def fault(self, time_s: float, yaw_deg: float) -> str | None:
-        """Take a heading; say what is wrong with it."""
+    def fault(
+        self,
+        time_s: float,
+        yaw_deg: float,
+        bearing_deg: float | None = None,
+        away_m: float = 0.0,
+    ) -> str | None:
+        """Take a heading; say what is wrong with it.
+
+        Parameters
+        ----------
+        time_s, yaw_deg : float
+        bearing_deg, away_m : float, optional
+            To the target, from where the drone is.
+        """
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg
         if self.turn_deg is not None:
             return self._turning(time_s, step)
+        aim, slack = self._aim(yaw_deg, bearing_deg, away_m)
+        moved = 0.0 if self._aim_deg is None else abs(wrap_degrees_180(aim - self._aim_deg))
+        off = abs(wrap_degrees_180(aim - yaw_deg))
+        if self._aim_deg is None and self.wanted_deg is None:
+            self._first_deg = self._best_deg = off
+        self._aim_deg = aim
+        # Also where the aim moves away from the heading that is not another's turn.
+        most = self._best_deg + moved + slack + self.tolerance_deg
+        if off < self._best_deg + moved - 1.0 or moved > 1.0 or not self._moved_s:
+            self._moved_s = time_s
+        self._best_deg = min(self._best_deg + moved, off)
+        frozen = self.wanted_deg is None and away_m < FROZEN_M
+        there = off <= slack + self.tolerance_deg or frozen
+        self._turns |= not there and off < self._first_deg - BEGUN_DEG
+        if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
+            return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
+        if time_s - self.start_s < TURNS_ON_S:
+            most += abs(self.turning_deg_s)
+        return OTHERS_TURN if off > most else None
+
+    def _aim(
+        self, yaw_deg: float, bearing_deg: float | None, away_m: float
+    ) -> tuple[float, float]:
+        """Where it is to look, and how uncertain that is [deg]."""
         if self.wanted_deg is not None:
-            left = abs(wrap_degrees_180(self.wanted_deg - yaw_deg))
-            self._best_deg = min(self._best_deg, left)
-            return OTHERS_TURN if left > self._best_deg + self.tolerance_deg else None
-        self.turned_deg += step
-        return self._chosen(time_s, yaw_deg)
+            return self.wanted_deg, 0.0
+        was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
+        if not self._near and bearing_deg is not None:
+            return bearing_deg, degrees(atan(BESIDE_M / away_m))
+        if self._aim_deg is None or not was_near:
+            return yaw_deg, 0.0
+        return self._aim_deg, 0.0
 
     def _turning(self, time_s: float, step_deg: float) -> str | None:
-        """Neither back nor too fast, nor too late."""
+        """Neither back nor too fast."""
         assert self.turn_deg is not None
-        whole, passed = abs(self.turn_deg), time_s - self.start_s
         self.turned_deg += step_deg if self.turn_deg >= 0.0 else -step_deg
-        if self.turned_deg > self._best_deg + 1.0:
-            self._best_deg, self._steady_s = self.turned_deg, time_s
-        if self._best_deg < 10.0:
-            return "the turn was not obeyed" if passed > BEGINS_WITHIN_S else None
-        if self._best_deg < whole - 10.0 and time_s - self._steady_s > BEGINS_WITHIN_S / 2:
-            return OTHERS_TURN  # it has stopped
-        soonest = min(whole, self.rate_deg_s * passed) + self.tolerance_deg
-        least = min(whole, self.rate_deg_s * (passed - BEGINS_WITHIN_S)) - self.tolerance_deg
-        least = max(least, self._best_deg - self.tolerance_deg)
+        self._best_deg = max(self._best_deg, self.turned_deg)
+        passed = self.rate_deg_s * (time_s - self.start_s)
+        soonest = min(abs(self.turn_deg), passed) + self.tolerance_deg
+        least = self._best_deg - self.tolerance_deg
         return None if least <= self.turned_deg <= soonest else OTHERS_TURN
 
-    def _chosen(self, time_s: float, yaw_deg: float) -> str | None:
-        """Let the autopilot look where it flies to, once; then the heading is to stay."""
-        arcs = [0.0, self._arc_deg]
-        if abs(self._arc_deg) > 180.0 - self.tolerance_deg:
-            # To look straight back it may turn either way.
-            arcs.append(self._arc_deg - math.copysign(360.0, self._arc_deg))
-        lowest, highest = min(arcs), max(arcs)
-        if not lowest <= self.turned_deg + self.tolerance_deg:
-            return OTHERS_TURN
-        if self.turned_deg > highest + self.tolerance_deg:
-            return OTHERS_TURN
-        off = abs(wrap_degrees_180(yaw_deg - self._steady_deg))
-        if self._settled:
-            return OTHERS_TURN if off > self.tolerance_deg else None
-        if off > STEADY_DEG:
-            self._steady_deg, self._steady_s = yaw_deg, time_s
-        elif time_s - self._steady_s >= SETTLED_S and time_s - self.start_s >= 2 * SETTLED_S:
-            self._settled = True
-        if time_s - self.start_s > SETTLES_WITHIN_S and not self._settled:
-            return OTHERS_TURN
-        return None
+
+@dataclass(slots=True, kw_only=True)
+class RestingYaw:
+    """Heading of a drone that stands by no order of ours.
+
+    A turn that was going on may come to its end, and be made up for as after a command.
+    """
+
+    start_s: float
+    yaw_deg: float
+    """Where it is, or the end of the turn so far."""
+    turning_deg_s: float
+    tolerance_deg: float
+    _moved_s: float = -1.0
+
+    def turned(self, time_s: float, yaw_deg: float) -> bool:
+        """Take a heading; whether another has turned the drone."""
+        step = wrap_degrees_180(yaw_deg - self.yaw_deg)
+        if abs(self.turning_deg_s) > TURNING_DEG_S:
+            since_s = max(self._moved_s, self.start_s)
+            if step * self.turning_deg_s > 0.0 and time_s - since_s < TURNED_S:
+                self.yaw_deg, self._moved_s, step = yaw_deg, time_s, 0.0
+        turns_on = time_s - max(self._moved_s, self.start_s) < TURNS_ON_S
+        most = self.tolerance_deg + (abs(self.turning_deg_s) if turns_on else 0.0)
+        return abs(step) > most

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
-MAX_SKEW = 0.02
-"""PX4 1.17 in simulation runs 13 000 to 15 000 ppm slow; crystals are within 100 ppm."""
+MAX_SKEW = 0.025
+"""PX4 1.17 in simulation runs 11 000 to 20 000 ppm slow; crystals are within 100 ppm."""
 BIN_NS = ns_from_s(2.0)
 LEAST_SPAN_S = 4.0
 """Over so long even a slow link's trips tell the skew."""
@@ -54,11 +54,12 @@ class TimeSync:
         Share of the shortest round trips of each 2 s that the line is put through: of one a
         second, 30 % in all.
     jump_s : float
-        Error beyond half the round trip that means another clock.
+        Error that means another clock, beyond what the round trips and an unknown skew allow;
+        in two answers one after the other, if it is less than a second.
     """
 
     def __init__(
-        self, *, window_s: float = 20.0, keep: float = 0.6, jump_s: float = 0.05
+        self, *, window_s: float = 20.0, keep: float = 0.6, jump_s: float = 0.08
     ) -> None:
         self._window_ns = ns_from_s(window_s)
         self._keep = keep
@@ -67,6 +68,12 @@ class TimeSync:
         self._line: tuple[int, int, float] | None = None  # remote, local, skew
         self._skew = 0.0
         """As last fitted. It outlives a restart, as the crystal does."""
+        self._tilted = False
+        """The skew of the line was fitted."""
+        self._uncertain_ns = 0
+        """Half the round trip of the middle one of the answers that the line is put through."""
+        self._suspect: RoundTrip | None = None
+        """Answer that only another clock explains; the next clear one decides."""
         self._one_way: deque[tuple[int, int]] = deque(maxlen=ONE_WAY_BINS)
         """Arrival and offset of the quickest message of each second."""
         self._one_way_bin_ns = 0
@@ -96,7 +103,7 @@ class TimeSync:
     def reset(self) -> None:
         """Forget all but the skew: the boot clock started again, of the same crystal."""
         self._trips.clear()
-        self._line = None
+        self._line = self._suspect = None
         self._one_way.clear()
         self.residual_s = None
         self.resets += 1
@@ -138,8 +145,16 @@ class TimeSync:
         if received_ns < sent_ns:
             return
         trip = RoundTrip(remote_ns, (sent_ns + received_ns) // 2, received_ns - sent_ns)
+        suspect = self._suspect
         if self._line is not None and self._is_jump(trip):
+            far = abs(self._error_ns(trip)) > NANOSECONDS_PER_SECOND
+            if suspect is None and not far:
+                self._suspect = trip
+                return
             self.reset()
+        if self._line is not None:
+            surely_ns = abs(self._error_ns(trip)) + trip.round_trip_ns // 2
+            self._suspect = None if surely_ns < self._jump_ns else self._suspect
         self._trips.append(trip)
         self.round_trips += 1
         while self._trips[0].local_ns < trip.local_ns - self._window_ns:
@@ -188,11 +203,19 @@ class TimeSync:
         least = min(offset - round(lean * (when - at_ns)) for when, offset in points)
         return int(least)
 
-    def _is_jump(self, trip: RoundTrip) -> bool:
+    def _error_ns(self, trip: RoundTrip) -> int:
+        """How far an answer lies from the line."""
         expected = self.local_ns(trip.remote_ns)
         assert expected is not None
-        error = abs(trip.local_ns - expected) - trip.round_trip_ns // 2
-        return error > self._jump_ns or trip.remote_ns < self._trips[-1].remote_ns - 10**9
+        return trip.local_ns - expected
+
+    def _is_jump(self, trip: RoundTrip) -> bool:
+        assert self._line is not None
+        allowed = trip.round_trip_ns // 2 + self._uncertain_ns + self._jump_ns
+        if not self._tilted:
+            allowed += round(MAX_SKEW * abs(trip.remote_ns - self._line[0]))
+        fell = trip.remote_ns < self._trips[-1].remote_ns - NANOSECONDS_PER_SECOND
+        return abs(self._error_ns(trip)) > allowed or fell
 
     def _fit(self) -> tuple[int, int, float]:
         """Line through the shortest round trips; of equal ones the newest.
@@ -217,7 +240,9 @@ class TimeSync:
         span_s = max(xs) - min(xs)
         uncertain_s = best[-1].round_trip_ns / NANOSECONDS_PER_SECOND / 2.0
         clear = span_s > CLEAR_SPAN_S and uncertain_s < CLEAR_SKEW * span_s
-        if span_s < LEAST_SPAN_S and not clear:
+        self._tilted = clear or span_s >= LEAST_SPAN_S
+        self._uncertain_ns = best[len(best) // 2 if self._tilted else 0].round_trip_ns // 2
+        if not self._tilted:
             return base.remote_ns, base.local_ns, self._skew
         ys = [
             (trip.local_ns - base.local_ns - trip.remote_ns + base.remote_ns)

@@ -1,7 +1,7 @@
 """Convert between MAVLink and `uavrt.guidance`: vehicle state in, commands out. Pure."""
 
 from collections.abc import Iterator
-from math import degrees, hypot, isfinite
+from math import degrees, isfinite
 
 from uavrt.guidance import (
     AutopilotName,
@@ -125,7 +125,7 @@ def _position(message: dialect.GlobalPositionInt, now_s: float) -> Observation:
         longitude_deg=sample.longitude_deg,
         altitude_amsl_m=sample.altitude_amsl_m,
         altitude_relative_m=sample.altitude_relative_m,
-        speed_m_s=hypot(message.vx, message.vy) / 100.0,
+        velocity_m_s=(message.vx / 100.0, message.vy / 100.0, -message.vz / 100.0),
         yaw_deg=None if message.hdg == NO_CHANNEL_US else message.hdg / 100.0,
     )
 

@@ -429,7 +429,7 @@ class FakeAutopilot:
         if self.flown is not None and message_id == dialect.SysStatus.ID:
             return self.flown.status()
         if self.flown is not None:
-            return self.flown.home()
+            return self.flown.vehicle.home()
         home = self._vehicle(self._booted_ns)
         return dialect.HomePosition(
             latitude=round(home.latitude_deg * 1e7),

@@ -1,6 +1,5 @@
 """A vehicle that flies commands, as the simulated autopilot reports it."""
 
-import math
 from pathlib import Path
 from typing import Literal
 
@@ -107,7 +106,7 @@ class Flown:
             latitude_deg=latitude,
             longitude_deg=longitude,
             altitude_amsl_m=vehicle.plane.altitude_amsl_m + height,
-            altitude_relative_m=height,
+            altitude_relative_m=height - vehicle.home_up_m,
             quaternion_wxyz=from_euler_deg(vehicle.yaw_deg, 0.0, 0.0),
         )
 
@@ -115,11 +114,11 @@ class Flown:
         """Write one message; None where there is nothing to tell."""
         match message_id:
             case dialect.GlobalPositionInt.ID:
-                return self._position(boot_ms)
+                return self.vehicle.position(boot_ms)
             case dialect.PositionTargetGlobalInt.ID:
                 return self.vehicle.position_target(boot_ms & 0xFFFFFFFF)
             case dialect.HomePosition.ID:
-                return self.home()
+                return self.vehicle.home()
             case dialect.CurrentMode.ID:
                 mode = self.vehicle.mode
                 return dialect.CurrentMode(
@@ -132,39 +131,6 @@ class Flown:
             case dialect.Wind.ID | dialect.WindCov.ID:
                 return self.vehicle.wind(boot_ms)
         return self.status()
-
-    def home(self) -> dialect.HomePosition:
-        """Where it started."""
-        plane = self.vehicle.plane
-        return dialect.HomePosition(
-            latitude=round(plane.latitude_deg * 1e7),
-            longitude=round(plane.longitude_deg * 1e7),
-            altitude=round(plane.altitude_amsl_m * 1e3),
-            x=0.0,
-            y=0.0,
-            z=0.0,
-            q=(1.0, 0.0, 0.0, 0.0),
-            approach_x=0.0,
-            approach_y=0.0,
-            approach_z=0.0,
-        )
-
-    def _position(self, boot_ms: int) -> dialect.GlobalPositionInt:
-        vehicle = self.vehicle
-        latitude, longitude = vehicle.latitude_longitude()
-        north, east, up = vehicle.velocity_m_s
-        height = vehicle.shown_height_m
-        return dialect.GlobalPositionInt(
-            time_boot_ms=boot_ms & 0xFFFFFFFF,
-            lat=round(latitude * 1e7),
-            lon=round(longitude * 1e7),
-            alt=round((vehicle.plane.altitude_amsl_m + height) * 1e3),
-            relative_alt=round(height * 1e3),
-            vx=round(north * 100),
-            vy=round(east * 100),
-            vz=round(-up * 100),
-            hdg=math.floor(vehicle.yaw_deg * 100),
-        )
 
     def _sticks(self, boot_ms: int) -> dialect.RcChannels | None:
         if not self.channels_us:

@@ -1,9 +1,9 @@
 """A drone that flies as it is told, in the manners of PX4 1.17 or ArduCopter 4.7. Pure.
 
-Accelerates, turns at its yaw rate, is pushed by gusts and slowed by wind, drains its battery.
-It accepts, refuses and disobeys as the real ones were seen to: PX4 takes any z for one above
-mean sea level and answers UNSUPPORTED to a DO_REPOSITION without change of mode that it flies
-all the same.
+Speeds up, brakes and turns within its limits of acceleration and jerk, is pushed by gusts and
+slowed by wind, drains its battery. It accepts, refuses and disobeys as the real ones were seen
+to: PX4 takes any z for one above mean sea level and answers UNSUPPORTED to a DO_REPOSITION
+without change of mode that it flies all the same.
 """
 
 import math
@@ -26,8 +26,20 @@ MODES: dict[Flavour, dict[str, int]] = {
     "ardupilot": {"position": 5, "hold": 4, "return": 6, "land": 9, "brake": 17},
 }
 """``hold`` is the mode in which DO_REPOSITION is flown: AUTO.LOITER and GUIDED."""
-PX4_YAW_DEG_S = 53.0
-ARDUPILOT_YAW_DEG_S = 60.0
+LOOKS_UNTIL_M = 2.0
+"""Distance to the target below which the heading stays; beyond it, it is the bearing."""
+BESIDE_M = 0.8
+"""Offset from the line to its target that PX4 does not correct before `LOOKS_UNTIL_M` [m]."""
+AHEAD_S = 0.35
+"""Time by which braking begins early, so that the limit of jerk causes no overshoot."""
+VELOCITY_HOLDS_S = 3.0
+"""ArduCopter's GUID_TIMEOUT: a velocity setpoint without another after it becomes zero."""
+HOME_CORRECTED_S, HOME_STEP_S = 120.0, 0.3
+"""PX4 1.17 corrects the altitude of home for this time after a take-off, this often."""
+HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
+"""Its whole correction, the spread of single ones, and the least one made [m]."""
+DO_PAUSE_CONTINUE = 193
+"""MAV_CMD of a ground station's pause; uavrt neither sends nor obeys it."""
 FULL_SCALE_DEG = 1e7
 SPOOL_S = 1.5
 """From the command until it leaves the ground."""
@@ -44,6 +56,7 @@ class Frame:
     speed_m_s: float = 8.0
     climb_m_s: float = 3.0
     acceleration_m_s2: float = 3.0
+    jerk_m_s3: float = 4.0
     gust_m: float = 0.2
     """Standard deviation of the place by gusts."""
     hover_w: float = 400.0
@@ -71,6 +84,20 @@ class Target:
     """Above home."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Turning:
+    """How an autopilot turns the drone."""
+
+    rate_deg_s: float
+    acceleration_deg_s2: float
+
+
+_TURNING: dict[Flavour, _Turning] = {
+    "px4": _Turning(53.0, 35.0),
+    "ardupilot": _Turning(60.0, 120.0),
+}
+
+
 @dataclass(slots=True)
 class FlyingVehicle:
     """The vehicle; `advance` lets time pass, `command` takes a command of whoever sends one.
@@ -91,10 +118,20 @@ class FlyingVehicle:
     yaw_deg: float = 0.0
     velocity_m_s: geometry.Vector = (0.0, 0.0, 0.0)
     """North, east, up."""
+    acceleration_m_s2: geometry.Vector = (0.0, 0.0, 0.0)
+    """Over ground; its third component is not used."""
     mode: int = -1
     armed: bool = True
     target: Target | None = None
+    paused: bool = False
+    """By DO_PAUSE_CONTINUE, which ArduCopter shows in no message: mode and target stay."""
+    velocity_asked_m_s: geometry.Vector | None = None
+    """Velocity setpoint of another, under which ArduCopter reports no target."""
+    velocity_asked_s: float = 0.0
     wanted_yaw_deg: float | None = None
+    yaw_setpoint_deg: float | None = None
+    """As PX4 reports it; it turns ahead of the drone."""
+    yaw_rate_deg_s: float = 0.0
     turn_left_deg: float = 0.0
     """Of a CONDITION_YAW, signed."""
     turn_rate_deg_s: float = 20.0
@@ -106,6 +143,12 @@ class FlyingVehicle:
     takeoff_height_m: float = 2.5
     """Where the command tells none: MIS_TAKEOFF_ALT."""
     idle_s: float = 0.0
+    home_up_m: float = 0.0
+    """Altitude of home above that of the plane: by PX4's corrections after a take-off."""
+    off_ground_s: float | None = None
+    """When it took off."""
+    _line: tuple[float, float] = (0.0, 0.0)
+    """Direction of the line to the target, from where the command reached the drone."""
 
     def __post_init__(self) -> None:
         self.landed = self.landed or self.height_m <= 0.0
@@ -150,9 +193,42 @@ class FlyingVehicle:
         """Where it is [deg]."""
         return self.plane.to_geodetic(*self.place_m)
 
+    def position(self, boot_ms: int) -> dialect.GlobalPositionInt:
+        """Where it is; the height is above home as the autopilot has corrected it."""
+        latitude, longitude = self.latitude_longitude()
+        north, east, up = self.velocity_m_s
+        height = self.shown_height_m
+        return dialect.GlobalPositionInt(
+            time_boot_ms=boot_ms & 0xFFFFFFFF,
+            lat=round(latitude * FULL_SCALE_DEG),
+            lon=round(longitude * FULL_SCALE_DEG),
+            alt=round((self.plane.altitude_amsl_m + height) * 1e3),
+            relative_alt=round((height - self.home_up_m) * 1e3),
+            vx=round(north * 100),
+            vy=round(east * 100),
+            vz=round(-up * 100),
+            hdg=math.floor(self.yaw_deg * 100) % 36_000,
+        )
+
+    def home(self) -> dialect.HomePosition:
+        """Where it started, and the altitude that height is counted from."""
+        return dialect.HomePosition(
+            latitude=round(self.plane.latitude_deg * FULL_SCALE_DEG),
+            longitude=round(self.plane.longitude_deg * FULL_SCALE_DEG),
+            altitude=round((self.plane.altitude_amsl_m + self.home_up_m) * 1e3),
+            x=0.0,
+            y=0.0,
+            z=0.0,
+            q=(1.0, 0.0, 0.0, 0.0),
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
+        )
+
     def position_target(self, boot_ms: int) -> dialect.PositionTargetGlobalInt | None:
         """What it flies to; None while there is no target."""
-        if self.target is None or (self.taking_off and self.flavour == "ardupilot"):
+        untold = self.taking_off and self.flavour == "ardupilot"
+        if self.target is None or untold or self.velocity_asked_m_s is not None:
             return None
         latitude, longitude = self.plane.to_geodetic(self.target.north_m, self.target.east_m)
         px4 = self.flavour == "px4"
@@ -169,7 +245,9 @@ class FlyingVehicle:
             afx=0.0,
             afy=0.0,
             afz=0.0,
-            yaw=math.radians(self.yaw_deg),
+            yaw=math.radians(
+                self.yaw_deg if self.yaw_setpoint_deg is None else self.yaw_setpoint_deg
+            ),
             yaw_rate=0.0,
         )
 
@@ -204,8 +282,9 @@ class FlyingVehicle:
         """Change the mode, as a switch on the remote control does."""
         if mode == self.mode:
             return
-        self.mode, self.taking_off = mode, False
+        self.mode, self.taking_off, self.paused = mode, False, False
         self.wanted_yaw_deg, self.turn_left_deg = None, 0.0
+        self.velocity_asked_m_s, self._line = None, (0.0, 0.0)
         names = MODES[self.flavour]
         if self.landed:
             self.target = None
@@ -235,7 +314,24 @@ class FlyingVehicle:
                 return self._take_off(message)
             case MavCmd.COMPONENT_ARM_DISARM:
                 return self._arm(on=message.param1 == 1.0)
+            case _ if message.command == DO_PAUSE_CONTINUE:
+                return self._pause(on=message.param1 == 0.0)
         return None
+
+    def _pause(self, *, on: bool) -> int:
+        """Stop where it can, in the mode that it is in; ArduCopter in GUIDED alone does it."""
+        if self.flavour == "px4":
+            return MavResult.UNSUPPORTED
+        if not self.commanded or self.landed:
+            return MavResult.FAILED
+        self.paused = on
+        return MavResult.ACCEPTED
+
+    def ask_velocity(self, north_m_s: float, east_m_s: float, up_m_s: float) -> None:
+        """Handle SET_POSITION_TARGET_LOCAL_NED with a velocity; only in GUIDED it is flown."""
+        if self.flavour == "ardupilot" and self.commanded and not self.landed:
+            self.velocity_asked_m_s = (north_m_s, east_m_s, up_m_s)
+            self.velocity_asked_s = self.elapsed_s
 
     def _arm(self, *, on: bool) -> int:
         """As a pilot does; ArduPilot not in the modes that end on the ground."""
@@ -260,7 +356,10 @@ class FlyingVehicle:
         if px4:
             self.set_mode(MODES["px4"]["takeoff"])
         north, east = self.place_m
-        self.target = Target(north_m=north, east_m=east, height_m=height)
+        self.target, self._line = (
+            Target(north_m=north, east_m=east, height_m=height),
+            (0.0, 0.0),
+        )
         self.taking_off, self.idle_s = True, 0.0
         return MavResult.ACCEPTED
 
@@ -304,7 +403,10 @@ class FlyingVehicle:
         self.taking_off = False
         if changes:
             self.set_mode(MODES[self.flavour]["hold"])
-        self.target = target
+        self.target, self.velocity_asked_m_s = target, None
+        north, east = target.north_m - self.north_m, target.east_m - self.east_m
+        way = math.hypot(north, east)
+        self._line = (north / way, east / way) if way > LOOKS_UNTIL_M else (0.0, 0.0)
         self.wanted_yaw_deg, self.turn_left_deg = None, 0.0
         if px4 and math.isfinite(message.param4):
             self.wanted_yaw_deg = math.degrees(message.param4) % 360.0
@@ -346,50 +448,87 @@ class FlyingVehicle:
         if self.landed:
             self._stand(step_s)
             return
-        target = self.target or Target(
-            north_m=self.north_m, east_m=self.east_m, height_m=self.height_m
-        )
+        self._correct_home(step_s)
+        target = None if self.paused else self.target
         self._move(target, step_s)
-        self._look(target, step_s)
+        self._look(target or self._here(), step_s)
         self._land()
+
+    def _correct_home(self, step_s: float) -> None:
+        """Move the altitude of home, as PX4 1.17 does after a take-off; the drone stays."""
+        if self.off_ground_s is None or self.flavour == "ardupilot":
+            return
+        since_s = self.elapsed_s - self.off_ground_s
+        number = math.floor(since_s / HOME_STEP_S)
+        due = number > math.floor((since_s - step_s) / HOME_STEP_S)
+        if not due or since_s > HOME_CORRECTED_S:
+            return
+        # Any fixed numbers without a pattern do.
+        noise = math.sin(12.9898 * number) * 43758.5453 % 1.0 - 0.5
+        wanted = HOME_DRIFT_M * (1.0 - math.exp(-since_s / 40.0)) + 2.0 * HOME_NOISE_M * noise
+        if abs(wanted - self.home_up_m) >= HOME_LEAST_M:
+            self.home_up_m = wanted
 
     def _stand(self, step_s: float) -> None:
         """Armed on the ground: leave it when told to, or disarm."""
         self.idle_s += step_s
         if self.taking_off:
             self.landed = self.idle_s < SPOOL_S
+            self.off_ground_s = None if self.landed else self.elapsed_s
         elif self.idle_s > IDLE_S:
             self.armed = False
 
-    def _move(self, target: Target, step_s: float) -> None:
-        off = (target.north_m - self.north_m, target.east_m - self.east_m, 0.0)
-        level = self._towards(off, (self.velocity_m_s[0], self.velocity_m_s[1], 0.0), step_s)
-        climb = max(
-            -self.frame.climb_m_s, min(self.frame.climb_m_s, target.height_m - self.height_m)
-        )
-        if self.target is None:
-            climb = 0.0
-        self.velocity_m_s = (level[0], level[1], climb)
-        self.north_m += level[0] * step_s
-        self.east_m += level[1] * step_s
+    def _move(self, target: Target | None, step_s: float) -> None:
+        climb, level = 0.0, (0.0, 0.0, 0.0)
+        if self.velocity_asked_m_s is not None:
+            holds = self.elapsed_s - self.velocity_asked_s < VELOCITY_HOLDS_S
+            level = self.velocity_asked_m_s if holds and not self.paused else level
+            climb, level = level[2], (level[0], level[1], 0.0)
+        elif target is not None:
+            most = self.frame.climb_m_s
+            climb = max(-most, min(most, target.height_m - self.height_m))
+            level = self._towards(target)
+        self._accelerate(level, step_s)
+        north, east, _ = self.velocity_m_s
+        self.velocity_m_s = (north, east, climb)
+        self.north_m += north * step_s
+        self.east_m += east * step_s
         self.height_m = max(0.0, self.height_m + climb * step_s)
 
-    def _towards(
-        self, off_m: geometry.Vector, velocity: geometry.Vector, step_s: float
-    ) -> geometry.Vector:
-        """New velocity: as fast as can be braked from, changed by the acceleration at most."""
-        left, pull = geometry.length(off_m), self.frame.acceleration_m_s2
-        speed = min(self.frame.speed_m_s, math.sqrt(pull * left), 0.8 * left)
-        if left > 1e-6:
-            speed = min(speed, self._against_wind_m_s(off_m[0] / left, off_m[1] / left))
-        wanted = geometry.scale(off_m, speed / left) if left > 1e-6 else (0.0, 0.0, 0.0)
-        change = geometry.subtract(wanted, velocity)
-        most, size = pull * step_s, geometry.length(change)
-        return (
-            wanted
-            if size <= most
-            else geometry.add(velocity, geometry.scale(change, most / size))
-        )
+    def _towards(self, target: Target) -> geometry.Vector:
+        """Velocity that it aims at: as fast as it can brake from before the target."""
+        north, east = target.north_m - self.north_m, target.east_m - self.east_m
+        along, aside = self._line
+        ahead, off = north * along + east * aside, east * along - north * aside
+        if self.flavour == "px4" and ahead > LOOKS_UNTIL_M:
+            kept = max(-BESIDE_M, min(BESIDE_M, off))
+            north = ahead * along - (off - kept) * aside
+            east = ahead * aside + (off - kept) * along
+        left = math.hypot(north, east)
+        if left < 1e-6:
+            return (0.0, 0.0, 0.0)
+        unit = (north / left, east / left, 0.0)
+        nears = sum(a * b for a, b in zip(unit, self.velocity_m_s, strict=True))
+        left = max(0.0, left - max(0.0, nears) * AHEAD_S)
+        pull, ease = 0.8 * self.frame.acceleration_m_s2, self.frame.jerk_m_s3
+        lag = pull * pull / ease
+        brakes = 0.5 * (math.sqrt(lag * lag + 8.0 * pull * left) - lag)
+        speed = min(self.frame.speed_m_s, brakes, self._against_wind_m_s(*unit[:2]))
+        return geometry.scale(unit, speed)
+
+    def _accelerate(self, wanted: geometry.Vector, step_s: float) -> None:
+        """Come nearer to a velocity over ground, within the limits."""
+        now = (self.velocity_m_s[0], self.velocity_m_s[1], 0.0)
+        change = geometry.subtract(wanted, now)
+        size, ease = geometry.length(change), self.frame.jerk_m_s3
+        pull = min(self.frame.acceleration_m_s2, math.sqrt(1.3 * ease * size), 3.0 * size)
+        asked = geometry.scale(change, pull / size) if size > 1e-9 else (0.0, 0.0, 0.0)
+        jerk = geometry.subtract(asked, self.acceleration_m_s2)
+        most, jerks = ease * step_s, geometry.length(jerk)
+        if jerks > most:
+            jerk = geometry.scale(jerk, most / jerks)
+        self.acceleration_m_s2 = geometry.add(self.acceleration_m_s2, jerk)
+        self.velocity_m_s = geometry.add(now, geometry.scale(self.acceleration_m_s2, step_s))
 
     def _against_wind_m_s(self, north: float, east: float) -> float:
         """Greatest speed over ground in a direction."""
@@ -400,22 +539,40 @@ class FlyingVehicle:
 
     def _look(self, target: Target, step_s: float) -> None:
         """Turn to what was asked for, or where it flies to."""
+        turning = _TURNING[self.flavour]
         if self.turn_left_deg:
             most = self.turn_rate_deg_s * step_s
             step = max(-most, min(most, self.turn_left_deg))
             self.turn_left_deg -= step
             self.yaw_deg = (self.yaw_deg + step) % 360.0
+            self.yaw_rate_deg_s = step / step_s
+            self.yaw_setpoint_deg = None
             return
-        wanted = self.wanted_yaw_deg
-        north, east = target.north_m - self.north_m, target.east_m - self.east_m
-        if wanted is None and self.commanded and math.hypot(north, east) > 3.0:
-            wanted = math.degrees(math.atan2(east, north))
-        if wanted is None:
-            return
-        rate = PX4_YAW_DEG_S if self.flavour == "px4" else ARDUPILOT_YAW_DEG_S
-        off = (wanted - self.yaw_deg + 180.0) % 360.0 - 180.0
-        most = rate * step_s
-        self.yaw_deg = (self.yaw_deg + max(-most, min(most, off))) % 360.0
+        if self.yaw_setpoint_deg is None:
+            self.yaw_setpoint_deg = self.yaw_deg
+        most = turning.rate_deg_s * step_s
+        wanted = self._wanted_yaw(target)
+        off = (wanted - self.yaw_setpoint_deg + 180.0) % 360.0 - 180.0
+        self.yaw_setpoint_deg = (self.yaw_setpoint_deg + max(-most, min(most, off))) % 360.0
+        if abs(off) <= most:
+            self.yaw_setpoint_deg = wanted  # the very number of the command
+        off = (self.yaw_setpoint_deg - self.yaw_deg + 180.0) % 360.0 - 180.0
+        stops = math.sqrt(1.6 * turning.acceleration_deg_s2 * abs(off))
+        rate = math.copysign(min(turning.rate_deg_s, stops, 4.0 * abs(off)), off)
+        most = turning.acceleration_deg_s2 * step_s
+        self.yaw_rate_deg_s += max(-most, min(most, rate - self.yaw_rate_deg_s))
+        self.yaw_deg = (self.yaw_deg + self.yaw_rate_deg_s * step_s) % 360.0
+
+    def _wanted_yaw(self, target: Target) -> float:
+        """Heading that was asked for, or the bearing to a target that is not near."""
+        assert self.yaw_setpoint_deg is not None
+        if self.wanted_yaw_deg is not None or not self.commanded:
+            return self.yaw_setpoint_deg if self.wanted_yaw_deg is None else self.wanted_yaw_deg
+        place = self.place_m
+        north, east = target.north_m - place[0], target.east_m - place[1]
+        if math.hypot(north, east) <= LOOKS_UNTIL_M:
+            return self.yaw_setpoint_deg
+        return math.degrees(math.atan2(east, north)) % 360.0
 
     def _land(self) -> None:
         """Come down at home, and disarm on the ground."""
@@ -446,5 +603,6 @@ def is_motion(message: Message) -> bool:
             MavCmd.DO_SET_MODE,
             MavCmd.NAV_TAKEOFF,
             MavCmd.COMPONENT_ARM_DISARM,
+            DO_PAUSE_CONTINUE,
         )
     )

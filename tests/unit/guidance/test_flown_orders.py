@@ -309,11 +309,11 @@ def test_without_the_size_of_the_battery_no_way_is_flown() -> None:
 )
 def test_to_look_straight_back_it_may_turn_either_way(course_deg: float, ours: bool) -> None:
     way = -math.copysign(1.0, course_deg)
-    watch = YawWatch(start_s=0.0, yaw_deg=0.0, tolerance_deg=25.0, course_deg=course_deg)
+    watch = YawWatch(start_s=0.0, yaw_deg=0.0, tolerance_deg=25.0)
     faults = set()
     for step in range(1, 80):
         turned = min(5.0 * step, 360.0 - abs(course_deg))
-        faults.add(watch.fault(0.1 * step, way * turned))
+        faults.add(watch.fault(0.1 * step, way * turned, course_deg, 100.0))
     assert (faults == {None}) is ours
 
 

@@ -134,7 +134,7 @@ def test_it_returns_with_the_reserve_whatever_the_search_says() -> None:
 def test_a_turn_is_left_when_an_animal_walks_to_the_drone(flavour: Flavour) -> None:
     search = Searched(flavour, [Animal(60.0, -60.0)])
     search.begin()
-    search.run(3.0)
+    search.run(2.5)
     now = search.flown.now()
     assert now is not None
     seeker, time_ns = search.seeker, search.time_ns

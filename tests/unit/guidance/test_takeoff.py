@@ -171,7 +171,7 @@ def test_a_drone_that_is_held_down_is_given_up(flavour: Flavour) -> None:
     flown.run(13.0)
     assert flown.authority.standing is Standing.OUT
     assert flown.authority.reason in (
-        "the drone does not climb",
+        "the drone has stopped on its way",
         "the command was not seen to be obeyed",
     )
 

@@ -1,0 +1,96 @@
+"""Notice that a step has come to rest though some of it is left. Pure.
+
+A pause of ArduCopter shows in no message: mode and target stay, the drone stands. Whatever
+stops it, a step that comes nearer in nothing of what is left for 3 s is not flown any more.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from itertools import islice
+
+ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG = 3.0, 2.0, 8.0
+"""What may be left of a step that is done: place, height and heading."""
+STANDS_S = 3.0
+"""Longest without coming nearer [s]."""
+BEGINS_WITHIN_S = 2.5
+"""Longest from the command until it comes nearer [s]; simulated drones take 1.3 s at most."""
+SLOW_S = 1.0
+"""After this, no further command is sent until it comes nearer again [s]."""
+BRAKES_S, BRAKES_M = 0.5, 0.1
+"""A drone whose standing place comes nearer by less in this time brakes, or stands."""
+NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
+"""Least change in `STANDS_S` that is coming nearer; wind may slow a drone to that."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Left:
+    """What is left to change of one quantity."""
+
+    now: float
+    soon: float
+    """From where the drone would stand: this comes nearer first where it must turn back."""
+    least: float
+    """Change in `STANDS_S` that counts."""
+    tolerance: float
+    """What may be left."""
+    needed: bool = True
+    """A quantity that is not needed shows only that the step goes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    time_s: float
+    parts: tuple[Left, ...]
+    free: bool
+
+
+class Progress:
+    """Watches one step from its command on."""
+
+    def __init__(self, time_s: float) -> None:
+        self._samples: deque[_Sample] = deque()
+        self._start_s = time_s
+        self._begun = False
+
+    def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
+        """Take what is left now: the same parts, in the same order, each time.
+
+        Parameters
+        ----------
+        time_s, *parts
+        free : bool
+            It has no reason to brake or to stand before the first part is nearer.
+        """
+        if all(part.now <= part.tolerance for part in parts if part.needed):
+            self._samples.clear()
+            self._start_s, self._begun = time_s, True
+            return
+        self._samples.append(_Sample(time_s, parts, free))
+        while len(self._samples) > 1 and self._samples[1].time_s <= time_s - STANDS_S:
+            self._samples.popleft()
+        self._begun |= self._nearer(self._samples[0], 1.0)
+
+    def stands(self, time_s: float, for_s: float | None = None) -> bool:
+        """Whether something is left and nothing came nearer for so long."""
+        if for_s is None:
+            for_s = STANDS_S if self._begun else BEGINS_WITHIN_S
+        if not self._samples or time_s - self._start_s < for_s:
+            return False
+        old = (one for one in reversed(self._samples) if one.time_s <= time_s - for_s)
+        return not self._nearer(next(old, self._samples[0]), min(1.0, for_s / STANDS_S))
+
+    def brakes(self, time_s: float) -> bool:
+        """Whether it slows down without a reason: where it would stand comes no nearer."""
+        if not self._samples or not self._samples[-1].free:
+            return False
+        old = (one for one in reversed(self._samples) if one.time_s <= time_s - BRAKES_S)
+        now = self._samples[-1].parts[0]
+        return any(now.soon > then.parts[0].soon - BRAKES_M for then in islice(old, 1))
+
+    def _nearer(self, then: _Sample, share: float) -> bool:
+        """Whether any part that is left is nearer than it was, by a share of the least."""
+        return any(
+            max(a.now - b.now, a.soon - b.soon) >= share * b.least
+            for a, b in zip(then.parts, self._samples[-1].parts, strict=True)
+            if a.now > a.tolerance
+        )

@@ -1,0 +1,47 @@
+"""Orders that nobody takes over end by arrival; a takeover ends one at once.
+
+Random orders in wind, through the desk and the frames of the link, with the simulated autopilot
+in the manners of PX4 and of ArduCopter. ``UAVRT_FLIGHTS=1000`` flies as many as the promise
+names, ``UAVRT_TAKEOVERS=100`` takes over at so many instants.
+"""
+
+import os
+
+import pytest
+from campaigns import BEGUN, CROSSED, TAKEOVERS, fault_of, takeover_fault
+from desked import clock
+
+from uavrt.simulation.flying import Flavour
+
+FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "8"))
+INSTANTS = int(os.environ.get("UAVRT_TAKEOVERS", "3"))
+SHARES = {"survey": 1.0, "search": 0.25, "takeoff": 1.0, "rotation": 0.5}
+"""Flights of each kind; a search takes the longest."""
+BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+
+
+@pytest.fixture(autouse=True)
+def _virtual_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", clock)
+
+
+@BOTH
+@pytest.mark.parametrize("action", list(BEGUN))
+@pytest.mark.timeout(36_000)
+def test_an_order_that_nobody_takes_over_ends_by_arrival(flavour: Flavour, action: str) -> None:
+    seeds = range(max(2, round(SHARES[action] * FLIGHTS)))
+    faults = [fault_of(action, flavour, seed) for seed in seeds]
+    assert not list(filter(None, faults))
+
+
+POSSIBLE: list[tuple[Flavour, str]] = [
+    *(("px4", name) for name, (_, shown_s, _) in TAKEOVERS.items() if shown_s),
+    *(("ardupilot", name) for name, (_, _, shown_s) in TAKEOVERS.items() if shown_s),
+]
+
+
+@pytest.mark.parametrize(("flavour", "name"), POSSIBLE)
+@pytest.mark.timeout(36_000)
+def test_no_command_follows_a_takeover(flavour: Flavour, name: str) -> None:
+    results = [takeover_fault(name, flavour, seed) for seed in range(INSTANTS)]
+    assert not [one for one in results if one not in (None, CROSSED)]
