@@ -258,7 +258,7 @@ def choose(coverage_file: Path, seed: int) -> None:
                     caught = source.catches(fault, *tried)
                     print(f"{package}, {kind}: {fault.path}:{fault.line} {caught}", flush=True)
                     if caught:
-                        values = asdict(fault) | {"caught_by": caught, "tests": tests[:40]}
+                        values = asdict(fault) | {"caught_by": caught, "tests": tests[:8]}
                         chosen.append(Fault(**values))
                         text = json.dumps([asdict(one) for one in chosen], indent=1)
                         CHOSEN.write_text(text + "\n")
