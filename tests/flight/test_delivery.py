@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.clock import Clock
@@ -18,14 +19,13 @@ from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.messages import BurstInside, PulsePose, SystemState
 from uavrt.recording import read_flight
-from uavrt.simulation.scenario import SimulatedTag
 
 MakeScenario = Callable[..., Any]
-CODED_TAG = SimulatedTag(
-    tag_id=30,
-    frequency_hz=148_690_000.0,
+CODED_TAG = made.simulated_tag(
+    30,
+    148_690_000.0,
+    1.7,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(1.7,),
     interval_uncertainty_s=0.004,
     gaps_s=(0.026, 0.054, 0.031),
     k=10,

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import msgspec
 import pytest
 import sigmf
@@ -31,11 +32,10 @@ TURN_DEG_PER_S = 10.0
 
 
 def weak_tag(tag_id: int, frequency_hz: float, first_pulse_s: float) -> SimulatedTag:
-    return SimulatedTag(
-        tag_id=tag_id,
-        frequency_hz=frequency_hz,
-        pulse_width_s=0.020,
-        pulse_intervals_s=(INTERVAL_S,),
+    return made.simulated_tag(
+        tag_id,
+        frequency_hz,
+        INTERVAL_S,
         interval_uncertainty_s=0.01,
         interval_jitter_s=0.004,
         interval_error_s=0.003,

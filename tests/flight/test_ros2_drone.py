@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from some import some
 from tests.flight.test_delivery import CODED_TAG
 
 from uavrt.config.settings import Ros2Settings
@@ -44,13 +45,12 @@ def subscriber(ros_domain: int) -> Iterator[subprocess.Popen[str]]:
         text=True,
     )
     assert process.stdout is not None
-    assert process.stdin is not None
     assert process.stdout.readline() == "listening\n"
     yield process
     process.kill()
     process.wait()
     process.stdout.close()
-    process.stdin.close()
+    some(process.stdin).close()
 
 
 class Watch:
@@ -69,8 +69,7 @@ class Watch:
         self.heard += self._pulses()
 
     def process(self, name: str) -> Any:
-        assert self.status is not None
-        return next(p for p in self.status.processes if p.process == name)
+        return next(p for p in some(self.status).processes if p.process == name)
 
     def state(self) -> SystemState | None:
         return None if self.status is None else self.status.state

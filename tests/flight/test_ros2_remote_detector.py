@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import made
 import msgspec
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from uavrt.clock import Clock
 from uavrt.config import write_tags
 from uavrt.config.settings import Ros2Settings
 from uavrt.demo.programs import free_udp_port
-from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus, Tag
+from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
 from uavrt.recording import read_flight
 
@@ -35,14 +36,8 @@ pytestmark = pytest.mark.timeout(150)
 
 RATE_HZ = 3750.0
 CENTER_HZ = 150.3e6
-REMOTE_TAG = Tag(
-    tag_id=44,
-    frequency_hz=CENTER_HZ + 300.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.0,),
-    interval_uncertainty_s=0.02,
-    interval_jitter_s=0.005,
-    k=3,
+REMOTE_TAG = made.tag(
+    44, CENTER_HZ + 300.0, 1.0, interval_uncertainty_s=0.02, interval_jitter_s=0.005
 )
 OTHER_COMPUTER = "127.0.0.2"
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import uavrt
+from some import some
 
 from uavrt.demo.programs import free_udp_port
 from uavrt.dsp.filters import compatible_bank_taps
@@ -87,8 +88,7 @@ def channelizer(*arguments: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    assert process.stderr is not None
-    assert "channels of" in process.stderr.readline()
+    assert "channels of" in some(process.stderr).readline()
     return process
 
 
@@ -136,8 +136,7 @@ def run_the_thesis(directory: Path, recording: Path, port: int, netcat: Path | N
             subprocess.Popen(command, stdin=before, stdout=subprocess.PIPE, env=environment)
         )
     for process in processes[:2]:
-        assert process.stdout is not None
-        process.stdout.close()  # ours; the next program has its own
+        some(process.stdout).close()  # ours; the next program has its own
         process.wait(timeout=60)
     time.sleep(0.5)
     processes[2].terminate()  # netcat waits for answers until it is ended

@@ -8,13 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from tests.system.ground.test_session import SECOND_NS, Drone, until
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from willing_drone import WillingDrone
 
-from uavrt.messages import Course, SystemState, Tag
+from uavrt.messages import Course, SystemState
 from uavrt.recording import read_flight
 
 TAGS = [
@@ -112,9 +113,7 @@ def test_each_vehicle_has_tags_of_its_own_and_begins_with_the_firsts(
 def test_a_station_that_starts_by_itself_starts_and_stops_all_its_vehicles(
     tmp_path: Path, serve: Any
 ) -> None:
-    tag = Tag(
-        tag_id=2, frequency_hz=148_612_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.3,)
-    )
+    tag = made.tag(2, 148_612_000.0, 1.3)
     own = {"tags": (tag,), "start": True, "further_vehicles": (2,)}
     station = serve(tmp_path / "ground", page=own)
     # The second is there first: it does not become the first page's.

@@ -4,21 +4,17 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.messages import (
     Command,
-    CommandReply,
-    FlightInfo,
-    Pose,
     Poses,
     ProcessStatus,
     Pulse,
     PulsePose,
     StatusText,
-    SystemState,
     SystemStatus,
     Tag,
 )
@@ -30,39 +26,25 @@ ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
 TAGS = tuple(
-    Tag(
-        tag_id=tag_id,
-        frequency_hz=148.71e6 + 5e3 * tag_id,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.254,),
-        interval_uncertainty_s=0.06,
-        interval_jitter_s=0.01,
+    made.tag(
+        tag_id, 148.71e6 + 5e3 * tag_id, interval_uncertainty_s=0.06, interval_jitter_s=0.01
     )
     for tag_id in (2, 4, 6)
 )
 
-FLIGHT = FlightInfo(
-    directory="/flights/flight_log_2026-05-01_08-15-00",
+FLIGHT = made.flight_info(
+    "/flights/flight_log_2026-05-01_08-15-00",
+    TAGS,
     start_time_ns=1_777_623_300_000_000_000,
-    clock_offset_ns=0,
     center_frequency_hz=148.705e6,
-    sample_rate_hz=3e6,
-    tags=TAGS,
 )
 
-POSE = Pose(
-    time_ns=1_777_623_301_009_000_000,
-    latitude_deg=47.0,
-    longitude_deg=8.5,
-    altitude_amsl_m=500.0,
-    altitude_relative_m=40.0,
-    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-)
+POSE = made.pose(1_777_623_301_009_000_000, 47.0, 8.5, altitude_amsl_m=500.0)
 
 
 def a_pulse(number: int) -> Pulse:
     start_ns = 1_777_623_301_019_828_320 + number * 1_254_000_000
-    return pulse_at(
+    return made.pulse(
         start_ns,
         frequency_hz=148_720_012.5,
         snr_db=20.5,
@@ -77,9 +59,8 @@ def a_pulse(number: int) -> Pulse:
 
 
 def a_status(time_ns: int, *processes: ProcessStatus) -> SystemStatus:
-    return SystemStatus(
-        time_ns=time_ns,
-        state=SystemState.DETECTING,
+    return made.system_status(
+        time_ns,
         flight_directory=FLIGHT.directory,
         center_frequency_hz=FLIGHT.center_frequency_hz,
         tags=TAGS,
@@ -88,13 +69,12 @@ def a_status(time_ns: int, *processes: ProcessStatus) -> SystemStatus:
 
 
 def a_process(name: str, *, running: bool = True, ok: bool = True) -> ProcessStatus:
-    return ProcessStatus(
-        process=name,
+    return made.process_status(
+        name,
+        "detecting" if ok else "radio absent",
         running=running,
         pid=4321 if running else None,
-        status="detecting" if ok else "radio absent",
         ok=ok,
-        restarts=0,
         cpu_s=1.0,
         memory_mb=50.0,
     )
@@ -415,12 +395,7 @@ def test_a_refused_command_is_told_with_its_reason(
     (command,) = gateway.receive("command")
     gateway.send(
         "command_reply",
-        CommandReply(
-            request_id=command.request_id,
-            name=command.name,
-            accepted=False,
-            message="no tags: send tags first",
-        ),
+        made.reply(command, message="no tags: send tags first", accepted=False),
     )
     line = ros_peer.read(collect(wait_until, logs)[-1], "rcl_interfaces/msg/Log")
     assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")

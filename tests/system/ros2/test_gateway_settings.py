@@ -3,13 +3,13 @@
 from dataclasses import replace
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.config.loader import load_settings
 from uavrt.config.settings import Ros2Settings, is_ros_namespace
 from uavrt.errors import ConfigError
-from uavrt.messages import FlightInfo, StatusText, Tag
+from uavrt.messages import StatusText
 from uavrt.ros2 import TOPICS, type_hash
 from uavrt.ros2.messages import ParticipantEntitiesInfo16
 
@@ -177,18 +177,8 @@ def test_a_discovery_range_that_is_none_keeps_the_gateway_off_and_says_why(launc
 def test_each_tag_may_have_a_detector_node_that_publishes_its_pulses(
     launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
 ) -> None:
-    tags = tuple(
-        Tag(tag_id=n, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
-        for n in (2, 4)
-    )
-    flight = FlightInfo(
-        directory="/flights/one",
-        start_time_ns=1,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=tags,
-    )
+    tags = tuple(made.tag(n, 148.7e6) for n in (2, 4))
+    flight = made.flight_info("/flights/one", tags, start_time_ns=1)
     read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
     settings = Ros2Settings(enabled=True, domain_id=ros_domain, node_per_tag=True)
     gateway = launch(settings, flight=flight)
@@ -206,7 +196,7 @@ def test_each_tag_may_have_a_detector_node_that_publishes_its_pulses(
     # What a node publishes comes from its own publisher.
     reader = ros_peer.reader("pulse", "uavrt_interfaces/msg/Pulse")
     wait_until(lambda: len(reader.get_matched_publications()) == 3)
-    gateway.send("pulse", pulse_at(1_777_623_301_019_828_320, tag_id=4))
+    gateway.send("pulse", made.pulse(1_777_623_301_019_828_320, tag_id=4))
     samples: list[Any] = []
 
     def come() -> bool:

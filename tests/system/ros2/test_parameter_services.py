@@ -8,11 +8,11 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.config.parameters import OFFERED, with_parameter
 from uavrt.config.settings import Ros2Settings, Settings
-from uavrt.messages import CommandReply, SystemState, SystemStatus
 
 NODE = "StartStopComponent"
 SERVICES = {
@@ -185,12 +185,7 @@ class Supervisor:
                     message = str(error)
                 else:
                     self._gateway.send("settings", self.settings)
-            reply = CommandReply(
-                request_id=command.request_id,
-                name=command.name,
-                accepted=not message,
-                message=message,
-            )
+            reply = made.reply(command, message=message, accepted=not message)
             self._gateway.send("command_reply", reply)
 
 
@@ -205,14 +200,7 @@ def test_parameters_are_listed_described_and_read(
     gateway = launch(settings)
     gateway.send(
         "system_status",
-        SystemStatus(
-            time_ns=0,
-            state=SystemState.DETECTING,
-            flight_directory=None,
-            center_frequency_hz=None,
-            tags=(),
-            processes=(),
-        ),
+        made.system_status(),
     )
     client = Client(ros_peer, wait_until)
     names = client.ask("list_parameters", prefixes=[], depth=0).result.names

@@ -6,8 +6,9 @@ import sys
 from dataclasses import replace
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
+from some import some
 
 from uavrt.cli.listeners import RosPulses
 from uavrt.config.settings import Ros2Settings
@@ -18,8 +19,8 @@ from uavrt.ros2.convert import tag_to_ros
 
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
-TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
-PULSE = pulse_at(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
+TAG = made.tag()
+PULSE = made.pulse(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
 
 
 def order(ros_peer: Any, what: str) -> Any:
@@ -130,8 +131,7 @@ def test_a_remote_detector_has_a_node_name_of_its_own_and_the_drone_s_namespace(
         assert node.node_name.endswith(f"_{process.pid}")
         assert node.node_namespace == "/drone1"
         wait_until(lambda: "rt/drone1/pulse" in ros_peer.endpoints())
-        assert process.stdin is not None
-        process.stdin.close()
+        some(process.stdin).close()
         assert process.wait(20.0) == 0
 
 
@@ -168,8 +168,7 @@ def test_a_name_that_is_none_makes_the_gateway_deaf_to_nobody(
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
     ) as hostile:
-        assert hostile.stdout is not None
-        assert hostile.stdout.readline() == b"here\n"
+        assert some(hostile.stdout).readline() == b"here\n"
         wait_until(lambda: counters(gateway)["ros2_faults"] >= 3)
         ros_peer.advertise("control_stop_subprocess", ARRAY)
         ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))

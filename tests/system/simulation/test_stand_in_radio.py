@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.simulation import IQSynthesizer, Scenario, demo_scenario, write_scenario
@@ -38,8 +39,7 @@ def world(tmp_path: Path) -> tuple[Scenario, Path]:
 
 
 def read_exactly(process: subprocess.Popen[bytes], size: int) -> bytes:
-    assert process.stdout is not None
-    return process.stdout.read(size)
+    return some(process.stdout).read(size)
 
 
 @pytest.fixture
@@ -112,11 +112,9 @@ def test_it_ends_without_a_traceback_when_its_reader_goes_away(
 ) -> None:
     radio = start(*RADIO, "--world", str(world[1]), "-f", "148.68", *USUAL)
     read_exactly(radio, 8)
-    assert radio.stdout is not None
-    assert radio.stderr is not None
-    radio.stdout.close()
+    some(radio.stdout).close()
     assert radio.wait(timeout=30) == 1
-    errors = radio.stderr.read()
+    errors = some(radio.stderr).read()
     assert b"cannot write: Broken pipe" in errors
     assert b"Traceback" not in errors
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from some import some
 
 from uavrt.ipc.parent import adopt_orphans
 from uavrt.supervisor.mission.tuning import ask_tuner
@@ -145,8 +146,7 @@ def test_the_death_of_the_nursery_ends_nobody_and_stops_no_start(launcher: Launc
 
 def test_a_nursery_that_does_not_answer_is_given_up(launcher: Launcher) -> None:
     ready(launcher)
-    assert launcher.pid is not None
-    os.kill(launcher.pid, signal.SIGSTOP)
+    os.kill(some(launcher.pid), signal.SIGSTOP)
     process = Started(launcher)
     assert process.first_line().startswith("True green")
     assert process.end()[0] == 7
@@ -193,8 +193,7 @@ def test_what_is_forked_dies_with_the_supervisor() -> None:
     supervisor = subprocess.Popen(
         [sys.executable, "-c", SUPERVISOR], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
-    assert supervisor.stdout is not None
-    with supervisor.stdout as output:
+    with some(supervisor.stdout) as output:
         while output.readline().strip() != b"staying":
             assert supervisor.poll() is None
         supervisor.kill()

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
@@ -12,7 +13,7 @@ from tests.unit.integration.conftest import RATE_HZ, rotation
 from uavrt.analysis.measure import TagSource
 from uavrt.batch import USUAL_STEPS, BatchSettings, ask, find_recordings, run_batch
 from uavrt.errors import UsageError
-from uavrt.messages import ChannelBlock, Poses
+from uavrt.messages import Poses
 from uavrt.recording import ChannelRecorder, FlightRecorder
 from uavrt_experiments.detection.signals import START_NS
 
@@ -39,13 +40,12 @@ def test_an_archive_tells_which_tags_whole_flights_show(
     keeping = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
     keeping.put(
         [
-            ChannelBlock(
-                channel=0,
+            made.channel_block(
+                weak.samples.astype(np.complex64),
+                0,
+                RATE_HZ,
+                start_ns=START_NS,
                 center_frequency_hz=weak.tag.frequency_hz,
-                samples=weak.samples.astype(np.complex64),
-                sample_index=0,
-                time_ns=START_NS,
-                sample_rate_hz=RATE_HZ,
             )
         ]
     )

@@ -4,13 +4,13 @@ import json
 from contextlib import suppress
 from typing import Any
 
+import made
 import pytest
 from willing_drone import WillingDrone
 
 from uavrt.cli.fly import fly
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, LinkError, TunnelError, UavrtError
-from uavrt.mavlink import dialect
 from uavrt.messages import MotionRequest
 from uavrt.tunnel import (
     MOTION_STATE_TYPE,
@@ -61,13 +61,7 @@ class MovingDrone(WillingDrone):
                 kind=kind, standing=standing, text=text, request_id=answers, order_id=order_id
             )
         )
-        message = dialect.Tunnel(
-            target_system=254,
-            target_component=190,
-            payload_type=MOTION_STATE_TYPE,
-            payload_length=len(payload),
-            payload=payload,
-        )
+        message = made.tunnel(MOTION_STATE_TYPE, payload)
         self._sock.send(self._companion.encode(message))
 
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import made
 import numpy as np
 import pytest
-from pulses import pulse_at
 
 from uavrt.cli.fetch import _list_samples, _wanted
 from uavrt.errors import LinkError, RecordingError
@@ -30,7 +30,6 @@ from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
-from uavrt.messages import FlightInfo
 from uavrt.recording import FlightRecorder, flights_in_order, note_flight
 from uavrt.recording.sample_file import SampleFile
 
@@ -365,16 +364,9 @@ def test_a_database_is_replaced_by_a_later_state_of_the_same_flight_alone(
     root: Path, tmp_path: Path, case: str
 ) -> None:
     def make(directory: Path, pulses: range, start_ns: int = 10**18) -> Path:
-        info = FlightInfo(
-            directory=str(directory),
-            start_time_ns=start_ns,
-            clock_offset_ns=0,
-            center_frequency_hz=148.7e6,
-            sample_rate_hz=3e6,
-            tags=(),
-        )
+        info = made.flight_info(directory, start_time_ns=start_ns)
         recorder = FlightRecorder.create(info)
-        recorder.write_pulses([pulse_at(10**18 + n * 10**9) for n in pulses])
+        recorder.write_pulses([made.pulse(10**18 + n * 10**9) for n in pulses])
         recorder.close()
         return directory / "flight.sqlite"
 

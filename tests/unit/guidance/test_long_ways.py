@@ -4,6 +4,7 @@ import math
 
 import pytest
 from flown import Flown
+from some import some
 
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
@@ -61,8 +62,7 @@ def stuck_far_away(flavour: Flavour) -> Flown:
 @BOTH
 def test_a_drone_that_does_not_arrive_is_not_left_there_but_returns(flavour: Flavour) -> None:
     flown = stuck_far_away(flavour)
-    pilot = flown.pilot
-    assert pilot is not None
+    pilot = some(flown.pilot)
     mode = MODES[flavour]["return"]
     flown.run(900.0, until=lambda: flown.vehicle.mode == mode)
     assert flown.vehicle.mode == mode
@@ -91,8 +91,7 @@ def test_commands_that_are_refused_again_and_again_end_in_a_return(flavour: Flav
     flown = far_flown(flavour)
     pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
     flown.run(5.0)
-    now = flown.now()
-    assert now is not None
+    now = some(flown.now())
     pilot.redirect([Go(place=flown.place(5_000.0, 0.0), height_m=40.0)], now)
     flown.run(60.0)
     assert pilot.said == "returning: the commands are refused"

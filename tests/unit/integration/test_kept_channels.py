@@ -9,6 +9,7 @@ from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
@@ -40,13 +41,13 @@ def one_second(
     samples: NDArray[np.complex64], channel: int, at_s: int, hz: float
 ) -> ChannelBlock:
     rate = round(RATE_HZ)
-    return ChannelBlock(
+    return made.channel_block(
+        samples[at_s * rate : (at_s + 1) * rate],
+        at_s * rate,
+        RATE_HZ,
+        time_ns=START_NS + at_s * 1_000_000_000,
         channel=channel,
         center_frequency_hz=hz + channel * SPACING_HZ,
-        samples=samples[at_s * rate : (at_s + 1) * rate],
-        sample_index=at_s * rate,
-        time_ns=START_NS + at_s * 1_000_000_000,
-        sample_rate_hz=RATE_HZ,
     )
 
 

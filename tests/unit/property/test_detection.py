@@ -3,11 +3,11 @@
 import itertools
 from dataclasses import replace
 
+import made
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.detection import PulseDetector
 from uavrt.detection.search.anchors import AnchorSearch
 from uavrt.detection.search.grid import make_grid, sliding_maximum
 from uavrt.detection.search.hypotheses import interval_grid, jitter_reach
@@ -17,16 +17,13 @@ from uavrt_experiments.detection.signals import (
     THESIS_TAG,
     make_samples,
     noise,
-    pulse_train,
 )
 
 RATE_HZ = 3750.0
 
 
 def run(samples: np.ndarray, cuts: list[int], start_ns: int = START_NS) -> list[Pulse]:
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     pulses: list[Pulse] = []
     edges = [0, *sorted(cut % len(samples) for cut in cuts), len(samples)]
     for first, last in itertools.pairwise(edges):
@@ -39,7 +36,7 @@ def run(samples: np.ndarray, cuts: list[int], start_ns: int = START_NS) -> list[
 @given(cuts=st.lists(st.integers(0, 10**6), min_size=0, max_size=60))
 def test_the_pulses_do_not_depend_on_how_the_stream_is_cut(cuts: list[int]) -> None:
     rng = np.random.default_rng(1)
-    truth = pulse_train(rng, duration_s=8.0, interval_s=1.254, offset_hz=80.0, enr_db=17.0)
+    truth = made.train(rng, 8.0, 17.0, offset_hz=80.0)
     samples = make_samples(rng, truth, duration_s=8.0)
     whole = sorted(p.start_time_ns for p in run(samples, []))
     parts = sorted(p.start_time_ns for p in run(samples, cuts))
@@ -56,13 +53,9 @@ def test_a_pulse_is_told_half_a_second_after_its_end_whatever_the_blocks(
     sizes: list[int], tag_id: int
 ) -> None:
     rng = np.random.default_rng(4)
-    truth = pulse_train(rng, duration_s=8.0, interval_s=1.254, offset_hz=80.0, enr_db=20.0)
+    truth = made.train(rng, 8.0, 20.0, offset_hz=80.0)
     samples = make_samples(rng, truth, duration_s=8.0)
-    detector = PulseDetector(
-        replace(THESIS_TAG, tag_id=tag_id),
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=THESIS_TAG.frequency_hz,
-    )
+    detector = made.detector(replace(THESIS_TAG, tag_id=tag_id), RATE_HZ)
     position, told = 0, 0
     for size in itertools.cycle(sizes):
         if position >= len(samples):
@@ -80,11 +73,7 @@ def test_a_pulse_is_told_half_a_second_after_its_end_whatever_the_blocks(
 def test_the_tags_of_a_flight_are_all_searched_at_the_same_block() -> None:
     block = noise(np.random.default_rng(5), round(0.0874 * RATE_HZ))
     detectors = [
-        PulseDetector(
-            replace(THESIS_TAG, tag_id=2 * number),
-            sample_rate_hz=RATE_HZ,
-            center_frequency_hz=THESIS_TAG.frequency_hz,
-        )
+        made.detector(replace(THESIS_TAG, tag_id=2 * number), RATE_HZ)
         for number in range(1, 21)
     ]
     searched = []
@@ -104,7 +93,7 @@ def test_the_tags_of_a_flight_are_all_searched_at_the_same_block() -> None:
 @given(exponent=st.integers(-6, 6))
 def test_the_pulses_do_not_depend_on_the_gain(exponent: int) -> None:
     rng = np.random.default_rng(2)
-    truth = pulse_train(rng, duration_s=6.0, interval_s=1.254, offset_hz=80.0, enr_db=17.0)
+    truth = made.train(rng, 6.0, 17.0, offset_hz=80.0)
     samples = make_samples(rng, truth, duration_s=6.0)
     scaled = samples * np.float32(10.0**exponent)
     plain, loud = run(samples, []), run(scaled, [])
@@ -119,9 +108,7 @@ def test_the_pulses_do_not_depend_on_the_gain(exponent: int) -> None:
 )
 def test_no_order_of_times_makes_it_fail(times: list[int], sizes: list[int]) -> None:
     rng = np.random.default_rng(3)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     for time_ns, size in zip(times, sizes, strict=False):
         detector.process(noise(rng, size), START_NS + time_ns)
     detector.flush()

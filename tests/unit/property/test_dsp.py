@@ -1,3 +1,4 @@
+import made
 import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -26,13 +27,7 @@ def pieces(samples: Complex, at: list[int]) -> list[Complex]:
 
 
 def block(samples: Complex, index: int, lost: int = 0) -> IQBlock:
-    return IQBlock(
-        samples=samples,
-        sample_index=index,
-        time_ns=START_NS + round(index * 1e9 / RATE_HZ),
-        sample_rate_hz=RATE_HZ,
-        lost_before=lost,
-    )
+    return made.iq_block(samples, index, RATE_HZ, start_ns=START_NS, lost_before=lost)
 
 
 @settings(deadline=None, max_examples=25)

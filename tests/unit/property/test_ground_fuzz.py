@@ -14,8 +14,8 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.clock import Clock
 from uavrt.errors import UavrtError
@@ -162,21 +162,13 @@ def writers_of_all() -> list[FrameWriter]:
 
 
 def heartbeat() -> dialect.Heartbeat:
-    return dialect.Heartbeat(
-        type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-    )
+    return made.heartbeat()
 
 
 def genuine_pulse(start_ns: int) -> dialect.Tunnel:
-    pulse = pulse_at(start_ns, frequency_hz=148_700_000.0, snr_db=20.0, noise_psd=1e-9)
+    pulse = made.pulse(start_ns, frequency_hz=148_700_000.0, snr_db=20.0, noise_psd=1e-9)
     payload = pulse_to_wire(PulsePose(pulse=pulse, pose=None)).encode()
-    return dialect.Tunnel(
-        target_system=254,
-        target_component=190,
-        payload_type=0,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    return made.tunnel(0, payload)
 
 
 def is_among(start_ns: int, stored: Sequence[PulsePose]) -> bool:

@@ -2,9 +2,9 @@
 
 import math
 
+import made
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from pulses import pulse_at
 
 from uavrt.attitude import Quaternion, from_euler_deg, normalised, product, rotated, slerp
 from uavrt.config import AntennaSettings
@@ -217,7 +217,7 @@ def test_times_in_any_order_never_break_the_ring(times_ns: list[int]) -> None:
 
 
 def pulse(tag_id: int, start_time_ns: int, sequence: int) -> Pulse:
-    return pulse_at(
+    return made.pulse(
         start_time_ns,
         tag_id=tag_id,
         group_sequence=sequence,

@@ -8,11 +8,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
-from uavrt.messages import FlightInfo, Pose, Pulse, PulsePose
+from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.recording import (
     FlightRecorder,
     PulseFormat,
@@ -129,13 +130,8 @@ def test_pulses_survive_json_lines_and_csv_bit_by_bit(
 @settings(deadline=None, max_examples=20)
 def test_pulses_survive_the_database_bit_by_bit(written: list[PulsePose]) -> None:
     with tempfile.TemporaryDirectory() as directory:
-        info = FlightInfo(
-            directory=f"{directory}/flight",
-            start_time_ns=1,
-            clock_offset_ns=2,
-            center_frequency_hz=1.5e8,
-            sample_rate_hz=3e6,
-            tags=(),
+        info = made.flight_info(
+            f"{directory}/flight", start_time_ns=1, clock_offset_ns=2, center_frequency_hz=1.5e8
         )
         recorder = FlightRecorder.create(info)
         recorder.write_pulse_poses(written)

@@ -1,6 +1,7 @@
 import itertools
 from dataclasses import replace
 
+import made
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,11 +23,11 @@ from uavrt.simulation import (
 )
 from uavrt.simulation.counter_random import stream_key, uniform
 
-TAG = SimulatedTag(
-    tag_id=1,
-    frequency_hz=150_001_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(0.7, 0.9),
+TAG = made.simulated_tag(
+    1,
+    150_001_000.0,
+    0.7,
+    0.9,
     north_m=100.0,
     erp_dbm=-50.0,
     jitter_s=0.03,

@@ -5,6 +5,7 @@ import re
 import tempfile
 from pathlib import Path
 
+import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -62,11 +63,11 @@ def tags(draw: st.DrawFn, *, toml: bool) -> Tag:
         intervals.append(milliseconds(6000, 60000))
     name = st.text(st.characters(exclude_categories=["Cs"]))
     k = draw(st.integers(1, 100))
-    return Tag(
-        tag_id=draw(st.integers(1, 2**32 - 1)),
-        frequency_hz=draw(st.integers(20_000_000_000, 1_000_000_000_000)) / 1000,
+    return made.tag(
+        draw(st.integers(1, 2**32 - 1)),
+        draw(st.integers(20_000_000_000, 1_000_000_000_000)) / 1000,
+        *tuple(intervals),
         pulse_width_s=milliseconds(1, 50),
-        pulse_intervals_s=tuple(intervals),
         interval_uncertainty_s=milliseconds(0, min(149, 299 // max(1, k - 1))),
         interval_jitter_s=milliseconds(0, 149),
         k=k,

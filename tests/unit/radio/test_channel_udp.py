@@ -3,10 +3,12 @@
 import socket
 from collections.abc import Iterator
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, RadioError
@@ -119,13 +121,12 @@ def source() -> Iterator[ChannelDatagramSource]:
 
 def block(first: int, count: int, *, lost: int = 0, channel: int = 45) -> ChannelBlock:
     """Samples that say their index."""
-    return ChannelBlock(
+    return made.channel_block(
+        np.arange(first, first + count).astype(np.complex64),
+        first,
+        RATE_HZ,
+        start_ns=START_NS,
         channel=channel,
-        center_frequency_hz=148.71e6,
-        samples=np.arange(first, first + count).astype(np.complex64),
-        sample_index=first,
-        time_ns=START_NS + round(first * 1e9 / RATE_HZ),
-        sample_rate_hz=RATE_HZ,
         lost_before=lost,
     )
 
@@ -178,12 +179,10 @@ def test_a_gap_within_a_frame_is_zeros_and_the_rest_of_it_a_gap_of_the_stamps(
     sender.send(block(0, 1000))
     sender.send(block(2000, 1024, lost=1000))
     sender.close()
-    first = source.read(1.0)
-    assert first is not None
+    first = some(source.read(1.0))
     np.testing.assert_array_equal(first.samples[:1000], np.arange(1000))
     assert not first.samples[1000:].any()
-    second = source.read(5.0)  # held for the missing until nothing comes any more
-    assert second is not None
+    second = some(source.read(5.0))  # held for the missing until nothing comes any more
     assert second.lost_before == 976
     assert second.sample_index == 2000
     np.testing.assert_array_equal(second.samples, np.arange(2000, 3024))
@@ -203,8 +202,7 @@ def test_what_is_no_frame_is_counted_and_passed_over(source: ChannelDatagramSour
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.sendto(b"hello", ("127.0.0.1", port))
         sock.sendto(encode_channel_datagram(frame(3)[1], START_NS), ("127.0.0.1", port))
-    got = source.read(5.0)
-    assert got is not None
+    got = some(source.read(5.0))
     assert got.time_ns == START_NS
     assert source.refused == 1
 

@@ -1,5 +1,6 @@
 """What cannot be samples is refused; what can be is let through."""
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,7 +15,7 @@ RATE_HZ = 375_000.0
 
 
 def block(samples: NDArray[np.complex64]) -> IQBlock:
-    return IQBlock(samples=samples, sample_index=0, time_ns=0, sample_rate_hz=RATE_HZ)
+    return made.iq_block(samples, 0, RATE_HZ)
 
 
 def noise(rms: float, seed: int = 1, count: int = 32_768) -> NDArray[np.complex64]:

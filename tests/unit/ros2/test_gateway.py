@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
-from pulses import pulse_at
+import made
 
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.messages import (
@@ -12,7 +12,6 @@ from uavrt.messages import (
     CommandReply,
     ProcessStatus,
     SystemState,
-    SystemStatus,
     Tag,
 )
 from uavrt.ros2 import TOPICS, decode, encode
@@ -32,8 +31,8 @@ S = 10**9
 OPERATOR = Sender(key="operator")
 NEIGHBOUR = Sender(key="neighbour", gateway=True)
 STARTED = DiagnosticArray(status=(DiagnosticStatus(message="start"),))
-TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
-PULSE = pulse_at(
+TAG = made.tag()
+PULSE = made.pulse(
     1_700_000_000 * S,
     frequency_hz=148_710_000.0,
     noise_psd=0.0,
@@ -98,10 +97,9 @@ class Bench:
 
     def status(self, state: SystemState, *processes: ProcessStatus) -> None:
         self.gateway.take(
-            SystemStatus(
-                time_ns=self.now_ns,
+            made.system_status(
+                self.now_ns,
                 state=state,
-                flight_directory=None,
                 center_frequency_hz=148.7e6,
                 tags=(TAG,),
                 processes=processes,
@@ -113,16 +111,7 @@ class Bench:
 
 
 def worker(name: str = "detector-1") -> ProcessStatus:
-    return ProcessStatus(
-        process=name,
-        running=True,
-        pid=1,
-        status="detecting",
-        ok=True,
-        restarts=0,
-        cpu_s=0.0,
-        memory_mb=0.0,
-    )
+    return made.process_status(name, "detecting")
 
 
 def test_status_is_told_twice_a_second_and_a_beat_once() -> None:

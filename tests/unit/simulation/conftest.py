@@ -2,6 +2,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.simulation import Antenna, Flight, Propagation, Radio, Scenario, SimulatedTag
@@ -12,14 +13,8 @@ type_of_maker = Callable[..., Scenario]
 @pytest.fixture
 def plain_tag() -> SimulatedTag:
     """100 m north of home, received with a calculable level."""
-    return SimulatedTag(
-        tag_id=1,
-        frequency_hz=150_001_000.0,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.0,),
-        north_m=100.0,
-        height_m=30.0,
-        erp_dbm=-80.0,
+    return made.simulated_tag(
+        1, 150_001_000.0, 1.0, north_m=100.0, height_m=30.0, erp_dbm=-80.0
     )
 
 

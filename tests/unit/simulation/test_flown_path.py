@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from some import some
 
 from uavrt.mavlink import dialect
 from uavrt.simulation import Antenna, Flight, IQSynthesizer, Scenario, SimulatedTag, World
@@ -93,13 +94,11 @@ def test_motion_is_carried_on_for_half_a_second(
     vehicle = flown(scenario, tmp_path / "path", seconds=5.0)
     path = FlownPath(tmp_path / "path", scenario.plane)
     end_ns = scenario.start_time_ns + 5 * SECOND_NS
-    last = path.state(end_ns)
-    assert last is not None
+    last = some(path.state(end_ns))
     speed = vehicle.vehicle.velocity_m_s[1]
     assert last.velocity_ned_m_s[1] == pytest.approx(speed, abs=0.5)
     for later_s, carried_s in ((0.1, 0.1), (3.0, 0.5)):
-        state = path.state(end_ns + round(later_s * SECOND_NS))
-        assert state is not None
+        state = some(path.state(end_ns + round(later_s * SECOND_NS)))
         moved = state.position_ned_m[1] - last.position_ned_m[1]
         assert moved == pytest.approx(carried_s * speed, abs=0.3)
 
@@ -120,10 +119,8 @@ def test_it_is_read_while_it_is_written_and_half_a_record_waits(
     writer.add((pose, 10.0 * step) for step, pose in enumerate(poses))
     whole = file.read_bytes()
     file.write_bytes(whole[:-7])
-    state = path.state(start_ns + STEP_NS)
-    assert state is not None
+    state = some(path.state(start_ns + STEP_NS))
     assert state.heading_deg == pytest.approx(10.0)
     file.write_bytes(whole)
-    state = path.state(start_ns + 2 * STEP_NS)
-    assert state is not None
+    state = some(path.state(start_ns + 2 * STEP_NS))
     assert state.heading_deg == pytest.approx(20.0)

@@ -1,6 +1,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
@@ -158,11 +159,11 @@ def test_the_demo_fits_into_the_usable_span_of_the_decimator() -> None:
 
 @pytest.mark.parametrize("error_ppm", [40.0, -25.0])
 def test_a_crystals_error_stretches_gaps_and_burst_intervals_alike(error_ppm: float) -> None:
-    tag = SimulatedTag(
-        tag_id=12,
-        frequency_hz=166_370_000.0,
+    tag = made.simulated_tag(
+        12,
+        166_370_000.0,
+        2.3,
         pulse_width_s=0.0025,
-        pulse_intervals_s=(2.3,),
         gaps_s=(0.022, 0.0488, 0.0366),
         crystal_error_ppm=error_ppm,
         north_m=100.0,

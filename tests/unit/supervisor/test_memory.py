@@ -5,32 +5,31 @@ from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.clock import Clock, wall_ns
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import ConfigError
-from uavrt.messages import Command, FlightInfo, SystemState, Tag
+from uavrt.messages import Command, FlightInfo, SystemState
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
 from uavrt.supervisor.mission.wall_clock import AGAIN_S, NOTED_S, WallClockWatch
 
-TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 
 
 def new_mission(directory: Path) -> Mission:
     """A mission as a freshly started supervisor has it."""
-    return Mission(
+    return made.mission(
         Settings(
             recording=RecordingSettings(directory=str(directory)),
             radio=RadioSettings(center_frequency_hz=148.7e6),
         ),
-        StateStore(directory),
-        tell=lambda _severity, _text: None,
-        on_start=lambda _flight: None,
-        on_stop=lambda: None,
+        directory,
     )
 
 
@@ -205,12 +204,10 @@ def test_last_weeks_flight_does_not_start_the_radio(
 def test_a_flight_whose_directory_is_gone_goes_on_in_a_new_one(tmp_path: Path) -> None:
     before = new_mission(tmp_path)
     upload(before, *START)
-    assert before.flight is not None
-    Path(before.flight.directory).rmdir()
+    Path(some(before.flight).directory).rmdir()
     after = new_mission(tmp_path)
     assert after.resume()
-    assert after.flight is not None
-    assert Path(after.flight.directory).is_dir()
+    assert Path(some(after.flight).directory).is_dir()
 
 
 @example(garbage=b'\x80"', keep=12)  # no UTF-8

@@ -5,6 +5,7 @@ import os
 import shutil
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
@@ -13,9 +14,7 @@ from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation,
 from uavrt.supervisor.mission import operations as operations_module
 from uavrt.supervisor.mission.copying import save_flights
 from uavrt.supervisor.mission.operations import Operations, removable_drives
-from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.progress import FlightProgress
-from uavrt.supervisor.mission.saved_state import StateStore
 
 
 class Drone:
@@ -33,12 +32,11 @@ class Drone:
         tell = lambda _severity, text: self.texts.append(text)  # noqa: E731
         self.now_s = 0.0
         self.operations = Operations(settings, self.steps.append, tell, lambda: self.now_s)
-        self.mission = Mission(
+        self.mission = made.mission(
             Settings(recording=settings, radio=RadioSettings()),
-            StateStore(directory),
+            directory,
             tell=tell,
             on_start=self.started.append,
-            on_stop=lambda: None,
             operations=self.operations,
         )
         self._number = 0
@@ -234,15 +232,7 @@ def health(status: str, process: str = "receiver") -> Health:
 
 
 def flight(capture_s: float | None) -> FlightInfo:
-    return FlightInfo(
-        directory="flight_log_x",
-        start_time_ns=0,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(),
-        capture_s=capture_s,
-    )
+    return made.flight_info("flight_log_x", capture_s=capture_s)
 
 
 def test_a_start_is_complete_when_samples_flow() -> None:
