@@ -51,10 +51,7 @@ def vehicle_pose(at_s: float) -> Pose:
     station = min(1, int(at_s // _LEG_S))
     latitude, longitude = _PLANE.to_geodetic(_APART_M * station, 0.0)
     return made.pose(
-        START_NS + round(1e9 * at_s),
-        latitude,
-        longitude,
-        yaw_deg=8.0 * at_s % 360.0,
+        START_NS + round(1e9 * at_s), latitude, longitude, yaw_deg=8.0 * at_s % 360.0
     )
 
 

@@ -1,8 +1,6 @@
 """Two tags too weak for any group of pulses, found in flight and afterwards by what is kept."""
 
 import json
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +10,7 @@ import made
 import msgspec
 import pytest
 import sigmf
+from command_line import started
 
 from uavrt.config.settings import IntegrationSettings
 from uavrt.recording import read_flight, read_health, read_integrated
@@ -125,13 +124,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
     groups = [one.pulse.confirmed for one in read_flight(directory).pulse_poses]
     sent = 2 * last.counters["kept_samples"] / 2 / 7500.0 / INTERVAL_S
     assert sum(groups) < 0.1 * sent  # what the detectors made of it: next to nothing
-    said = subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", "integrate", str(directory), "--json"],
-        check=True,
-        timeout=200,
-        capture_output=True,
-        text=True,
-    )
+    said = started("integrate", directory, "--json", check=True, timeout=200)
     found = json.loads(said.stdout)
     assert [(one["tag_id"], one["found"]) for one in found] == [(2, True), (3, True)]
     slower = slowness_of_the_radio(last.counters)

@@ -5,11 +5,11 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from command_line import python
 
 from uavrt.config import Settings
 from uavrt.errors import FormatError, RecordingError
@@ -84,12 +84,7 @@ def test_a_full_disk_loses_nothing_and_is_made_up_for_when_there_is_space(
     info = make_info()
     FlightRecorder.create(info).close()
     (tmp_path / "flight_pulses.py").write_text(FLIGHT_PULSES)
-    child = subprocess.run(
-        [sys.executable, "-c", FILE_SIZE_LIMIT, info.directory, str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    child = python("-c", FILE_SIZE_LIMIT, info.directory, tmp_path)
     assert child.returncode == 0, child.stderr
     told = json.loads(child.stdout)
     assert told["recorded"] > 100
@@ -249,12 +244,7 @@ def test_to_go_on_with_a_long_flight_takes_no_more_memory_than_with_a_short_one(
         if logs == "missing":
             for log in Path(info.directory).rglob("pulse_pose_log.txt"):
                 log.unlink()
-        told = subprocess.run(
-            [sys.executable, "-c", REOPENED, info.directory],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        told = python("-c", REOPENED, info.directory, check=True)
         grown[count] = float(told.stdout)
     recorder.close()
     assert grown[30_000] < grown[2_000] + 3.0

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import program
 from some import some
 
 from uavrt.clock import Clock
@@ -238,7 +239,7 @@ def test_a_faulty_world_or_output_is_refused_in_plain_words(
 
 
 def test_airspy_info_finds_the_device_unless_it_is_absent() -> None:
-    found = subprocess.run(INFO, capture_output=True, check=True, text=True, timeout=60)
+    found = program(*INFO, check=True, timeout=60)
     assert f"0x{SERIAL:016X}" in found.stdout
     missing = subprocess.run(
         (*INFO, "--absent"), capture_output=True, check=False, text=True, timeout=60

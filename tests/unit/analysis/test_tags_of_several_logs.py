@@ -57,11 +57,7 @@ def turned(
             towards = math.degrees(math.atan2(tag[0] - east, tag[1] - north))
             gain = float(PATTERNS["RA-23K"].gain_db([towards - yaw_deg])[0])
             pose = made.pose(
-                time_ns,
-                latitude,
-                longitude,
-                altitude_amsl_m=540.0,
-                yaw_deg=yaw_deg,
+                time_ns, latitude, longitude, altitude_amsl_m=540.0, yaw_deg=yaw_deg
             )
             pulse = made.pulse(
                 time_ns,

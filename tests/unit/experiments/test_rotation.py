@@ -53,10 +53,9 @@ def test_a_start_100_degrees_off_makes_the_thesis_figures(found: list[Case]) -> 
 
 
 def test_our_bearing_does_not_believe_half_way_poses(found: list[Case]) -> None:
-    for case in found:
-        if case.original:
-            bearing = case.reading.bearing
-            assert bearing.ambiguous or not bearing.accepted
+    half_way = [case.reading.bearing for case in found if case.original]
+    assert half_way
+    assert all(bearing.ambiguous or not bearing.accepted for bearing in half_way)
 
 
 def test_the_shift_is_half_of_the_heading_at_the_start() -> None:

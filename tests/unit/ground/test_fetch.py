@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import made
 import numpy as np
 import pytest
+from virtual_time import START_S, VirtualClock
 
 from uavrt.cli.fetch import _list_samples, _wanted
 from uavrt.errors import LinkError, RecordingError
@@ -19,6 +20,7 @@ from uavrt.ground.fetch.flight_list import MOST_NOTED
 from uavrt.ground.fetch.ftp_client import (
     MOST_DEEP,
     PART_SUFFIX,
+    STALL_NS,
     FileClient,
     RemoteEntry,
     fetch_file,
@@ -76,13 +78,6 @@ def root(tmp_path: Path) -> Path:
 
 
 ENTRY = RemoteEntry(path="/flight_log_1/flight.sqlite", size=len(CONTENT))
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lost reply is waited for 20 ms and not a second and a half."""
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.REPLY_NS", 20_000_000)
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.QUIET_NS", 20_000_000)
 
 
 def test_a_tree_longer_than_a_reply_is_listed_whole(root: Path) -> None:
@@ -242,34 +237,33 @@ EVIL = {
 
 
 GETTING_ON = ("a byte at a time", "2 kB a minute", "bytes that lie over each other")
-MINUTE_S = 1.0
-"""What the tests take for a minute."""
+MINUTE_S = STALL_NS / 1e9
+SLOW_S = 0.3
+"""How long each answer of a slow drone takes."""
 
 
-def slow_clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """A clock that goes on by 2 ms each time it is looked at."""
-    now_s = [0.0]
+def slowed(client: FileClient, clock: VirtualClock) -> FileClient:
+    """Let each request of a client take its time."""
+    send = client._send
 
-    def clock() -> float:
-        now_s[0] += 0.002
-        return now_s[0]
+    def late(payload: bytes) -> None:
+        clock.now_s += SLOW_S
+        send(payload)
 
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.monotonic_s", clock)
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.STALL_NS", round(MINUTE_S * 1e9))
-    return now_s
+    client._send = late
+    return client
 
 
 @pytest.mark.parametrize("evil", EVIL)
 def test_a_rogue_that_does_not_get_on_is_given_up_after_a_minute_at_most(
-    evil: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    evil: str, tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    now_s = slow_clock(monkeypatch)
-    drone = Rogue(1_000_000, EVIL[evil])
+    client = slowed(Rogue(1_000_000, EVIL[evil]).client, clock_of_test)
     entry = RemoteEntry(path="/flight_log_1/flight.sqlite", size=1_000_000)
     with pytest.raises((LinkError, RecordingError)) as caught:
-        asyncio.run(fetch_file(drone.client, entry, tmp_path / "flight.sqlite"))
-    # The minute and the tries that follow it, in the test's time.
-    assert now_s[0] < 2.5 * MINUTE_S
+        asyncio.run(fetch_file(client, entry, tmp_path / "flight.sqlite"))
+    # The minute and the tries that follow it.
+    assert clock_of_test.now_s - START_S < 2.5 * MINUTE_S
     assert ("makes no progress" in str(caught.value)) == (evil in GETTING_ON)
     assert not (tmp_path / "flight.sqlite").exists()
 
@@ -317,14 +311,13 @@ def test_what_the_disk_here_has_no_room_for_is_not_begun(
 
 
 def test_a_list_that_comes_a_name_at_a_time_is_given_up(
-    monkeypatch: pytest.MonkeyPatch,
+    clock_of_test: VirtualClock,
 ) -> None:
-    now_s = slow_clock(monkeypatch)
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.LEAST_ENTRIES", 200)
     client = rogue(lambda path, offset: [f"Ff{offset}\t5".encode()])
+    slowed(client, clock_of_test)
     with pytest.raises(LinkError, match="makes no progress"):
         asyncio.run(client.tree("/"))
-    assert now_s[0] < 2 * MINUTE_S
+    assert clock_of_test.now_s - START_S < 2 * MINUTE_S
 
 
 def fetched(root: Path, place: Path, name: str) -> bool:

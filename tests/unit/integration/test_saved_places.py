@@ -65,11 +65,7 @@ def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
     columns = world.course.poses
     poses = tuple(
         made.pose(
-            int(time_ns),
-            latitude,
-            longitude,
-            altitude_relative_m=50.0,
-            altitude_amsl_m=1050.0,
+            int(time_ns), latitude, longitude, altitude_relative_m=50.0, altitude_amsl_m=1050.0
         )
         for time_ns, latitude, longitude in zip(
             columns.time_ns, columns.latitude_deg, columns.longitude_deg, strict=True

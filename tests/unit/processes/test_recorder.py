@@ -10,6 +10,7 @@ from typing import Any
 import made
 import pytest
 from some import some
+from virtual_time import VirtualClock
 
 from uavrt.config.settings import AntennaSettings, RecordingSettings, Settings
 from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
@@ -65,9 +66,8 @@ def posed(one: Pulse) -> PulsePose:
 class Drone:
     """An outbox that outlives recorders, and recorders that may be killed at any moment."""
 
-    def __init__(self, directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now_s = 1000.0
-        monkeypatch.setattr("uavrt.processes.recorder.monotonic_s", lambda: self.now_s)
+    def __init__(self, directory: Path, clock: VirtualClock) -> None:
+        self.clock = clock
         self.flights = directory
         self.info = made.flight_info(
             directory / "flight_log_1", (made.tag(2, 148.71e6, 1.0),), start_time_ns=START_NS
@@ -108,7 +108,7 @@ class Drone:
 
     def turn(self, after_s: float = 0.0) -> None:
         """Let the recorder work, `after_s` later."""
-        self.now_s += after_s
+        self.clock.now_s += after_s
         self.recorder.turn(self.frame.receive())
         self.frame.link.flush()
         self._listen()
@@ -156,8 +156,8 @@ class Drone:
 
 
 @pytest.fixture
-def drone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drone]:
-    flying = Drone(tmp_path, monkeypatch)
+def drone(tmp_path: Path, clock_of_test: VirtualClock) -> Iterator[Drone]:
+    flying = Drone(tmp_path, clock_of_test)
     yield flying
     flying.kill()
 

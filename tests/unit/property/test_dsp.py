@@ -1,6 +1,6 @@
 import made
 import numpy as np
-from hypothesis import assume, given, settings
+from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
 
 from uavrt.dsp import Channelizer, Decimator, FrontEnd, tune
@@ -182,7 +182,7 @@ def test_each_tag_is_where_the_tuner_says(offsets: list[int]) -> None:
     try:
         plan = tune(tags)
     except TunerError:
-        return
+        reject()
     front_end = FrontEnd(
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=plan.center_frequency_hz,

@@ -83,6 +83,11 @@ def test_any_bytes_are_parsed_without_a_fault(data: bytes) -> None:
     parser = FrameParser()
     for frame in parser.feed(data):
         frame.message()
+    whole = FrameWriter(1, 191).encode(tunnel_of(b"after it"))
+    # A false marker may claim up to 280 bytes of what follows.
+    after = parser.feed(bytes(300) + whole)
+    assert after[-1].message() == tunnel_of(b"after it")
+    assert parser.skipped_bytes >= 20
 
 
 @settings(max_examples=150)

@@ -214,6 +214,11 @@ def test_times_in_any_order_never_break_the_ring(times_ns: list[int]) -> None:
         except PoseUnavailable:
             continue
         assert abs(pose.latitude_deg - 47.4) < 1e-9
+    for time_ns in (10**12, 10**12 + 10**8):
+        ring.add_attitude(AttitudeSample(time_ns=time_ns, quaternion_wxyz=(1, 0, 0, 0)))
+        ring.add_position(position(time_ns))
+    pose = ring.antenna_pose(10**12 + 5 * 10**7, extrapolate=False)
+    assert abs(pose.latitude_deg - 47.4) < 1e-9
 
 
 def pulse(tag_id: int, start_time_ns: int, sequence: int) -> Pulse:

@@ -88,9 +88,11 @@ def test_any_content_of_a_right_length_is_read_and_converted_or_refused(
     message = tunnel.decode(struct.pack("<I", command) + body)
     try:
         if isinstance(message, tunnel.TagG0 | tunnel.TagG1):
-            tunnel.tag_from_wire(message)
+            assert tunnel.tag_from_wire(message).tag_id == message.tag_id
         if isinstance(message, tunnel.PulseG0 | tunnel.PulseG1):
-            tunnel.pulse_from_wire(message)
+            read = tunnel.pulse_from_wire(message)
+            pulse = read.pulse if isinstance(read, PulsePose) else read
+            assert pulse is None or pulse.tag_id == message.tag_id
     except TunnelError:
         pass
 

@@ -11,7 +11,6 @@ import pytest
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation, SystemState
-from uavrt.supervisor.mission import operations as operations_module
 from uavrt.supervisor.mission.copying import save_flights
 from uavrt.supervisor.mission.operations import Operations, removable_drives
 from uavrt.supervisor.mission.progress import FlightProgress
@@ -137,10 +136,7 @@ def test_a_save_broken_off_leaves_whole_files_only_and_can_be_repeated(tmp_path:
     assert tree(tmp_path / "flights") == before
 
 
-def test_the_system_ends_though_the_drive_does_not_answer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(operations_module, "END_S", 0.05)
+def test_the_system_ends_though_the_drive_does_not_answer(tmp_path: Path) -> None:
     make_flights(tmp_path / "flights")
     hanging = tmp_path / "drive" / "flight_log_2026-01-01" / "flight.sqlite.part"
     hanging.parent.mkdir(parents=True)
