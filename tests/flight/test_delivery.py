@@ -12,6 +12,7 @@ from typing import Any
 
 import made
 import pytest
+from until import until_async as until
 
 from uavrt.clock import Clock
 from uavrt.errors import LinkError
@@ -34,12 +35,6 @@ CODED_TAG = made.simulated_tag(
     crystal_error_ppm=30.0,
 )
 """Loud: what is tested is what becomes of its bursts."""
-
-
-async def until(condition: Callable[[], object], timeout_s: float) -> None:
-    async with asyncio.timeout(timeout_s):
-        while not condition():  # noqa: ASYNC110 - any condition, not one object's
-            await asyncio.sleep(0.05)
 
 
 async def persistently(action: Callable[[], Awaitable[object]]) -> None:

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.timeout(240)
 
 def exported(page: Page, row: str, name: str) -> bytes:
     """What a link of a flight's row gives."""
-    href = some(page.locator(row).locator(f"a:text-is('{name}')").get_attribute("href"))
+    assert page.locator(row).locator(f"a:text-is('{name}')").get_attribute("href") is not None
     with page.expect_download() as download:
         page.locator(row).locator(f"a:text-is('{name}')").click()
     return Path(download.value.path()).read_bytes()

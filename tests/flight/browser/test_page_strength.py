@@ -16,8 +16,6 @@ from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.localization import TangentPlane
 from uavrt.messages import PulsePose
 
-pytestmark = pytest.mark.timeout(120)
-
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 EAST_M, NORTH_M = 140.0, 190.0
 """Where the tag is."""

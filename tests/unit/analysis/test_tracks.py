@@ -419,7 +419,7 @@ def test_a_damaged_log_gives_what_is_whole(flight: Flight, tmp_path: Path) -> No
 
 
 @given(st.binary(max_size=300), st.sampled_from([b"", b"\xa3\x95\x80", b"12345678\xfd"]))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_any_bytes_give_a_track_or_a_format_error(
     tmp_path_factory: pytest.TempPathFactory, content: bytes, head: bytes
 ) -> None:

@@ -79,7 +79,7 @@ def test_serial_bursts_make_no_more_groups_than_noise(seed: int) -> None:
     at=st.floats(0.05, 0.35),
     seed=st.integers(0, 2**32 - 1),
 )
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_no_pulse_is_taken_for_a_burst_however_strong(
     enr_db: float, width_s: float, offset_hz: float, at: float, seed: int
 ) -> None:

@@ -32,7 +32,7 @@ def run(samples: np.ndarray, cuts: list[int], start_ns: int = START_NS) -> list[
     return pulses + detector.flush()
 
 
-@settings(deadline=None, max_examples=6)
+@settings(max_examples=6)
 @given(cuts=st.lists(st.integers(0, 10**6), min_size=0, max_size=60))
 def test_the_pulses_do_not_depend_on_how_the_stream_is_cut(cuts: list[int]) -> None:
     rng = np.random.default_rng(1)
@@ -44,7 +44,7 @@ def test_the_pulses_do_not_depend_on_how_the_stream_is_cut(cuts: list[int]) -> N
     assert all(abs(a - b) < 1_000_000 for a, b in zip(whole, parts, strict=True))
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(
     sizes=st.lists(st.integers(1, round(0.1 * RATE_HZ)), min_size=1, max_size=40),
     tag_id=st.integers(1, 2000),
@@ -89,7 +89,7 @@ def test_the_tags_of_a_flight_are_all_searched_at_the_same_block() -> None:
     assert 3 <= searched.count(20) <= 5
 
 
-@settings(deadline=None, max_examples=5)
+@settings(max_examples=5)
 @given(exponent=st.integers(-6, 6))
 def test_the_pulses_do_not_depend_on_the_gain(exponent: int) -> None:
     rng = np.random.default_rng(2)
@@ -101,7 +101,7 @@ def test_the_pulses_do_not_depend_on_the_gain(exponent: int) -> None:
     assert all(abs(a.snr_db - b.snr_db) < 0.05 for a, b in zip(plain, loud, strict=True))
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(
     times=st.lists(st.integers(-(10**13), 10**13), min_size=1, max_size=12),
     sizes=st.lists(st.integers(0, 3000), min_size=12, max_size=12),
@@ -127,7 +127,7 @@ def test_the_sliding_maximum_is_the_maximum_over_the_window(
     assert np.array_equal(fast, np.array(slow))
 
 
-@settings(deadline=None, max_examples=5)
+@settings(max_examples=5)
 @given(seed=st.integers(0, 2**32 - 1), k=st.sampled_from([2, 3, 4]), sent=st.booleans())
 @example(seed=1, k=4, sent=True)
 @example(seed=1, k=4, sent=False)
@@ -181,7 +181,6 @@ def test_pruned_search_finds_the_best_that_testing_every_anchor_finds(
         assert abs(max(c.score for c in found) * threshold - best) < 1e-3
 
 
-@settings(deadline=None)
 @given(
     sample_rate_hz=st.floats(3000.0, 12_000.0),
     width_s=st.floats(0.010, 0.040),

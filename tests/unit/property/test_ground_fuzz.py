@@ -8,7 +8,7 @@ import asyncio
 import math
 import os
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from random import Random
@@ -16,6 +16,7 @@ from typing import Any
 
 import made
 import pytest
+from until import until_async as until
 
 from uavrt.clock import Clock
 from uavrt.errors import UavrtError
@@ -174,12 +175,6 @@ def genuine_pulse(start_ns: int) -> dialect.Tunnel:
 def is_among(start_ns: int, stored: Sequence[PulsePose]) -> bool:
     """Whether a pulse of that time is stored; the wire resolves 0.24 µs."""
     return any(abs(item.pulse.start_time_ns - start_ns) < 1000 for item in stored)
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(30.0):
-        while not condition():  # noqa: ASYNC110 - any condition
-            await asyncio.sleep(0.01)
 
 
 async def attack(links: list[MemoryLink], random: Random) -> None:

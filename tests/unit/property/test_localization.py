@@ -36,7 +36,7 @@ def test_a_level_antenna_has_its_table_in_the_plane_of_its_elements(
     np.testing.assert_allclose(gain, PATTERNS[name].gain_db([angle]), atol=1e-5)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(angles, angles, st.integers(10, 24), st.floats(15.0, 60.0))
 @example(0.0, 0.0, 18, 52.0)
 def test_turning_the_world_turns_the_bearing(
@@ -50,7 +50,7 @@ def test_turning_the_world_turns_the_bearing(
     assert abs(difference_deg(turned.bearing_deg, plain.bearing_deg + turn)) < 0.3
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     st.lists(st.tuples(angles, st.floats(-20.0, 70.0) | st.just(float("nan"))), min_size=1),
     st.floats(0.0, 20.0),
@@ -68,7 +68,7 @@ def test_any_pulses_give_a_posterior_that_holds_together(
     assert -1e-12 <= some(found.second_lobe_probability) <= 1.0
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     st.floats(0.01, 0.5, exclude_max=True) | st.floats(10.0, 1e4, exclude_min=True),
     st.integers(1, 20),
@@ -102,7 +102,7 @@ def test_metres_and_degrees_go_to_and_fro(
     assert abs(float(back_north) - north) < 0.01
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     st.lists(
         st.tuples(st.floats(-500.0, 500.0), st.floats(-500.0, 500.0), angles),

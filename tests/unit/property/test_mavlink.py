@@ -120,7 +120,7 @@ def test_a_flipped_bit_is_counted_and_never_believed(
     jitter_s=st.floats(0, 0.005),
     seed=st.integers(0, 999),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_boot_time_is_mapped_within_the_jitter_whatever_offset_and_skew(
     offset_s: float, skew_ppm: float, jitter_s: float, seed: int
 ) -> None:
@@ -199,7 +199,7 @@ def test_a_text_of_any_length_comes_back_from_its_pieces(text: str) -> None:
     assert whole.replace(" ", "")[:300] == text.replace(" ", "")[:300]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(st.tuples(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=255)), max_size=5),
     st.tuples(st.integers(0, 255), st.integers(0, 255)),

@@ -92,7 +92,6 @@ def test_a_line_of_the_log_keeps_times_exactly_and_places_to_a_millimetre(
 
 
 @given(st.lists(pulse_poses, max_size=5), st.sampled_from(["csv", "jsonl"]))
-@settings(deadline=None)
 def test_pulses_survive_json_lines_and_csv_bit_by_bit(
     written: list[PulsePose], form: PulseFormat
 ) -> None:
@@ -127,7 +126,7 @@ def test_pulses_survive_json_lines_and_csv_bit_by_bit(
         unique_by=lambda one: (one.pulse.tag_id, one.pulse.start_time_ns),
     )
 )
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_pulses_survive_the_database_bit_by_bit(written: list[PulsePose]) -> None:
     with tempfile.TemporaryDirectory() as directory:
         info = made.flight_info(
@@ -151,7 +150,7 @@ SOUP = st.one_of(
 
 
 @given(SOUP, st.sampled_from([read_pulse_pose_log, read_pulse_file, read_detector_config]))
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_any_bytes_are_read_or_refused_by_name(
     content: bytes, read: Callable[[Path], object]
 ) -> None:

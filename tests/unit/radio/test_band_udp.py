@@ -36,7 +36,7 @@ def source() -> Iterator[BandDatagramSource]:
     opened.close()
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     sizes=st.lists(st.integers(1, 40), min_size=1, max_size=60), take_every=st.integers(1, 9)
 )
@@ -53,7 +53,7 @@ def test_pieces_of_any_size_join_to_the_same_samples(sizes: list[int], take_ever
 
 
 @example(size=1, losses={40, 42})  # a gap within the sample that a gap has cut
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(
     size=st.integers(1, 50),
     losses=st.sets(st.integers(1, 59), max_size=12),

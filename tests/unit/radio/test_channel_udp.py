@@ -45,7 +45,7 @@ def test_frames_in_order_pass_at_once() -> None:
         assert taken(order) == [(number, 0)]
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.permutations(range(1, 1 + HELD_FRAMES)))
 def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) -> None:
     order = FrameOrder(RATE_HZ)
@@ -57,7 +57,7 @@ def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) ->
     assert order.late == 0
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.sets(st.integers(1, 30), max_size=20))
 def test_frames_that_never_come_are_gaps_of_their_length(missing: set[int]) -> None:
     order = FrameOrder(RATE_HZ)

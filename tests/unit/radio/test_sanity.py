@@ -29,7 +29,6 @@ ALMOST_DEAD = block(np.zeros(round(0.9 * DEAD_S * RATE_HZ), np.complex64))
 
 
 @given(st.floats(1e-9, 1.0), st.integers(0, 100))
-@settings(deadline=None)
 def test_any_level_a_receiver_can_have_ends_a_silence(rms: float, seed: int) -> None:
     check = SampleCheck("the radio")
     check.look(ALMOST_DEAD)
@@ -47,7 +46,7 @@ def test_a_saturated_receiver_is_let_through_and_a_level_above_it_is_not() -> No
 
 
 @given(st.binary(max_size=256))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_random_bytes_never_raise_anything_else(content: bytes) -> None:
     samples = np.frombuffer(content[: len(content) // 8 * 8], np.complex64)
     check = SampleCheck("the radio")

@@ -46,7 +46,7 @@ def drain(stream: StreamSource) -> np.ndarray:
     return np.concatenate(parts)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     sizes=st.lists(st.integers(1, 5000), min_size=1, max_size=30),
     repeat=st.integers(1, 40),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import made
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from some import some
 from virtual_time import VirtualClock
@@ -202,7 +202,6 @@ def test_a_flight_whose_directory_is_gone_goes_on_in_a_new_one(tmp_path: Path) -
 
 @example(garbage=b'\x80"', keep=12)  # no UTF-8
 @given(st.binary(max_size=200), st.integers(0, 400))
-@settings(deadline=None)
 def test_a_damaged_file_is_put_aside_and_stops_nothing(
     tmp_path_factory: pytest.TempPathFactory, garbage: bytes, keep: int
 ) -> None:

@@ -175,7 +175,7 @@ def test_a_backlog_goes_the_newest_first() -> None:
     assert sorted(order) == list(range(1, 61))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.data())
 def test_whatever_is_lost_every_pulse_arrives_once_acknowledged(data: st.DataObject) -> None:
     sender = make_sender()
