@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.messages import Pose, Poses, Tag
-from uavrt.recording import FlightRecorder
+from uavrt.messages import Pose, Tag
 
 RATE_HZ, CENTER_HZ = 24_000.0, 148.7e6
 START_NS = 1_777_615_200_000_000_000
@@ -74,15 +73,14 @@ def poses(length_s: float = 2 * _LEG_S) -> tuple[Pose, ...]:
 
 def write_flight(directory: Path, *, length_s: float = 2 * _LEG_S) -> Path:
     """Write a flight that turned at two places, without a pulse."""
-    recorder = FlightRecorder.create(
+    made.flight(
         made.flight_info(
             directory,
             TAGS[:1],
             start_time_ns=START_NS,
             center_frequency_hz=CENTER_HZ,
             sample_rate_hz=RATE_HZ,
-        )
+        ),
+        poses=poses(length_s),
     )
-    recorder.write_poses(Poses(poses=poses(length_s)))
-    recorder.close()
     return directory

@@ -3,7 +3,7 @@
 Each maker fills in what a test does not say; further fields are given by their names.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, SupportsFloat
 
@@ -22,13 +22,16 @@ from uavrt.messages import (
     IQBlock,
     LiveBearing,
     Pose,
+    Poses,
     ProcessStatus,
     Pulse,
+    PulsePose,
     SearchReport,
     SystemState,
     SystemStatus,
     Tag,
 )
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.simulation.scenario import SimulatedTag
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
@@ -108,6 +111,23 @@ def flight_info(directory: Path | str, tags: tuple[Tag, ...] = (), **fields: Any
         "sample_rate_hz": 3e6,
     }
     return FlightInfo(directory=str(directory), tags=tags, **(usual | fields))
+
+
+def flight(
+    info: FlightInfo,
+    settings: Settings | None = None,
+    *,
+    poses: Iterable[Pose] = (),
+    pulse_poses: Iterable[PulsePose] = (),
+    pulses: Iterable[Pulse] = (),
+) -> Path:
+    """Record a whole flight; its directory."""
+    recorder = FlightRecorder.create(info, settings)
+    recorder.write_poses(Poses(poses=tuple(poses)))
+    recorder.write_pulse_poses(pulse_poses)
+    recorder.write_pulses(pulses)
+    recorder.close()
+    return Path(info.directory)
 
 
 def search_report(tag_id: int, time_ns: int, **fields: Any) -> SearchReport:

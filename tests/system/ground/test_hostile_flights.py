@@ -18,16 +18,14 @@ import pytest
 from uavrt.errors import FormatError, UavrtError
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.recording import FlightRecorder, plain_database, read_flight
+from uavrt.recording import plain_database, read_flight
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {} FROM n"
 
 
 def flight(directory: Path) -> Path:
     info = made.flight_info(directory, start_time_ns=10**18)
-    recorder = FlightRecorder.create(info)
-    recorder.write_pulses([made.pulse(10**18 + 10**9)])
-    recorder.close()
+    made.flight(info, pulses=[made.pulse(10**18 + 10**9)])
     return directory
 
 

@@ -9,7 +9,6 @@ import pytest
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.survey import read_survey
 from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.recording import FlightRecorder
 from uavrt.recording.formats import read_pulse_log
 from uavrt.recording.pulse_files import PulseWriter
 
@@ -68,10 +67,7 @@ def _flight(folder: Path, tags: tuple[Tag, ...]) -> Path:
         center_frequency_hz=166_360_000.0,
         sample_rate_hz=60_000.0,
     )
-    recorder = FlightRecorder.create(info, None)
-    recorder.write_pulse_poses(tuple(PulsePose(pulse=one, pose=None) for one in BURSTS))
-    recorder.commit()
-    recorder.close()
+    made.flight(info, pulse_poses=tuple(PulsePose(pulse=one, pose=None) for one in BURSTS))
     return folder
 
 

@@ -14,7 +14,7 @@ from command_line import uavrt
 from uavrt.analysis.positions import TagPosition, read_positions
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.messages import PulsePose
-from uavrt.recording import FlightRecorder, PulseWriter
+from uavrt.recording import PulseWriter
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9
@@ -82,14 +82,12 @@ def as_log(path: Path, pulses: Sequence[PulsePose]) -> Path:
 def as_flight(directory: Path, pulses: Sequence[PulsePose], name: str) -> Path:
     first = pulses[0].pulse
     tag = made.tag(first.tag_id, first.frequency_hz, 1.25, name=name)
-    recorder = FlightRecorder.create(
+    made.flight(
         made.flight_info(
             directory, (tag,), start_time_ns=first.start_time_ns, center_frequency_hz=148e6
         ),
-        None,
+        pulse_poses=list(pulses),
     )
-    recorder.write_pulse_poses(list(pulses))
-    recorder.close()
     return directory
 
 

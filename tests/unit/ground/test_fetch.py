@@ -32,7 +32,7 @@ from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
-from uavrt.recording import FlightRecorder, flights_in_order, note_flight
+from uavrt.recording import flights_in_order, note_flight
 from uavrt.recording.sample_file import SampleFile
 
 CONTENT = random.Random(6).randbytes(30_011)
@@ -358,9 +358,7 @@ def test_a_database_is_replaced_by_a_later_state_of_the_same_flight_alone(
 ) -> None:
     def make(directory: Path, pulses: range, start_ns: int = 10**18) -> Path:
         info = made.flight_info(directory, start_time_ns=start_ns)
-        recorder = FlightRecorder.create(info)
-        recorder.write_pulses([made.pulse(10**18 + n * 10**9) for n in pulses])
-        recorder.close()
+        made.flight(info, pulses=[made.pulse(10**18 + n * 10**9) for n in pulses])
         return directory / "flight.sqlite"
 
     shutil.rmtree(root / "flight_log_1")

@@ -155,9 +155,7 @@ def test_only_what_no_detector_found_is_told_and_again_when_it_is_much_closer(
 ) -> None:
     directory = tmp_path / "flight"
     info = replace(weak.flight.info, directory=str(directory))
-    log = FlightRecorder.create(info, None)
-    log.write_poses(Poses(poses=weak.flight.poses))
-    log.close()
+    made.flight(info, poses=weak.flight.poses)
     recorder = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
     keep(directory, weak, 0, int(len(weak.samples) / RATE_HZ), recorder)
     recorder.close()

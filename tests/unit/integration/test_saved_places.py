@@ -22,8 +22,8 @@ from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.report.words import hindsight
 from uavrt.config import Settings
 from uavrt.errors import FormatError
-from uavrt.messages import Pose, Poses, Tag
-from uavrt.recording import FlightRecorder, read_integrated
+from uavrt.messages import Pose, Tag
+from uavrt.recording import read_integrated
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.integrate.flights import PLANE, World, add_pulses, passing, silence
@@ -39,9 +39,7 @@ def flight_with(
         center_frequency_hz=tag.frequency_hz,
         sample_rate_hz=RATE_HZ,
     )
-    recorder = FlightRecorder.create(info, settings)
-    recorder.write_poses(Poses(poses=poses))
-    recorder.close()
+    made.flight(info, settings, poses=poses)
 
 
 def arguments(directory: Path, samples: np.ndarray, tag: Tag, *more: str) -> list[str]:

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from uavrt.errors import FormatError
 from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.recording import (
-    FlightRecorder,
     PulseFormat,
     PulseWriter,
     read_detector_config,
@@ -132,9 +131,7 @@ def test_pulses_survive_the_database_bit_by_bit(written: list[PulsePose]) -> Non
         info = made.flight_info(
             f"{directory}/flight", start_time_ns=1, clock_offset_ns=2, center_frequency_hz=1.5e8
         )
-        recorder = FlightRecorder.create(info)
-        recorder.write_pulse_poses(written)
-        recorder.close()
+        made.flight(info, pulse_poses=written)
         read = read_flight(info.directory).pulse_poses
     key = lambda one: (one.pulse.start_time_ns, one.pulse.tag_id)  # noqa: E731
     assert list(read) == sorted(written, key=key)

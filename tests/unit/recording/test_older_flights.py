@@ -6,6 +6,8 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
+import made
+
 from uavrt.ground.store.flights import PULSE_COLUMNS, FlightLibrary
 from uavrt.messages import FlightInfo, Pulse, PulsePose
 from uavrt.recording import FlightLayout, FlightRecorder, read_flight
@@ -28,9 +30,7 @@ def record_and_age(
 ) -> list[PulsePose]:
     """Record a flight and make its database one of version 1."""
     recorded = [make_pulse_pose(number) for number in range(5)]
-    recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses(recorded)
-    recorder.close()
+    made.flight(info, pulse_poses=recorded)
     with closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as database:
         database.execute("ALTER TABLE pulses RENAME TO newer")
         database.execute(PULSES_OF_VERSION_1)
