@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 
-def until(condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
+def until(condition: Callable[[], object], timeout_s: float = 30.0) -> None:
     """Wait for something that must happen; the limit only ends a test that has failed."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from some import some
 from tests.flight.test_delivery import CODED_TAG
+from until import until
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.messages import SystemState, SystemStatus
@@ -88,7 +89,6 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     ros_domain: int,
     ros_peer: Any,
     subscriber: subprocess.Popen[str],
-    wait_until: Any,
 ) -> None:
     scenario = replace(thesis_scenario, tag=(*thesis_scenario.tag, CODED_TAG))
     drone = drone_bay.launch(scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain))
@@ -100,7 +100,7 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
             watch.look()
             return watch.status is not None and bool(condition())
 
-        wait_until(look, 60.0)
+        until(look, 60.0)
 
     # Tags and start come from ROS 2 alone.
     for topic, name in (

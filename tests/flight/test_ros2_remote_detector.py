@@ -23,6 +23,7 @@ import made
 import msgspec
 import numpy as np
 import pytest
+from until import until
 
 from uavrt.clock import Clock
 from uavrt.config import write_tags
@@ -152,7 +153,6 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     ros_domain: int,
     band: tuple[Band, int],
     start_remote: StartRemote,
-    wait_until: Any,
 ) -> None:
     sender, port = band
     remote = start_remote(port)
@@ -176,9 +176,7 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
 
     def more_of(*tag_ids: int) -> None:
         before = Counter(pulses())
-        wait_until(
-            lambda: all(pulses().get(tag, 0) >= before[tag] + 3 for tag in tag_ids), 60.0
-        )
+        until(lambda: all(pulses().get(tag, 0) >= before[tag] + 3 for tag in tag_ids), 60.0)
 
     own = thesis_scenario.tags[0].tag_id
     more_of(own, REMOTE_TAG.tag_id)
@@ -191,7 +189,7 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     start_remote(port)
     more_of(own, REMOTE_TAG.tag_id)
     # A hundredth of the datagrams was lost, and each recorded pulse is a true one.
-    wait_until(lambda: sender.lost >= 1, 60.0)
+    until(lambda: sender.lost >= 1, 60.0)
     assert sender.lost < sender.sent / 10
     flight = read_flight(newest[0].flight_directory or "")
     found = [item.pulse for item in flight.pulse_poses if item.pulse.tag_id == 44]
