@@ -4,6 +4,7 @@ Each maker fills in what a test does not say; further fields are given by their 
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, SupportsFloat
 
@@ -32,7 +33,10 @@ from uavrt.messages import (
     Tag,
 )
 from uavrt.recording.flight_recorder import FlightRecorder
-from uavrt.simulation.scenario import SimulatedTag
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight
+from uavrt.simulation.propagation import Propagation
+from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt_experiments.detection.signals import TruePulse, pulse_train
@@ -60,6 +64,23 @@ def simulated_tag(
         "pulse_intervals_s": intervals_s or (1.254,),
     }
     return SimulatedTag(tag_id=tag_id, frequency_hz=frequency_hz, **(usual | fields))
+
+
+STILL_TAG = simulated_tag(1, 150_001_000.0, 1.0, north_m=100.0, height_m=30.0, erp_dbm=-80.0)
+"""100 m north of home, received with a calculable level."""
+
+
+def still_scenario(**changes: Any) -> Scenario:
+    """Make a drone at rest 30 m above home, without reflections and fading, at 48 kS/s."""
+    scenario = Scenario(
+        seed=5,
+        radio=Radio(sample_rate_hz=48_000.0, center_frequency_hz=150e6, dc_offset=0.0),
+        antenna=Antenna(pattern="isotropic", gain_dbi=0.0, polarization="any"),
+        propagation=Propagation(),
+        tag=(STILL_TAG,),
+        flight=Flight(height_m=30.0, wobble_deg=0.0),
+    )
+    return replace(scenario, **changes)
 
 
 def pulse(start_time_ns: int, **fields: Any) -> Pulse:
