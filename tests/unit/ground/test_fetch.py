@@ -238,16 +238,14 @@ EVIL = {
 
 GETTING_ON = ("a byte at a time", "2 kB a minute", "bytes that lie over each other")
 MINUTE_S = STALL_NS / 1e9
-SLOW_S = 0.3
-"""How long each answer of a slow drone takes."""
 
 
-def slowed(client: FileClient, clock: VirtualClock) -> FileClient:
+def slowed(client: FileClient, clock: VirtualClock, each_s: float) -> FileClient:
     """Let each request of a client take its time."""
     send = client._send
 
     def late(payload: bytes) -> None:
-        clock.now_s += SLOW_S
+        clock.now_s += each_s
         send(payload)
 
     client._send = late
@@ -258,7 +256,7 @@ def slowed(client: FileClient, clock: VirtualClock) -> FileClient:
 def test_a_rogue_that_does_not_get_on_is_given_up_after_a_minute_at_most(
     evil: str, tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    client = slowed(Rogue(1_000_000, EVIL[evil]).client, clock_of_test)
+    client = slowed(Rogue(1_000_000, EVIL[evil]).client, clock_of_test, 0.3)
     entry = RemoteEntry(path="/flight_log_1/flight.sqlite", size=1_000_000)
     with pytest.raises((LinkError, RecordingError)) as caught:
         asyncio.run(fetch_file(client, entry, tmp_path / "flight.sqlite"))
@@ -314,7 +312,7 @@ def test_a_list_that_comes_a_name_at_a_time_is_given_up(
     clock_of_test: VirtualClock,
 ) -> None:
     client = rogue(lambda path, offset: [f"Ff{offset}\t5".encode()])
-    slowed(client, clock_of_test)
+    slowed(client, clock_of_test, 2.5)
     with pytest.raises(LinkError, match="makes no progress"):
         asyncio.run(client.tree("/"))
     assert clock_of_test.now_s - START_S < 2 * MINUTE_S

@@ -114,7 +114,7 @@ def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_star
     k=st.integers(0, 9),
     false_alarm=st.floats(0.0, 1.0),
 )
-@settings(max_examples=150, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.filter_too_much])
 def test_whatever_the_rules_take_a_detector_takes(
     width_ms: int,
     intervals_ms: list[int],

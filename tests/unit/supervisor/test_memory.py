@@ -1,5 +1,6 @@
 """What survives the supervisor, and what does not."""
 
+import os
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
@@ -164,7 +165,9 @@ def rebooted(
     before = new_mission(directory)
     upload(before, *START)
     assert before.flight is not None
-    (Path(before.flight.directory) / "flight.sqlite").write_bytes(b"")
+    database = Path(before.flight.directory) / "flight.sqlite"
+    database.write_bytes(b"")
+    os.utime(database, ns=(clock.time_ns(), clock.time_ns()))
     monkeypatch.setattr(orders, "boot_id", lambda: "the next boot")
     clock.wall_offset_s += off_s
     return before.flight, new_mission(directory)
