@@ -49,6 +49,10 @@ class VirtualClock:
         """Virtual nanoseconds of the monotonic clock."""
         return round(self.now_s * NANOSECONDS_PER_SECOND)
 
+    def set_wall_ns(self, time_ns: int) -> None:
+        """Let the wall clock show a time now."""
+        self.wall_offset_s = time_ns / NANOSECONDS_PER_SECOND - self.now_s
+
     def time_ns(self) -> int:
         """Virtual nanoseconds of the wall clock."""
         return self.monotonic_ns() + round(self.wall_offset_s * NANOSECONDS_PER_SECOND)

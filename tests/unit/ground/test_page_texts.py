@@ -12,6 +12,7 @@ from types import ModuleType
 
 import pytest
 from page_texts import CATALOGUE, GOES_ON, PAGE, filled_forms, for_people, literals, plain, told
+from virtual_time import VirtualClock
 
 from uavrt import card, errors
 from uavrt.card import Card
@@ -98,7 +99,7 @@ def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
 
 
 def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, clock_of_test: VirtualClock
 ) -> None:
     ill = Card(
         device="/dev/mmcblk0p2",
@@ -109,13 +110,14 @@ def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
         life_used_tenths=10,
     )
     monkeypatch.setattr(checks, "card_of", lambda _directory: ill)
+    clock_of_test.set_wall_ns(card.OLDEST_TIME_NS + 10**16)
     found = [checks.check_card(Settings())]
     for off_s, synchronized in ((None, "no"), (0.0, "yes"), (-60.0, "yes")):
         monkeypatch.setattr(checks, "battery_clock_off_s", lambda off_s=off_s: off_s)
         monkeypatch.setattr(card, "battery_clock_off_s", lambda off_s=off_s: off_s)
         monkeypatch.setattr(checks, "_timedatectl", lambda answer=synchronized: answer)
         found.append(checks.check_clock())
-    monkeypatch.setattr(card, "wall_ns", lambda: 0)
+    clock_of_test.set_wall_ns(0)
     found.append(checks.check_clock())
     assert [one.ok for one in found] == [False, False, True, False, False]
     texts = {part for one in found for text in (one.text, one.remedy) for part in parts(text)}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numbered
 import pytest
 from loop_card import LoopCard, loop_card
+from virtual_time import VirtualClock
 
 from uavrt import card as card_module
 from uavrt.computer import checks
@@ -178,10 +179,15 @@ def test_flights_of_1970_are_as_old_as_they_are(tmp_path: Path) -> None:
     ],
 )
 def test_the_battery_of_the_clock_is_looked_at(
-    ahead_s: float | None, ok: bool, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ahead_s: float | None,
+    ok: bool,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    clock_of_test: VirtualClock,
 ) -> None:
     monkeypatch.setattr(card_module, "SYSFS", tmp_path)
-    monkeypatch.setattr(card_module, "wall_ns", lambda: SPRING_NS)
+    clock_of_test.set_wall_ns(SPRING_NS)
     monkeypatch.setattr(checks, "_timedatectl", lambda: "yes")
     if ahead_s is not None:
         kept = tmp_path / "class/rtc/rtc0/since_epoch"
@@ -190,7 +196,7 @@ def test_the_battery_of_the_clock_is_looked_at(
     finding = checks.check_clock()
     assert finding.ok == ok
     assert says in finding.text
-    monkeypatch.setattr(card_module, "wall_ns", lambda: 86_400 * 10**9)
+    clock_of_test.set_wall_ns(86_400 * 10**9)
     lost = checks.check_clock()
     assert not lost.ok
     assert "fit a battery" in lost.remedy
