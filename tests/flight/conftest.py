@@ -22,6 +22,7 @@ from uavrt.simulation.scenario import Radio
 THESIS_TAG = made.simulated_tag(
     interval_uncertainty_s=0.06,
     interval_jitter_s=0.01,
+    k=3,
     false_alarm_probability=0.005,
     north_m=150.0,
     east_m=60.0,

@@ -56,6 +56,7 @@ def turning_scenario(duration_s: float) -> Scenario:
             interval_s,
             interval_uncertainty_s=0.01,
             interval_jitter_s=0.01,
+            k=3,
             false_alarm_probability=0.005,
             north_m=60.0,
             east_m=20.0 * number,
