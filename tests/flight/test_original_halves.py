@@ -148,16 +148,8 @@ def test_what_the_configuration_excludes_is_not_reported(tmp_path: Path) -> None
     counts = []
     for excluded in ("[Inf, -Inf]", "[-900, -800; 350, 450]"):
         config.write_text(CONFIG.format(mode="freqSearchSoftLock", excluded=excluded))
-        subprocess.run(
-            [
-                *(sys.executable, "-m", "uavrt.cli", "detect", str(samples)),
-                *("--tags", str(config), "-o", str(output)),
-                *("--sample-rate", "3750", "--center-frequency", "148.71e6"),
-            ],
-            check=True,
-            capture_output=True,
-            timeout=60,
-        )
+        radio = ("--sample-rate", "3750", "--center-frequency", "148.71e6")
+        started("detect", samples, "--tags", config, "-o", output, *radio, check=True)
         counts.append(len(output.read_text().splitlines()))
     assert counts[0] >= 10
     assert counts[1] == 0

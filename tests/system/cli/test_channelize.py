@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import started, uavrt
 from some import some
 
 from uavrt.demo.programs import free_udp_port
@@ -220,15 +220,8 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
     path = tmp_path / "band.cf32"
     band.tofile(path)
     listeners[52] = listen("127.0.0.1", channel_port(51))
-    subprocess.run(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "channelize", str(path)),
-            *("--sample-rate", "375e3", "--channels", "52", "--speed", "0"),
-        ],
-        check=True,
-        capture_output=True,
-        timeout=60,
-    )
+    radio = ("--sample-rate", "375e3", "--channels", "52", "--speed", "0")
+    started("channelize", path, *radio, check=True)
     ((_, samples),) = frames_at(listeners[52])
     # y_c[n] = Σ h[m] exp(2πj c m / 100) x[100 n - m], channel 52: c = 51.
     taps = compatible_bank_taps(100) * np.exp(2j * np.pi * 51 * np.arange(1200) / 100)

@@ -118,11 +118,8 @@ class Client:
             reader = DataReader(peer._participant, answers, qos=qos)
             self.ends[service] = writer, reader
         for writer, reader in self.ends.values():
-            until(
-                lambda w=writer, r=reader: (
-                    w.get_matched_subscriptions() and r.get_matched_publications()
-                )
-            )
+            until(writer.get_matched_subscriptions)
+            until(reader.get_matched_publications)
 
     def ask(self, service: str, **details: Any) -> Any:
         """Ask; wait for the answer to this question."""
