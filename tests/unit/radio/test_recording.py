@@ -413,6 +413,8 @@ def test_any_damage_to_a_wav_header_is_read_or_refused(
     whole = wav(bytes(100))
     damaged = (whole[:at] + noise + whole[at + len(noise) :])[: len(whole) - cut]
     path = tmp_path_factory.mktemp("wav") / "a.wav"
+    path.write_bytes(whole)
+    open_recording(path, center_frequency_hz=CENTER_HZ).close()
     path.write_bytes(damaged)
     with contextlib.suppress(FormatError):
         open_recording(path, center_frequency_hz=CENTER_HZ).close()
