@@ -62,7 +62,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Fail a run in which more than three flights needed a second try."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     tries = reporter.stats.get("rerun", []) if reporter else []
-    if len(tries) > MOST_SECOND_TRIES and session.exitstatus == pytest.ExitCode.OK:
+    if reporter and len(tries) > MOST_SECOND_TRIES and session.exitstatus == pytest.ExitCode.OK:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
         reporter.write_line(f"{len(tries)} flights needed a second try", red=True)
 
