@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 from ros_peer import GatewayProcess, RosPeer
-from until import until
 
 from uavrt import native
 from uavrt.config.settings import Ros2Settings, Settings
@@ -112,12 +111,6 @@ def ros_peer(ros_domain: int) -> Iterator[RosPeer]:
     peer = RosPeer(ros_domain)
     yield peer
     peer.close()
-
-
-@pytest.fixture
-def wait_until() -> Callable[..., None]:
-    """Wait for something that must happen."""
-    return until
 
 
 Launch = Callable[..., GatewayProcess]

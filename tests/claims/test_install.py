@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import command_line
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -73,12 +74,7 @@ def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
 
 @pytest.mark.parametrize("arguments", [["--radio", "crystal"], ["--what", "x"], ["--user"]])
 def test_the_script_refuses_what_it_does_not_know(arguments: list[str]) -> None:
-    refused = subprocess.run(
-        [str(ROOT / "deploy/install.sh"), *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    refused = command_line.program(ROOT / "deploy/install.sh", *arguments)
     assert refused.returncode == 1
     assert refused.stderr.startswith("uavrt: ")
 
@@ -89,17 +85,12 @@ def test_the_script_is_plain_sh() -> None:
 
 @pytest.mark.parametrize("python", ["311", "312", "313"])
 def test_every_dependency_of_the_drone_has_a_wheel_for_its_processor(python: str) -> None:
-    resolved = subprocess.run(
-        [
-            *(sys.executable, "-m", "pip", "install", "--dry-run", "--quiet"),
-            *("--only-binary=:all:", "--target", "unused", "--python-version", python),
-            *("--implementation", "cp", "--platform", "manylinux_2_28_aarch64"),
-            *("--platform", "manylinux_2_17_aarch64", "--platform", "manylinux2014_aarch64"),
-            *("--disable-pip-version-check", "--ignore-installed"),
-            *("--require-hashes", "-r", str(ROOT / "deploy/locks/drone-page.txt")),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+    resolved = command_line.python(
+        *("-m", "pip", "install", "--dry-run", "--quiet"),
+        *("--only-binary=:all:", "--target", "unused", "--python-version", python),
+        *("--implementation", "cp", "--platform", "manylinux_2_28_aarch64"),
+        *("--platform", "manylinux_2_17_aarch64", "--platform", "manylinux2014_aarch64"),
+        *("--disable-pip-version-check", "--ignore-installed"),
+        *("--require-hashes", "-r", ROOT / "deploy/locks/drone-page.txt"),
     )
     assert resolved.returncode == 0, resolved.stderr

@@ -4,26 +4,19 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import made
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.attitude import from_euler_deg
 from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.messages import FlightInfo, Pose, Poses, Tag
-from uavrt.recording import FlightRecorder
+from uavrt.messages import Pose, Tag
 
 RATE_HZ, CENTER_HZ = 24_000.0, 148.7e6
 START_NS = 1_777_615_200_000_000_000
 START = "2026-05-01T06:00:00Z"
 COLUMNS = "path,format,sample_rate_hz,center_frequency_hz,start_time"
 TAGS = tuple(
-    Tag(
-        tag_id=2 * number,
-        frequency_hz=CENTER_HZ + offset_hz,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(interval_s,),
-        interval_uncertainty_s=0.02,
-    )
+    made.tag(2 * number, CENTER_HZ + offset_hz, interval_s, interval_uncertainty_s=0.02)
     for number, (offset_hz, interval_s) in enumerate(((6e3, 1.21), (-5e3, 1.34)), 1)
 )
 _PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -56,13 +49,8 @@ def vehicle_pose(at_s: float) -> Pose:
     """A turn on the spot at each of two places, 8° a second."""
     station = min(1, int(at_s // _LEG_S))
     latitude, longitude = _PLANE.to_geodetic(_APART_M * station, 0.0)
-    return Pose(
-        time_ns=START_NS + round(1e9 * at_s),
-        latitude_deg=float(latitude),
-        longitude_deg=float(longitude),
-        altitude_amsl_m=1000.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=from_euler_deg(8.0 * at_s % 360.0, 0.0, 0.0),
+    return made.pose(
+        START_NS + round(1e9 * at_s), latitude, longitude, yaw_deg=8.0 * at_s % 360.0
     )
 
 
@@ -85,16 +73,14 @@ def poses(length_s: float = 2 * _LEG_S) -> tuple[Pose, ...]:
 
 def write_flight(directory: Path, *, length_s: float = 2 * _LEG_S) -> Path:
     """Write a flight that turned at two places, without a pulse."""
-    recorder = FlightRecorder.create(
-        FlightInfo(
-            directory=str(directory),
+    made.flight(
+        made.flight_info(
+            directory,
+            TAGS[:1],
             start_time_ns=START_NS,
-            clock_offset_ns=0,
             center_frequency_hz=CENTER_HZ,
             sample_rate_hz=RATE_HZ,
-            tags=TAGS[:1],
-        )
+        ),
+        poses=poses(length_s),
     )
-    recorder.write_poses(Poses(poses=poses(length_s)))
-    recorder.close()
     return directory

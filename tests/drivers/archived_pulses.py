@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pulses import pulse_at
+import made
 
 from uavrt.batch.ledger import DONE, Ledger
 from uavrt.batch.tables import (
@@ -28,7 +28,7 @@ def put(
         found = [
             (
                 0,
-                pulse_at(
+                made.pulse(
                     start_ns + 10**9 * each, tag_id=2 + 2 * (each % 2), snr_db=float(each)
                 ),
             )

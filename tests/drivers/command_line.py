@@ -1,6 +1,9 @@
-"""The command line run in this process, as its own program would."""
+"""The command line run in this process or by itself, and other programs run to their end."""
 
+import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 from uavrt.cli.app import run
 
@@ -16,3 +19,19 @@ def uavrt(*arguments: str) -> int:
     finally:
         sys.argv = before
     return 0
+
+
+def program(*words: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run a program to its end; what it printed, as text."""
+    usual: dict[str, Any] = {"capture_output": True, "text": True, "check": False}
+    return subprocess.run([str(word) for word in words], **(usual | options))
+
+
+def python(*words: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run this Python to its end; what it printed, as text."""
+    return program(sys.executable, *words, **options)
+
+
+def started(*arguments: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run `uavrt` as its own program to its end; what it printed, as text."""
+    return python("-m", "uavrt.cli", *arguments, **options)

@@ -5,6 +5,8 @@ import threading
 import time
 from pathlib import Path
 
+import made
+
 from uavrt.mavlink import dialect
 from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import FrameParser, FrameWriter
@@ -27,9 +29,7 @@ class FileDrone:
         self._thread.start()
 
     def _serve(self) -> None:
-        beat = dialect.Heartbeat(
-            type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-        )
+        beat = made.heartbeat()
         next_s = 0.0
         while not self._ending.is_set():
             if time.monotonic() >= next_s:

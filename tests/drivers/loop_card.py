@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_line import program
 
 CARD_MB = 32
 
@@ -42,7 +43,7 @@ class LoopCard:
 
     @staticmethod
     def _run(*command: str) -> str:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        done = program(*command, check=True)
         return done.stdout
 
 

@@ -6,21 +6,15 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+import made
 import numpy as np
-from pulses import pulse_at as heard_pulse
 
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.messages import Pulse, PulsePose, Tag
 
-TAG = Tag(
-    tag_id=2,
-    name="lynx",
-    frequency_hz=148_712_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.2,),
-)
+TAG = made.tag(2, 148_712_000.0, 1.2, name="lynx")
 GAIN_DB = PATTERNS["RA-23K"].e_plane_db
 """The antenna that the page takes unless told otherwise."""
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -50,12 +44,10 @@ def write_flight(
         # Half a minute from one place to the other.
         time_ns = keeper.start_time_ns + round(1.2e9 * number) + round(30e9) * (number // 36)
         latitude, longitude = PLANE.to_geodetic(*station)
-        pose = Pose(
-            time_ns=time_ns,
-            latitude_deg=float(latitude),
-            longitude_deg=float(longitude),
-            altitude_amsl_m=1000.0,
-            altitude_relative_m=40.0,
+        pose = made.pose(
+            time_ns,
+            latitude,
+            longitude,
             quaternion_wxyz=(math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)),
         )
         keeper.add_pose(pose)
@@ -87,7 +79,7 @@ def write_days(directory: Path, days: int) -> list[str]:
 
 
 def pulse_at(time_ns: int, number: int, snr_db: float) -> Pulse:
-    return heard_pulse(
+    return made.pulse(
         time_ns,
         frequency_hz=148_712_000.0,
         snr_db=snr_db,

@@ -5,10 +5,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import made
 import numpy as np
 from flown import HOME, STEP_S, Flown
+from some import some
 
-from uavrt.attitude import from_euler_deg
 from uavrt.geodesy import distance_m
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.manners import MANNERS
@@ -16,7 +17,7 @@ from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.seeker import Choice, Equipment, Seeker
 from uavrt.localization import PATTERNS
-from uavrt.messages import Pose, Pulse, PulsePose, SearchNote, SearchReport, Tag
+from uavrt.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.simulation.flying import Flavour, Frame
 
 PATTERN = PATTERNS["RA-23K"]
@@ -62,13 +63,10 @@ class Searched:
         self.flown = self.make(self.flavour, frame=self.frame, limits=self.limits)
         count = len(self.animals) + self.absent
         self.tags = [
-            Tag(
-                tag_id=2 * number + 2,
-                frequency_hz=150e6 + 1e4 * number,
-                pulse_width_s=0.02,
-                pulse_intervals_s=(
-                    self.animals[number].interval_s if number < len(self.animals) else 1.3,
-                ),
+            made.tag(
+                2 * number + 2,
+                150e6 + 1e4 * number,
+                self.animals[number].interval_s if number < len(self.animals) else 1.3,
             )
             for number in range(count)
         ]
@@ -89,8 +87,7 @@ class Searched:
         )
 
     def seeker_of(self, order: Order) -> Seeker:
-        now = self.flown.now()
-        assert now is not None
+        now = some(self.flown.now())
         equipment = Equipment(pattern=PATTERN, seed=self.seed)
         return Seeker(order, self.tags, now, self.limits, MANNERS[self.flavour], equipment)
 
@@ -99,13 +96,11 @@ class Searched:
         flown, order = self.flown, self.order()
         self.seeker = self.seeker_of(order)
         flown.confirm(order)
-        now = flown.now()
-        assert now is not None
+        now = some(flown.now())
         choice = self.seeker.begin(self.time_ns, now)
         self.notes.extend(choice.notes)
         self.pilot = Pilot(order, self.seeker.plan, self.limits, waits=True)
-        assert choice.steps is not None
-        self.pilot.redirect(choice.steps, now)
+        self.pilot.redirect(some(choice.steps), now)
         flown.pilot = self.pilot
         self.begun_s = self._think_s = self._report_s = flown.time_s
         return self.pilot
@@ -204,13 +199,13 @@ class Searched:
     def heard(self, tag: Tag, snr_db: float) -> PulsePose:
         vehicle = self.flown.vehicle
         latitude, longitude = vehicle.latitude_longitude()
-        pose = Pose(
-            time_ns=self.time_ns,
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl_m=HOME.altitude_amsl_m + vehicle.shown_height_m,
+        pose = made.pose(
+            self.time_ns,
+            latitude,
+            longitude,
             altitude_relative_m=vehicle.shown_height_m,
-            quaternion_wxyz=from_euler_deg(vehicle.yaw_deg, 0.0, 0.0),
+            altitude_amsl_m=HOME.altitude_amsl_m + vehicle.shown_height_m,
+            yaw_deg=vehicle.yaw_deg,
         )
         return PulsePose(pulse=pulse(tag, self.time_ns, snr_db), pose=pose)
 
@@ -239,6 +234,6 @@ def pulse(tag: Tag, time_ns: int, snr_db: float, **changes: Any) -> Pulse:
 
 def report(tag_id: int, time_ns: int) -> SearchReport:
     """A detector's, that searched until then."""
-    return SearchReport(
-        tag_id=tag_id, time_ns=time_ns, frequency_hz=150e6, noise_psd=1e-9, best_score=0.1
+    return made.search_report(
+        tag_id, time_ns, frequency_hz=150e6, noise_psd=1e-9, best_score=0.1
     )

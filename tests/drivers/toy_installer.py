@@ -7,6 +7,8 @@ import sys
 import textwrap
 from pathlib import Path
 
+from command_line import program
+
 DEPLOY = Path(__file__).parents[2] / "deploy"
 PROGRAM = {
     "pyproject.toml": """
@@ -56,12 +58,8 @@ class ToyInstaller:
         if temporary is not None:
             settings["TMPDIR"] = str(temporary)
         script = str(self._source / "deploy/install.sh")
-        return subprocess.run(
-            [script, "--root", str(self.root), "--radio", "none", *words],
-            capture_output=True,
-            text=True,
-            check=False,
-            env=inherited | settings,
+        return program(
+            script, "--root", self.root, "--radio", "none", *words, env=inherited | settings
         )
 
 

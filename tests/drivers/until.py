@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 
-def until(condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
+def until(condition: Callable[[], object], timeout_s: float = 30.0) -> None:
     """Wait for something that must happen; the limit only ends a test that has failed."""
     deadline_s = time.monotonic() + timeout_s
     while not condition():
@@ -13,7 +13,7 @@ def until(condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
         time.sleep(0.02)
 
 
-async def until_async(condition: Callable[[], object], timeout_s: float = 20.0) -> None:
+async def until_async(condition: Callable[[], object], timeout_s: float = 60.0) -> None:
     """Wait in an asyncio loop; the limit only ends a test that has failed."""
     async with asyncio.timeout(timeout_s):
         while not condition():  # noqa: ASYNC110 - any condition, not one object's

@@ -8,6 +8,8 @@ import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from command_line import program
+
 ROOT = Path(__file__).parents[2]
 MAKER = ROOT / "deploy/make-update.py"
 TINY = {
@@ -23,12 +25,7 @@ def make_key(directory: Path, name: str) -> tuple[Path, str]:
     secret = directory / f"{name}.pem"
     command = ["openssl", "genpkey", "-algorithm", "ed25519", "-out", str(secret)]
     subprocess.run(command, check=True, capture_output=True)
-    shown = subprocess.run(
-        ["openssl", "pkey", "-in", str(secret), "-pubout"],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
+    shown = program("openssl", "pkey", "-in", secret, "-pubout", check=True)
     return secret, shown.stdout
 
 

@@ -23,7 +23,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 START_S = 100_000.0
 """The monotonic clock at the start of a test [s]."""
 WALL_OFFSET_S = 1_700_000_000
-"""Wall clock minus monotonic clock [s].
+"""Wall clock minus monotonic clock at the start of a test [s].
 
 The wall clock then shows 2023, so the kernel's time stamps of datagrams lie in the future and
 are not used.
@@ -39,7 +39,7 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self.now_s = START_S
-        self.wall_offset_ns = WALL_OFFSET_S * NANOSECONDS_PER_SECOND
+        self.wall_offset_s: float = WALL_OFFSET_S
 
     def monotonic(self) -> float:
         """Virtual seconds of the monotonic clock."""
@@ -49,9 +49,13 @@ class VirtualClock:
         """Virtual nanoseconds of the monotonic clock."""
         return round(self.now_s * NANOSECONDS_PER_SECOND)
 
+    def set_wall_ns(self, time_ns: int) -> None:
+        """Let the wall clock show a time now."""
+        self.wall_offset_s = time_ns / NANOSECONDS_PER_SECOND - self.now_s
+
     def time_ns(self) -> int:
         """Virtual nanoseconds of the wall clock."""
-        return self.monotonic_ns() + self.wall_offset_ns
+        return self.monotonic_ns() + round(self.wall_offset_s * NANOSECONDS_PER_SECOND)
 
 
 class _Jumping(selectors.DefaultSelector):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import made
 import msgspec
 import pytest
 
@@ -16,13 +17,9 @@ from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_por
 from uavrt.monitor import StatusReader, status_socket_path
 from uavrt.simulation import Scenario, write_scenario
 from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio, SimulatedTag
+from uavrt.simulation.scenario import Radio
 
-THESIS_TAG = SimulatedTag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.020,
-    pulse_intervals_s=(1.254,),
+THESIS_TAG = made.simulated_tag(
     interval_uncertainty_s=0.06,
     interval_jitter_s=0.01,
     k=3,

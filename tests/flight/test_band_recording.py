@@ -1,7 +1,5 @@
 """The band recorded while detecting, searched again after the flight."""
 
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -9,6 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 import sigmf
+from command_line import started
 
 from uavrt.config.settings import RecordingSettings
 from uavrt.recording import read_flight
@@ -42,15 +41,7 @@ def test_a_flight_that_records_its_band_is_found_again_pulse_by_pulse(
     assert recording.sample_count > 6 * 375_000
 
     again = flights / "again"
-    subprocess.run(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "detect", str(metadata)),
-            *("--flight", str(directory), "-o", str(again)),
-        ],
-        check=True,
-        timeout=60,
-        capture_output=True,
-    )
+    started("detect", metadata, "--flight", directory, "-o", again, check=True, timeout=60)
     after = read_flight(again)
     times = sorted(item.pulse.start_time_ns for item in after.pulse_poses)
     # In flight the clock settles within seconds; the recording gets it as it was in the end.

@@ -10,7 +10,9 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+import made
 import pytest
+from until import until_async as until
 
 from uavrt.clock import Clock
 from uavrt.errors import LinkError
@@ -18,14 +20,13 @@ from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.messages import BurstInside, PulsePose, SystemState
 from uavrt.recording import read_flight
-from uavrt.simulation.scenario import SimulatedTag
 
 MakeScenario = Callable[..., Any]
-CODED_TAG = SimulatedTag(
-    tag_id=30,
-    frequency_hz=148_690_000.0,
+CODED_TAG = made.simulated_tag(
+    30,
+    148_690_000.0,
+    1.7,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(1.7,),
     interval_uncertainty_s=0.004,
     gaps_s=(0.026, 0.054, 0.031),
     k=10,
@@ -34,12 +35,6 @@ CODED_TAG = SimulatedTag(
     crystal_error_ppm=30.0,
 )
 """Loud: what is tested is what becomes of its bursts."""
-
-
-async def until(condition: Callable[[], object], timeout_s: float) -> None:
-    async with asyncio.timeout(timeout_s):
-        while not condition():  # noqa: ASYNC110 - any condition, not one object's
-            await asyncio.sleep(0.05)
 
 
 async def persistently(action: Callable[[], Awaitable[object]]) -> None:

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from command_line import started
 
 from uavrt.errors import UavrtError
 from uavrt.recording import read_flight
@@ -18,16 +19,18 @@ CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
 
 @pytest.mark.timeout(180)
 def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path) -> None:
-    finished = subprocess.run(
-        [
-            sys.executable,
-            *("-m", "uavrt.cli", "demo", "--headless", "--json", "--coded"),
-            *("--duration", "45", "--seed", "3", "--flight-dir", str(tmp_path)),
-        ],
-        capture_output=True,
-        text=True,
+    finished = started(
+        "demo",
+        "--headless",
+        "--json",
+        "--coded",
+        "--duration",
+        "45",
+        "--seed",
+        "3",
+        "--flight-dir",
+        tmp_path,
         timeout=150,
-        check=False,
     )
     assert finished.returncode == 0, finished.stderr
     summary = json.loads(finished.stdout.splitlines()[-1])

@@ -4,18 +4,19 @@ import json
 import math
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.attitude import from_euler_deg, yaw_deg
+from uavrt.attitude import yaw_deg
 from uavrt.clock import iso_utc
-from uavrt.messages import FlightInfo, Pose, Poses, Tag
+from uavrt.messages import Poses
 from uavrt.recording import FlightRecorder, read_flight
 
 CENTER_HZ, RATE_HZ, SECONDS = 148.7e6, 375_000, 12
 START_NS = 1_714_543_200_000_000_000
-KNOWN = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.0,))
+KNOWN = made.tag(2, 148.71e6, 1.0)
 
 
 @pytest.fixture
@@ -23,23 +24,18 @@ def flown(tmp_path: Path) -> Path:
     """A flight that turned at 30°/s, and a recording of it with a tag nobody had listed."""
     directory = tmp_path / "flight_log_2024-05-01_06-00-00"
     recorder = FlightRecorder.create(
-        FlightInfo(
-            directory=str(directory),
-            start_time_ns=START_NS,
-            clock_offset_ns=0,
-            center_frequency_hz=CENTER_HZ,
-            sample_rate_hz=3e6,
-            tags=(KNOWN,),
+        made.flight_info(
+            directory, (KNOWN,), start_time_ns=START_NS, center_frequency_hz=CENTER_HZ
         )
     )
     poses = tuple(
-        Pose(
-            time_ns=START_NS + n * 50_000_000,
-            latitude_deg=35.0,
-            longitude_deg=-111.0,
-            altitude_amsl_m=2200.0,
+        made.pose(
+            START_NS + n * 50_000_000,
+            35.0,
+            -111.0,
             altitude_relative_m=100.0,
-            quaternion_wxyz=from_euler_deg(1.5 * n, 0.0, 0.0),
+            altitude_amsl_m=2200.0,
+            yaw_deg=1.5 * n,
         )
         for n in range(20 * (SECONDS + 1))
     )

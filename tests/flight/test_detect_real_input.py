@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from some import some
 
 CENTER_HZ = 148_700_000.0
 START = "2024-05-01T06:00:00Z"
@@ -115,8 +116,7 @@ def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(
     pulses: list[dict[str, Any]] = []
 
     def listen() -> None:
-        assert child.stdout is not None
-        for line in child.stdout:
+        for line in some(child.stdout):
             came.append(time.time_ns())
             pulses.append(json.loads(line))
 
@@ -134,8 +134,7 @@ def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(
     listener.join(60)
     assert child.wait(60) == 0
     child.stdout.close()
-    assert child.stderr is not None
-    child.stderr.close()
+    some(child.stderr).close()
     # Samples arrive up to a write (0.1 s) after they were due; nothing else is between.
     check(pulses, seconds, began_ns, 0.15)
     # The first group is complete after 2 s; it must not wait for the end of the stream.
@@ -167,10 +166,9 @@ def test_a_signal_ends_a_stream_with_all_pulses_so_far_written(
     assert child.wait(30) == 128 + number
     child.stdin.close()
     assert child.stderr is not None
-    assert child.stdout is not None
     err = child.stderr.read()
     child.stderr.close()
-    child.stdout.close()
+    some(child.stdout).close()
     assert b"Traceback" not in err
     assert b"tag 7" in err
     lines = output.read_text().splitlines()

@@ -66,7 +66,6 @@ async def until(condition: Callable[[], object], timeout_s: float) -> None:
             await asyncio.sleep(0.05)
 
 
-@pytest.mark.flight
 @pytest.mark.timeout(180)
 def test_the_page_says_within_5_s_that_recorder_directory_or_database_fail(
     drone_bay: Any, thesis_scenario: Any, session: GroundSession

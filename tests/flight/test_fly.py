@@ -15,7 +15,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
+from some import some
 from tests.flight.conftest import Drone, DroneBay, hovering_scenario
 
 from uavrt.config.settings import GuidanceSettings
@@ -60,8 +62,7 @@ class Qgc:
 
     @property
     def yaw_deg(self) -> float:
-        assert self.place is not None
-        return self.place.hdg / 100.0
+        return some(self.place).hdg / 100.0
 
     def off_m(self, other: "dialect.GlobalPositionInt") -> float:
         assert self.place is not None
@@ -74,38 +75,16 @@ class Qgc:
     def ask_for_place(self) -> None:
         """ArduPilot streams nothing unasked."""
         self.send(
-            dialect.CommandLong(
-                target_system=1,
-                target_component=1,
-                command=dialect.MavCmd.SET_MESSAGE_INTERVAL,
-                confirmation=0,
-                param1=float(dialect.GlobalPositionInt.ID),
-                param2=100_000.0,
-                param3=0.0,
-                param4=0.0,
-                param5=0.0,
-                param6=0.0,
-                param7=0.0,
+            made.command_long(
+                dialect.MavCmd.SET_MESSAGE_INTERVAL,
+                float(dialect.GlobalPositionInt.ID),
+                100_000.0,
             )
         )
 
     def arm(self) -> None:
         """As a pilot does."""
-        self.send(
-            dialect.CommandLong(
-                target_system=1,
-                target_component=1,
-                command=dialect.MavCmd.COMPONENT_ARM_DISARM,
-                confirmation=0,
-                param1=1.0,
-                param2=0.0,
-                param3=0.0,
-                param4=0.0,
-                param5=0.0,
-                param6=0.0,
-                param7=0.0,
-            )
-        )
+        self.send(made.command_long(dialect.MavCmd.COMPONENT_ARM_DISARM, 1.0))
 
     def pause(self, flavour: Flavour) -> None:
         if flavour == "ardupilot":
@@ -133,18 +112,11 @@ class Qgc:
         mode = MODES[flavour][name]
         px4 = flavour == "px4"
         self.send(
-            dialect.CommandLong(
-                target_system=1,
-                target_component=1,
-                command=dialect.MavCmd.DO_SET_MODE,
-                confirmation=0,
-                param1=1.0,
-                param2=float(mode >> 16 & 255 if px4 else mode),
-                param3=float(mode >> 24 if px4 else 0),
-                param4=0.0,
-                param5=0.0,
-                param6=0.0,
-                param7=0.0,
+            made.command_long(
+                dialect.MavCmd.DO_SET_MODE,
+                1.0,
+                float(mode >> 16 & 255 if px4 else mode),
+                float(mode >> 24 if px4 else 0),
             )
         )
 
@@ -295,8 +267,7 @@ def field(request: Any, drone_bay: DroneBay, tmp_path: Path) -> Any:
 
 def test_it_turns_here_goes_there_and_a_second_station_takes_it_back(field: Field) -> None:
     qgc = field.qgc
-    start = qgc.place
-    assert start is not None
+    start = some(qgc.place)
     assert_too_far_is_refused(field)
     program = field.ordered("rotate", "--seconds", "12")
     quarters: set[int] = set()
@@ -331,8 +302,7 @@ def test_it_turns_here_goes_there_and_a_second_station_takes_it_back(field: Fiel
 
 def assert_too_far_is_refused(field: Field) -> None:
     """With the reason, and nothing is flown."""
-    place = field.qgc.place
-    assert place is not None
+    place = some(field.qgc.place)
     far = (place.lat / 1e7 + 0.02, place.lon / 1e7)
     for _ in range(10):  # at first the drone side has no home yet
         program = field.fly("goto", *map(str, far), "--yes", "--sticks-unseen")
@@ -361,10 +331,9 @@ def test_a_killed_process_leaves_the_drone_hovering(
         os.kill(whole or field.pid_of(victim), signal.SIGKILL)
         qgc.listen(0.5)
         sent, place = field.commands(), qgc.place
-        assert place is not None
         qgc.listen(8.0)
         assert field.commands() == sent
-        assert qgc.off_m(place) < 2.0
+        assert qgc.off_m(some(place)) < 2.0
         program.stop()
         if victim != "supervisor":
             status = field.fly("status")
@@ -395,8 +364,7 @@ def test_sealed_orders_take_off_with_sticks_seen_and_the_ground_is_lost_on_the_w
         takes_off.kill()
         assert '"text": "done"' in field.events()
         assert field.motions() == [176, 22]
-        assert qgc.place is not None
-        assert qgc.place.relative_alt == pytest.approx(25_000, abs=2_500)
+        assert some(qgc.place).relative_alt == pytest.approx(25_000, abs=2_500)
 
         there = (start.lat / 1e7 + 200.0 / 111_200.0, start.lon / 1e7)
         goes = field.typed("goto", *map(str, there), *sealed)

@@ -1,16 +1,16 @@
 """Two tags too weak for any group of pulses, found in flight and afterwards by what is kept."""
 
 import json
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import msgspec
 import pytest
 import sigmf
+from command_line import started
 from tests.flight.conftest import FLIGHT_RATE_HZ
 
 from uavrt.config.settings import IntegrationSettings
@@ -32,11 +32,10 @@ TURN_DEG_PER_S = 10.0
 
 
 def weak_tag(tag_id: int, frequency_hz: float, first_pulse_s: float) -> SimulatedTag:
-    return SimulatedTag(
-        tag_id=tag_id,
-        frequency_hz=frequency_hz,
-        pulse_width_s=0.020,
-        pulse_intervals_s=(INTERVAL_S,),
+    return made.simulated_tag(
+        tag_id,
+        frequency_hz,
+        INTERVAL_S,
         interval_uncertainty_s=0.01,
         interval_jitter_s=0.004,
         interval_error_s=0.003,
@@ -126,13 +125,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
     groups = [one.pulse.confirmed for one in read_flight(directory).pulse_poses]
     sent = 2 * last.counters["kept_samples"] / 2 / 7500.0 / INTERVAL_S
     assert sum(groups) < 0.1 * sent  # what the detectors made of it: next to nothing
-    said = subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", "integrate", str(directory), "--json"],
-        check=True,
-        timeout=200,
-        capture_output=True,
-        text=True,
-    )
+    said = started("integrate", directory, "--json", check=True, timeout=200)
     found = json.loads(said.stdout)
     assert [(one["tag_id"], one["found"]) for one in found] == [(2, True), (3, True)]
     slower = slowness_of_the_radio(last.counters)

@@ -1,12 +1,12 @@
 """A running drone side seen, started and stopped from its own terminal: cart and bench use."""
 
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import started
 from rich.console import Console
 
 from uavrt.config import write_tags
@@ -70,25 +70,12 @@ def test_the_command_line_finds_the_running_system_by_its_flights(
     write_tags(tags, thesis_scenario.tags)
 
     def uavrt(*arguments: str) -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            [
-                *(sys.executable, "-m", "uavrt.cli", "monitor"),
-                *("--flight-dir", str(flights), *arguments),
-            ],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        return started("monitor", "--flight-dir", flights, *arguments)
 
     assert '"idle"' in uavrt("--json").stdout
     assert "detecting; flight:" in uavrt("--start", str(tags)).stdout
     assert "detecting" in uavrt("--once").stdout
     assert "stopping; flight:" in uavrt("--stop").stdout
-    nothing = subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", "monitor", "--flight-dir", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    nothing = started("monitor", "--flight-dir", tmp_path)
     assert nothing.returncode == 2
     assert "no running system answers" in nothing.stderr

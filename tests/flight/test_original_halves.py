@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from command_line import started
 
 from uavrt.config.settings import UdpChannelSettings
 from uavrt.demo.programs import free_udp_port
@@ -147,16 +148,8 @@ def test_what_the_configuration_excludes_is_not_reported(tmp_path: Path) -> None
     counts = []
     for excluded in ("[Inf, -Inf]", "[-900, -800; 350, 450]"):
         config.write_text(CONFIG.format(mode="freqSearchSoftLock", excluded=excluded))
-        subprocess.run(
-            [
-                *(sys.executable, "-m", "uavrt.cli", "detect", str(samples)),
-                *("--tags", str(config), "-o", str(output)),
-                *("--sample-rate", "3750", "--center-frequency", "148.71e6"),
-            ],
-            check=True,
-            capture_output=True,
-            timeout=60,
-        )
+        radio = ("--sample-rate", "3750", "--center-frequency", "148.71e6")
+        started("detect", samples, "--tags", config, "-o", output, *radio, check=True)
         counts.append(len(output.read_text().splitlines()))
     assert counts[0] >= 10
     assert counts[1] == 0
@@ -165,12 +158,7 @@ def test_what_the_configuration_excludes_is_not_reported(tmp_path: Path) -> None
 def test_an_unknown_mode_is_named(tmp_path: Path) -> None:
     config = tmp_path / "detectorConfig.txt"
     config.write_text(CONFIG.format(mode="freqGuess", excluded="[Inf, -Inf]"))
-    run = subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", "detect", "x.cf32", "--tags", str(config)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    run = started("detect", "x.cf32", "--tags", config, timeout=60)
     assert run.returncode == 2
     assert "freqGuess" in run.stderr
     assert "freqKnownHardLock" in run.stderr

@@ -12,7 +12,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
+from some import some
 from tests.flight.conftest import FLIGHT_RATE_HZ
 
 from uavrt.attitude import euler_deg
@@ -24,7 +26,7 @@ from uavrt.messages import PulsePose
 from uavrt.recording import read_flight
 from uavrt.simulation import Scenario
 from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio, SimulatedTag
+from uavrt.simulation.scenario import Radio
 
 SITE = """
 import os, sys, time
@@ -49,11 +51,10 @@ def status_texts(directory: Path) -> list[tuple[int, str]]:
 def turning_scenario(duration_s: float) -> Scenario:
     """Two tags, and a drone that turns at 30°/s all the time."""
     tags = tuple(
-        SimulatedTag(
-            tag_id=2 * number,
-            frequency_hz=148_700_000.0 + 10_000.0 * number,
-            pulse_width_s=0.020,
-            pulse_intervals_s=(interval_s,),
+        made.simulated_tag(
+            2 * number,
+            148_700_000.0 + 10_000.0 * number,
+            interval_s,
             interval_uncertainty_s=0.01,
             interval_jitter_s=0.01,
             k=3,
@@ -76,10 +77,9 @@ def turning_scenario(duration_s: float) -> Scenario:
 
 
 def yaw_error_deg(scenario: Scenario, item: PulsePose) -> float:
-    assert item.pose is not None
     middle_ns = (item.pulse.start_time_ns + item.pulse.end_time_ns) // 2 - BEFORE_S * 10**9
     truth = euler_deg(scenario.vehicle_pose(middle_ns).quaternion_wxyz)[0]
-    told = euler_deg(item.pose.quaternion_wxyz)[0]
+    told = euler_deg(some(item.pose).quaternion_wxyz)[0]
     return (told - truth + 180.0) % 360.0 - 180.0
 
 
@@ -121,9 +121,8 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
             step.write_text(str(BEFORE_S + 3600))
             while len(received) < 24:  # noqa: ASYNC110
                 await asyncio.sleep(0.1)
-        assert link.link is not None
         before = len(received)
-        link.link.send(FrameWriter(255, 190).encode(reboot()))
+        some(link.link).send(FrameWriter(255, 190).encode(reboot()))
         async with asyncio.timeout(60.0):
             while len(received) < before + 24:  # noqa: ASYNC110
                 await asyncio.sleep(0.1)

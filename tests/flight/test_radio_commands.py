@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from until import until_async as until
 
 from uavrt.clock import Clock
 from uavrt.errors import CommandRefused
@@ -63,12 +64,6 @@ class Operator:
 
     def texts(self) -> list[str]:
         return [event.text for event in self.heard if isinstance(event, StatusText)]
-
-
-async def until(condition: Callable[[], object], timeout_s: float = 60.0) -> None:
-    async with asyncio.timeout(timeout_s):
-        while not condition():  # noqa: ASYNC110 - any condition, not one object's
-            await asyncio.sleep(0.05)
 
 
 def radio_arguments(pid: int) -> list[list[str]]:

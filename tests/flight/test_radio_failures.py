@@ -11,12 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import pytest
 
 from uavrt.config.settings import RadioSettings
 from uavrt.messages import ProcessStatus, StatusText, SystemStatus
-
-pytestmark = pytest.mark.timeout(120)
 
 FAULTS = {
     "works, then is unplugged": "AIRSPY_ERROR_NOT_FOUND",

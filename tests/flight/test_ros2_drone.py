@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from some import some
 from tests.flight.test_delivery import CODED_TAG
+from until import until
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.messages import SystemState, SystemStatus
@@ -44,13 +46,12 @@ def subscriber(ros_domain: int) -> Iterator[subprocess.Popen[str]]:
         text=True,
     )
     assert process.stdout is not None
-    assert process.stdin is not None
     assert process.stdout.readline() == "listening\n"
     yield process
     process.kill()
     process.wait()
     process.stdout.close()
-    process.stdin.close()
+    some(process.stdin).close()
 
 
 class Watch:
@@ -69,8 +70,7 @@ class Watch:
         self.heard += self._pulses()
 
     def process(self, name: str) -> Any:
-        assert self.status is not None
-        return next(p for p in self.status.processes if p.process == name)
+        return next(p for p in some(self.status).processes if p.process == name)
 
     def state(self) -> SystemState | None:
         return None if self.status is None else self.status.state
@@ -89,7 +89,6 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     ros_domain: int,
     ros_peer: Any,
     subscriber: subprocess.Popen[str],
-    wait_until: Any,
 ) -> None:
     scenario = replace(full_rate_scenario, tag=(*full_rate_scenario.tag, CODED_TAG))
     drone = drone_bay.launch(scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain))
@@ -101,7 +100,7 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
             watch.look()
             return watch.status is not None and bool(condition())
 
-        wait_until(look, 60.0)
+        until(look, 60.0)
 
     # Tags and start come from ROS 2 alone.
     for topic, name in (

@@ -19,15 +19,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import made
 import msgspec
 import numpy as np
 import pytest
+from until import until
 
 from uavrt.clock import Clock
 from uavrt.config import write_tags
 from uavrt.config.settings import Ros2Settings
 from uavrt.demo.programs import free_udp_port
-from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus, Tag
+from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
 from uavrt.recording import read_flight
 
@@ -35,14 +37,8 @@ pytestmark = pytest.mark.timeout(150)
 
 RATE_HZ = 3750.0
 CENTER_HZ = 150.3e6
-REMOTE_TAG = Tag(
-    tag_id=44,
-    frequency_hz=CENTER_HZ + 300.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.0,),
-    interval_uncertainty_s=0.02,
-    interval_jitter_s=0.005,
-    k=3,
+REMOTE_TAG = made.tag(
+    44, CENTER_HZ + 300.0, 1.0, interval_uncertainty_s=0.02, interval_jitter_s=0.005
 )
 OTHER_COMPUTER = "127.0.0.2"
 
@@ -157,7 +153,6 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     ros_domain: int,
     band: tuple[Band, int],
     start_remote: StartRemote,
-    wait_until: Any,
 ) -> None:
     sender, port = band
     remote = start_remote(port)
@@ -181,9 +176,7 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
 
     def more_of(*tag_ids: int) -> None:
         before = Counter(pulses())
-        wait_until(
-            lambda: all(pulses().get(tag, 0) >= before[tag] + 3 for tag in tag_ids), 60.0
-        )
+        until(lambda: all(pulses().get(tag, 0) >= before[tag] + 3 for tag in tag_ids), 60.0)
 
     own = thesis_scenario.tags[0].tag_id
     more_of(own, REMOTE_TAG.tag_id)
@@ -196,7 +189,7 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     start_remote(port)
     more_of(own, REMOTE_TAG.tag_id)
     # A hundredth of the datagrams was lost, and each recorded pulse is a true one.
-    wait_until(lambda: sender.lost >= 1, 60.0)
+    until(lambda: sender.lost >= 1, 60.0)
     assert sender.lost < sender.sent / 10
     flight = read_flight(newest[0].flight_directory or "")
     found = [item.pulse for item in flight.pulse_poses if item.pulse.tag_id == 44]

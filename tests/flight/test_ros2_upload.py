@@ -12,7 +12,7 @@ from uavrt.config.settings import Ros2Settings
 from uavrt.messages import SystemState, SystemStatus, Tag
 from uavrt.ros2.convert import tag_to_ros
 
-pytestmark = [pytest.mark.flight, pytest.mark.timeout(150)]
+pytestmark = [pytest.mark.timeout(150)]
 
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 

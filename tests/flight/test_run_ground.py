@@ -19,7 +19,6 @@ from uavrt.recording import flights_in_order, read_flight
 from uavrt.simulation import write_scenario
 
 pytest.importorskip("starlette")
-pytestmark = pytest.mark.timeout(120)
 
 
 def posted(url: str, body: Any) -> urllib.request.Request:

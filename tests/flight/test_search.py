@@ -5,8 +5,6 @@ import math
 import os
 import random
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +14,7 @@ from pathlib import Path
 import mavsdk
 import msgspec
 import pytest
+from command_line import started
 from mavsdk.plugins.action import Action
 from tests.flight.conftest import FLIGHT_RATE_HZ, THESIS_TAG, DroneBay
 from tests.flight.test_fly import Field
@@ -54,13 +53,7 @@ def searching(bay: DroneBay, flavour: Flavour, work: Path) -> Field:
 
 def test_the_demo_says_that_a_search_was_cut_short(tmp_path: Path) -> None:
     words = ("--search", "--json", "--duration", "12", "--flight-dir", str(tmp_path))
-    finished = subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", "demo", *words],
-        capture_output=True,
-        text=True,
-        timeout=150,
-        check=False,
-    )
+    finished = started("demo", *words, timeout=150)
     assert finished.returncode == 1, finished.stderr
     summary = json.loads(finished.stdout.splitlines()[-1])
     assert not all(tag["found"] for tag in summary["tags"].values())
@@ -75,13 +68,7 @@ def test_the_demo_says_that_a_search_was_cut_short(tmp_path: Path) -> None:
 
 def test_two_drones_search_together_at_one_ground_station(tmp_path: Path) -> None:
     words = ("--search", "--drones", "2", "--json", "--duration", "12")
-    finished = subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", "demo", *words, "--flight-dir", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
+    finished = started("demo", *words, "--flight-dir", tmp_path, timeout=200)
     assert finished.returncode == 1, finished.stderr  # the time is over before all are found
     summary = json.loads(finished.stdout.splitlines()[-1])
     assert set(summary["drones"]) == {"1", "2"}

@@ -15,8 +15,6 @@ import pytest
 
 from uavrt.demo.programs import free_udp_port
 
-pytestmark = pytest.mark.timeout(120)
-
 TAG = "1, 148715000, 1000, 15, 20, 20, 3, 0.01\n"
 BAD = re.compile(r"Traceback|Exception ignored|KeyboardInterrupt|never awaited|leaked")
 PATIENCE_S = 30.0

@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from command_line import program
 
 ROOT = Path(__file__).parents[2]
 ARM64 = ROOT / "deploy/arm64"
@@ -61,11 +62,9 @@ esac""",
         )
 
     def run(self) -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            [str(self.source / "deploy/arm64/short.sh"), str(self.work)],
-            capture_output=True,
-            text=True,
-            check=False,
+        return program(
+            self.source / "deploy/arm64/short.sh",
+            self.work,
             env={"PATH": f"{self.tools}:{os.environ['PATH']}", "PYTHON": str(self.python)},
         )
 

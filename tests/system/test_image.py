@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_line import program
 from update_maker import make_key
 
 from uavrt.cli.run_ground import OWN_COMPONENT
@@ -49,7 +50,7 @@ def root(tmp_path: Path) -> Path:
 
 def configure(root: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     command = [str(IMAGE / "configure-root.sh"), str(root), *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return program(*command)
 
 
 def contents(root: Path) -> dict[str, bytes]:
@@ -289,9 +290,7 @@ def test_an_image_built_twice_is_the_same_and_holds_what_it_should(
     assert b"LABEL=uavrt-data" in read("uavrt-root", "/etc/fstab")
     for path, mode, group in (("/etc/shadow", "0640", 42), ("/etc/fstab", "0644", 0)):
         words = ["debugfs", "-R", f"stat {path}", str(tmp_path / "uavrt-root")]
-        told = subprocess.run(
-            words, check=True, capture_output=True, text=True, env=environment
-        )
+        told = program(*words, check=True, env=environment)
         assert re.search(rf"Mode:\s+{mode}\b", told.stdout), told.stdout
         assert re.search(rf"User:\s+0\s+Group:\s+{group}\b", told.stdout), told.stdout
     assert read("uavrt-root", "/etc/ssh/ssh_host_rsa_key") == b""
@@ -302,12 +301,8 @@ def test_an_image_built_twice_is_the_same_and_holds_what_it_should(
     with open(image, "rb") as whole:
         whole.seek(512 * parts["uavrt-efi"]["start"])
         efi.write_bytes(whole.read(512 * parts["uavrt-efi"]["size"]))
-    entry = subprocess.run(
-        ["mtype", "-i", str(efi), "::loader/entries/uavrt.conf"],
-        check=True,
-        capture_output=True,
-        text=True,
-        env=environment,
+    entry = program(
+        "mtype", "-i", efi, "::loader/entries/uavrt.conf", check=True, env=environment
     ).stdout
     assert f"root=partuuid={parts['uavrt-root']['uuid']}".lower() in entry.lower()
     assert "initrd /initrd" in entry

@@ -7,6 +7,7 @@ import tarfile
 from pathlib import Path
 
 import pytest
+from command_line import program
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 STEPS = {
@@ -65,11 +66,12 @@ class Builder:
     def run(self, *words: str, components: str = "") -> "subprocess.CompletedProcess[str]":
         self.told.write_text("")
         script = str(self.source / "deploy/image/build.sh")
-        return subprocess.run(
-            [script, "--directory", str(self.work), *words, str(self.image)],
-            capture_output=True,
-            text=True,
-            check=False,
+        return program(
+            script,
+            "--directory",
+            self.work,
+            *words,
+            self.image,
             env=os.environ | {"PYTHON": "python3", "COMPONENTS": components},
         )
 
@@ -241,7 +243,7 @@ def test_where_no_emulator_may_run_it_says_so_first(builder: Builder) -> None:
 
 def test_its_help_tells_every_option() -> None:
     script = DEPLOY / "image/build.sh"
-    told = subprocess.run([str(script), "--help"], check=True, capture_output=True, text=True)
+    told = program(script, "--help", check=True)
     options = {
         word.split(")")[0]
         for line in script.read_text().splitlines()

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from command_line import program
 from toy_installer import ToyInstaller
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -99,13 +100,7 @@ def make_root(root: Path, builder: str) -> Path:
 
 
 def find_library() -> str:
-    listed = subprocess.run(
-        ["ldconfig", "-p"],
-        check=True,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"PATH": SEARCHED},
-    )
+    listed = program("ldconfig", "-p", check=True, env=os.environ | {"PATH": SEARCHED})
     return next(
         line.split(" => ")[1] for line in listed.stdout.splitlines() if "libm.so.6" in line
     )
@@ -156,12 +151,8 @@ for word in "$@"; do case $word in PIP_CERT=*) cmp "$1${word#*=}" "$BUNDLE" ;; e
     before = contents(root)
     bundle = "/etc/ssl/certs/ca-certificates.crt"
     settings = {"PATH": f"{tools}:{os.environ['PATH']}", "BUNDLE": bundle}
-    done = subprocess.run(
-        [str(DEPLOY / "arm64/enter.sh"), str(tmp_path / "work"), "true"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | settings,
+    done = program(
+        DEPLOY / "arm64/enter.sh", tmp_path / "work", "true", env=os.environ | settings
     )
     if done.returncode == NO_EMULATION:
         pytest.skip(done.stderr)

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import started
 
 from uavrt.errors import ConfigError
 from uavrt.localization import PATTERNS, AntennaPattern
@@ -42,15 +43,7 @@ def environment(installed: Path) -> dict[str, str]:
 @pytest.fixture
 def uavrt(installed: Path, tmp_path: Path) -> Uavrt:
     def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            [sys.executable, "-m", "uavrt.cli", *arguments],
-            capture_output=True,
-            text=True,
-            cwd=tmp_path,
-            env=environment(installed),
-            timeout=60,
-            check=False,
-        )
+        return started(*arguments, cwd=tmp_path, env=environment(installed), timeout=60)
 
     return run
 

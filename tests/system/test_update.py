@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,7 +33,7 @@ from uavrt.computer import Installation, Needs, Seen, Trial, Verdict, require_st
 from uavrt.computer.trial import ARMED
 from uavrt.computer.update_file import read_update, unpack_wheels, version_key
 from uavrt.errors import FormatError, UavrtError, UsageError
-from uavrt.messages import Poses, ProcessStatus, SystemState, SystemStatus
+from uavrt.messages import Poses, SystemState, SystemStatus
 
 ALL = Needs(heartbeat=True, poses=True)
 
@@ -224,25 +225,10 @@ def system(
     state: SystemState = SystemState.IDLE,
 ) -> SystemStatus:
     counters = {} if armed is None else {ARMED: float(armed)}
-    connection = ProcessStatus(
-        process="connection",
-        running=True,
-        pid=1,
-        status=status,
-        ok=True,
-        restarts=restarts,
-        cpu_s=0.0,
-        memory_mb=1.0,
-        counters=counters,
+    connection = made.process_status(
+        "connection", status, restarts=restarts, memory_mb=1.0, counters=counters
     )
-    return SystemStatus(
-        time_ns=0,
-        state=state,
-        flight_directory=None,
-        center_frequency_hz=None,
-        tags=(),
-        processes=(connection,),
-    )
+    return made.system_status(state=state, processes=(connection,))
 
 
 def seen(*records: object) -> Seen:

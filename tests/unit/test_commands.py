@@ -1,7 +1,6 @@
 from itertools import product
 from typing import get_args
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -10,7 +9,6 @@ from uavrt.commands import (
     Accepted,
     CommandName,
     Refused,
-    Repeated,
     SystemState,
     outcome,
 )
@@ -53,11 +51,11 @@ def test_no_two_commands_share_a_number_or_a_button() -> None:
     assert len(set(actions)) == len(actions)
 
 
-@pytest.mark.parametrize(("state", "command"), list(product(SystemState, NAMES)))
-def test_a_refusal_says_what_to_do(state: SystemState, command: CommandName) -> None:
-    result = outcome(state, command)
-    if isinstance(result, Refused):
-        assert ":" in result.reason
+def test_a_refusal_says_what_to_do() -> None:
+    results = [outcome(state, command) for state, command in product(SystemState, NAMES)]
+    reasons = [result.reason for result in results if isinstance(result, Refused)]
+    assert reasons
+    assert [reason for reason in reasons if ":" not in reason] == []
 
 
 @given(st.lists(st.sampled_from(NAMES)))
@@ -71,8 +69,11 @@ def test_no_sequence_of_commands_locks_the_system_up(commands: list[CommandName]
     assert outcome(state, "start_detection") == Accepted(SystemState.DETECTING)
 
 
-@given(st.sampled_from(SystemState), st.sampled_from(NAMES))
-def test_a_repeated_command_is_never_refused(state: SystemState, command: CommandName) -> None:
-    first = outcome(state, command)
-    if isinstance(first, Accepted):
-        assert isinstance(outcome(first.state, command), Accepted | Repeated)
+def test_a_repeated_command_is_never_refused() -> None:
+    again = [
+        outcome(first.state, command)
+        for state, command in product(SystemState, NAMES)
+        if isinstance(first := outcome(state, command), Accepted)
+    ]
+    assert again
+    assert [result for result in again if isinstance(result, Refused)] == []

@@ -3,23 +3,17 @@
 from dataclasses import replace
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.computer import Bench, Finding, FlightFacts, first_flight
-from uavrt.messages import Pose, Poses, PulsePose, SearchReport, SystemState, Tag
+from uavrt.messages import Pose, Poses, PulsePose, SearchReport, SystemState
 
 SECOND = 1_000_000_000
 NOW_NS = 1_000 * SECOND
 TAGS = (
-    Tag(
-        tag_id=4,
-        frequency_hz=148.7e6,
-        pulse_width_s=0.015,
-        pulse_intervals_s=(1.3,),
-        name="Luna",
-    ),
-    Tag(tag_id=6, frequency_hz=148.9e6, pulse_width_s=0.015, pulse_intervals_s=(1.5,)),
+    made.tag(4, 148.7e6, 1.3, pulse_width_s=0.015, name="Luna"),
+    made.tag(6, 148.9e6, 1.5, pulse_width_s=0.015),
 )
 FACTS = FlightFacts(
     tags=TAGS,
@@ -33,19 +27,12 @@ FACTS = FlightFacts(
     battery_v=16.4,
     usual_noise_db=-91.0,
 )
-POSE = Pose(
-    time_ns=0,
-    latitude_deg=46.5,
-    longitude_deg=8.0,
-    altitude_amsl_m=1000.0,
-    altitude_relative_m=0.0,
-    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-)
+POSE = made.pose(0, 46.5, 8.0, altitude_relative_m=0.0)
 
 
 def report(tag_id: int, noise_psd: float = 1e-9) -> SearchReport:
-    return SearchReport(
-        tag_id=tag_id, time_ns=0, frequency_hz=148.7e6, noise_psd=noise_psd, best_score=0.4
+    return made.search_report(
+        tag_id, 0, frequency_hz=148.7e6, noise_psd=noise_psd, best_score=0.4
     )
 
 
@@ -54,7 +41,7 @@ def heard(pose: Pose | None = POSE, clipped: bool = False) -> Bench:
     bench = Bench()
     bench.take(report(4), NOW_NS - 4 * SECOND)
     bench.take(report(6), NOW_NS - 3 * SECOND)
-    pulse = replace(pulse_at(0, noise_psd=1.2e-9), tag_id=4, confirmed=True, clipped=clipped)
+    pulse = replace(made.pulse(0, noise_psd=1.2e-9), tag_id=4, confirmed=True, clipped=clipped)
     bench.take(PulsePose(pulse=pulse, pose=pose), NOW_NS - 2 * SECOND)
     return bench
 

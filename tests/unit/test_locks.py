@@ -39,10 +39,12 @@ def wanted(lock: str) -> list[str]:
 
 @pytest.mark.parametrize("lock", ALL)
 def test_a_lock_pins_every_requirement_to_an_allowed_version(lock: str) -> None:
-    found = pins(lock)
-    for text in wanted(lock):
+    found, requirements = pins(lock), wanted(lock)
+    assert requirements
+    for text in requirements:
         requirement = Requirement(text)
         versions = found[canonicalize_name(requirement.name)]
+        assert versions
         assert all(requirement.specifier.contains(version) for version in versions), (
             f"{text} is not what {lock} pins ({versions}): run `make locks`"
         )
@@ -52,6 +54,7 @@ def test_a_lock_pins_every_requirement_to_an_allowed_version(lock: str) -> None:
 def test_nothing_in_a_lock_is_without_a_hash_or_from_elsewhere(lock: str) -> None:
     text = (LOCKS / lock).read_text()
     rest = PIN.sub("", text)
+    assert pins(lock)
     assert all(line.lstrip().startswith("#") for line in rest.splitlines() if line.strip())
     assert "://" not in text
 

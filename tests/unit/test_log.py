@@ -60,9 +60,11 @@ def test_an_exception_is_logged_with_its_traceback() -> None:
 
 def test_a_closed_stream_does_not_stop_the_process() -> None:
     stream = io.StringIO()
-    stream.close()
     configure_logging("x", stream=stream)
-    get_logger().warning("nobody hears this")
+    get_logger().warning("this is written")
+    assert "this is written" in stream.getvalue()
+    stream.close()
+    get_logger().warning("this has nowhere to go")
 
 
 def test_a_terminal_that_was_stopped_keeps_nobody_waiting_and_is_told_what_it_missed() -> None:

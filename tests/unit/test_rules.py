@@ -4,7 +4,6 @@ import ast
 from collections.abc import Iterator
 from functools import cache
 from graphlib import TopologicalSorter
-from importlib import import_module
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src/uavrt"
@@ -113,37 +112,6 @@ def test_nothing_is_cited_that_a_reader_cannot_open() -> None:
         if name in path.read_text(encoding="utf-8")
     ]
     assert not found
-
-
-def test_other_packages_import_from_a_package_not_from_its_modules() -> None:
-    source = SOURCE.parent
-    found = []
-    for path, nodes in nodes_of_all().items():
-        folder = path.parent.relative_to(source).as_posix().replace("/", ".")
-        for node in nodes:
-            if not isinstance(node, ast.ImportFrom) or "__init__" in path.name:
-                continue
-            module = node.module or ""
-            if not (source / f"{module.replace('.', '/')}.py").exists():
-                continue
-            package = module.rpartition(".")[0]
-            if package in ("uavrt", "uavrt_experiments") or f"{folder}.".startswith(
-                f"{package}."
-            ):
-                continue
-            found.append(f"{path.relative_to(source)}:{node.lineno} {module}")
-    assert not found, "name it in the __init__ of that package, and import it from there"
-
-
-def test_what_a_package_offers_is_what_it_finds_when_asked() -> None:
-    for path in sorted(SOURCE.rglob("__init__.py")):
-        if "lazily(" in path.read_text():
-            name = path.parent.relative_to(SOURCE.parent).as_posix().replace("/", ".")
-            package = import_module(name)
-            for offered in package.__all__:
-                assert getattr(package, offered) is not None, f"{name}.{offered}"
-                own = path.with_name(f"{offered}.py")
-                assert not own.exists(), f"{name}.{offered} would hide the module, or it this"
 
 
 def test_no_module_imports_one_that_imports_it() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 from urllib.parse import urlsplit
 
+import made
 import pytest
 from film import file_tree, log_lines
 from page_driver import SCREENSHOTS, VIDEO, WAIT_MS, Ground, Watched, type_tags, write_map
@@ -24,19 +25,17 @@ from uavrt.config.settings import RecordingSettings
 from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import LiveBearing
 from uavrt.recording import read_flight
 from uavrt.simulation import demo_scenario
-from uavrt.simulation.scenario import SimulatedTag
 from uavrt.tunnel import Generation
 from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 
-CODED_TAG = SimulatedTag(
-    tag_id=30,
+CODED_TAG = made.simulated_tag(
+    30,
+    148_640_000.0,
+    2.3,
     name="bat",
-    frequency_hz=148_640_000.0,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(2.3,),
     interval_uncertainty_s=0.004,
     gaps_s=(0.026, 0.054, 0.031),
     k=10,
@@ -308,30 +307,16 @@ def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
     told = options.evaluate_all("(all) => all.map((one) => one.value)")
     assert set(told) == set(get_args(Generation))
     expect(page.locator("#legend-on-board")).to_be_hidden()
-    bearing = LiveBearing(
-        tag_id=2,
+    bearing = made.live_bearing(
+        2,
         start_time_ns=1_700_000_000_000_000_000,
         end_time_ns=1_700_000_030_000_000_000,
-        turned_deg=360.0,
-        latitude_deg=46.5,
-        longitude_deg=8.0,
         bearing_deg=42.0,
         sigma_deg=6.0,
         interval90_deg=(32.0, 52.0),
-        level_db=20.0,
-        pulses=24,
-        accepted=True,
-        ambiguous=False,
-        multipath_suspected=False,
     )
     payload = encode_bearing(bearing)
-    tunnel = dialect.Tunnel(
-        target_system=254,
-        target_component=190,
-        payload_type=BEARING_TYPE,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    tunnel = made.tunnel(BEARING_TYPE, payload)
     writer = FrameWriter(1, 191)
     page.evaluate("() => window.uavrt.store.select(2)")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -349,9 +334,7 @@ def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
 
 def heartbeat() -> dialect.Heartbeat:
     """The drone's component 191 is there."""
-    return dialect.Heartbeat(
-        type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-    )
+    return made.heartbeat()
 
 
 def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from page_driver import VIDEO, Ground, Watched, axe_findings, colour_at, type_tags
 from playwright.sync_api import Browser, Page, expect
+from some import some
 from tests.flight.conftest import Drone, DroneBay, hovering_scenario
 from tests.flight.test_search import animal
 from tests.system.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
@@ -69,8 +70,7 @@ class Field:
         raise AssertionError(self.page.locator("#move-fault").inner_text())
 
     def hold(self) -> None:
-        box = self.page.locator("#hold-to-fly").bounding_box()
-        assert box is not None
+        box = some(self.page.locator("#hold-to-fly").bounding_box())
         self.page.mouse.move(box["x"] + 20.0, box["y"] + 20.0)
         self.page.mouse.down()
         expect(self.page.locator("#offer")).to_be_hidden()
@@ -313,8 +313,7 @@ def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(
         expect(told).to_contain_text("the ground is taken as level")
         assert [one for one in axe_findings(page) if one[0] in ("serious", "critical")] == []
         here.watched.picture("before-flat" if flat else "before")
-        box = page.locator("#map").bounding_box()
-        assert box is not None
+        box = some(page.locator("#map").bounding_box())
         at = (round(box["x"] + 0.2 * box["width"]), round(box["y"] + 0.8 * box["height"]))
         page.wait_for_timeout(500)
         mapped = colour_at(page, *at)

@@ -3,11 +3,8 @@
 import base64
 from pathlib import Path
 
-import pytest
 from film import SIZE, Film
 from playwright.sync_api import Browser
-
-pytestmark = pytest.mark.timeout(120)
 
 PLAY = """
 (film) => new Promise((done) => {

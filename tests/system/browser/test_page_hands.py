@@ -13,6 +13,7 @@ import pytest
 from page_driver import WAIT_MS, Ground, Watched, type_tags, write_map
 from past_flight import write_flight
 from playwright.sync_api import Browser, Page, expect
+from some import some
 from willing_drone import WillingDrone
 
 from uavrt.demo.programs import free_udp_port
@@ -242,9 +243,8 @@ def test_on_a_tablet_the_hint_is_whole_above_many_tags(
     assert hint.evaluate("hint => hint.scrollHeight <= hint.clientHeight")
     below = page.locator(".panel .segments").bounding_box()
     box = hint.bounding_box()
-    assert below is not None
     assert box is not None
-    assert box["y"] + box["height"] <= below["y"]
+    assert box["y"] + box["height"] <= some(below)["y"]
     watched.close()
 
 
@@ -278,8 +278,7 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
     page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
     tap, bar = (page.locator(one).bounding_box() for one in ("#tap", ".replay"))
     assert tap is not None
-    assert bar is not None
-    assert tap["y"] + tap["height"] <= bar["y"]
+    assert tap["y"] + tap["height"] <= some(bar)["y"]
     page.click("#tap [aria-label=Close]")
     for view in ("fly", "setup", "flights", "log"):
         page.click(f"#tab-{view}")

@@ -15,6 +15,7 @@ from page_driver import WAIT_MS, Ground, Watched, colour_at, write_vector_map
 from past_flight import write_days, write_flight
 from playwright.sync_api import Browser, Page, expect
 from recorded import frames, write_recording
+from some import some
 
 from uavrt.demo.programs import free_udp_port
 
@@ -23,8 +24,7 @@ pytestmark = pytest.mark.timeout(240)
 
 def exported(page: Page, row: str, name: str) -> bytes:
     """What a link of a flight's row gives."""
-    href = page.locator(row).locator(f"a:text-is('{name}')").get_attribute("href")
-    assert href is not None
+    assert page.locator(row).locator(f"a:text-is('{name}')").get_attribute("href") is not None
     with page.expect_download() as download:
         page.locator(row).locator(f"a:text-is('{name}')").click()
     return Path(download.value.path()).read_bytes()
@@ -46,8 +46,7 @@ def test_a_flight_is_starred_by_one_press_and_loses_the_star_by_another(
     expect(star).to_have_text("★")
     expect(star).to_have_attribute("aria-pressed", "true")
     assert (here / first / "starred").exists()
-    box = star.bounding_box()
-    assert box is not None
+    box = some(star.bounding_box())
     assert box["x"] + box["width"] <= 1024, "in sight at 1024 x 600"
     page.click("#season-show")
     expect(page.locator("#season-note")).to_contain_text("2 flights, 4 minutes · 1 of 1")
@@ -106,8 +105,7 @@ def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
     expect(rows).to_have_count(0)
     expect(archived).to_have_count(2)
     expect(archived.first).to_contain_text("4 (2), 2 (3)")
-    box = page.locator("#archive-list").bounding_box()
-    assert box is not None
+    box = some(page.locator("#archive-list").bounding_box())
     assert box["x"] + box["width"] <= 1024
     assert box["y"] + box["height"] <= 600, "in sight at 1024 x 600"
     page.click('tr[data-archived="03"] .open-flight')

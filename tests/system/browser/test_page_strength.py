@@ -4,19 +4,17 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from page_driver import Ground, Watched
 from playwright.sync_api import Browser, Page, expect
-from pulses import pulse_at
 
 from uavrt.analysis import read_positions
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.localization import TangentPlane
-from uavrt.messages import Pose, PulsePose, Tag
-
-pytestmark = pytest.mark.timeout(120)
+from uavrt.messages import PulsePose
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 EAST_M, NORTH_M = 140.0, 190.0
@@ -26,13 +24,7 @@ LOW_M, HIGH_M = 30.0, 90.0
 
 def write_survey(directory: Path) -> str:
     """Record lines over a square of 300 m at two heights; heard with an upright monopole."""
-    tag = Tag(
-        tag_id=2,
-        name="frog",
-        frequency_hz=148_712_000.0,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.5,),
-    )
+    tag = made.tag(2, 148_712_000.0, 1.5, name="frog")
     keeper = FlightKeeper(directory, Clock.start())
     flight_id = keeper.begin([tag])
     time_ns = keeper.start_time_ns
@@ -43,19 +35,18 @@ def write_survey(directory: Path) -> str:
                 north = along if line % 2 == 0 else 300.0 - along
                 time_ns += 1_500_000_000
                 latitude, longitude = PLANE.to_geodetic(east, north)
-                pose = Pose(
-                    time_ns=time_ns,
-                    latitude_deg=float(latitude),
-                    longitude_deg=float(longitude),
-                    altitude_amsl_m=500.0 + height,
+                pose = made.pose(
+                    time_ns,
+                    latitude,
+                    longitude,
                     altitude_relative_m=height + float(rng.uniform(-1.0, 1.0)),
-                    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+                    altitude_amsl_m=500.0 + height,
                 )
                 ground = math.hypot(east - EAST_M, north - NORTH_M)
                 slant = math.hypot(ground, height)
                 snr_db = 30.0 - 25.0 * math.log10(slant / 100.0)
                 snr_db += 20.0 * math.log10(max(ground / slant, 0.1))
-                pulse = pulse_at(time_ns, frequency_hz=tag.frequency_hz, snr_db=snr_db)
+                pulse = made.pulse(time_ns, frequency_hz=tag.frequency_hz, snr_db=snr_db)
                 keeper.add_pose(pose)
                 keeper.add_pulse(PulsePose(pulse=pulse, pose=pose))
     keeper.close()

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import started, uavrt
+from some import some
 
 from uavrt.demo.programs import free_udp_port
 from uavrt.dsp.filters import compatible_bank_taps
@@ -87,8 +88,7 @@ def channelizer(*arguments: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    assert process.stderr is not None
-    assert "channels of" in process.stderr.readline()
+    assert "channels of" in some(process.stderr).readline()
     return process
 
 
@@ -136,8 +136,7 @@ def run_the_thesis(directory: Path, recording: Path, port: int, netcat: Path | N
             subprocess.Popen(command, stdin=before, stdout=subprocess.PIPE, env=environment)
         )
     for process in processes[:2]:
-        assert process.stdout is not None
-        process.stdout.close()  # ours; the next program has its own
+        some(process.stdout).close()  # ours; the next program has its own
         process.wait(timeout=60)
     time.sleep(0.5)
     processes[2].terminate()  # netcat waits for answers until it is ended
@@ -221,15 +220,8 @@ def test_a_file_gives_the_samples_of_the_originals_formula(
     path = tmp_path / "band.cf32"
     band.tofile(path)
     listeners[52] = listen("127.0.0.1", channel_port(51))
-    subprocess.run(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "channelize", str(path)),
-            *("--sample-rate", "375e3", "--channels", "52", "--speed", "0"),
-        ],
-        check=True,
-        capture_output=True,
-        timeout=60,
-    )
+    radio = ("--sample-rate", "375e3", "--channels", "52", "--speed", "0")
+    started("channelize", path, *radio, check=True)
     ((_, samples),) = frames_at(listeners[52])
     # y_c[n] = Σ h[m] exp(2πj c m / 100) x[100 n - m], channel 52: c = 51.
     taps = compatible_bank_taps(100) * np.exp(2j * np.pi * 51 * np.arange(1200) / 100)

@@ -6,9 +6,10 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import made
 import pytest
+from some import some
 
-from uavrt.attitude import from_euler_deg
 from uavrt.cli.fly import fly
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
@@ -68,8 +69,7 @@ class Vehicle:
         )
 
     def _end(self) -> None:
-        assert self._task is not None
-        self._task.cancel()
+        some(self._task).cancel()
 
     def _serve(self) -> None:
         self._task = self._loop.create_task(self.autopilot.run())
@@ -79,14 +79,7 @@ class Vehicle:
 
     @staticmethod
     def _pose(time_ns: int) -> Pose:
-        return Pose(
-            time_ns=time_ns,
-            latitude_deg=46.5,
-            longitude_deg=8.0,
-            altitude_amsl_m=840.0,
-            altitude_relative_m=40.0,
-            quaternion_wxyz=from_euler_deg(0.0, 0.0, 0.0),
-        )
+        return made.pose(time_ns, 46.5, 8.0, altitude_amsl_m=840.0)
 
 
 @pytest.fixture
@@ -121,8 +114,7 @@ def test_a_survey_is_uploaded_and_read_back(
     assert "not checked: its battery, and the ground beneath the ways" in said
     held = vehicle.autopilot.missions.held[0]
     assert [item.command for item in held] == [16] * 6 + [20]
-    assert vehicle.autopilot.flown is not None
-    assert vehicle.autopilot.flown.vehicle.target is None
+    assert some(vehicle.autopilot.flown).vehicle.target is None
 
 
 def test_a_survey_out_of_the_vehicles_fence_or_far_from_its_home_is_not_uploaded(

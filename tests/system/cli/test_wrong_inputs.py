@@ -2,27 +2,14 @@
 
 import re
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from command_line import uavrt
+from command_line import started, uavrt
 from cyclopts import App, CycloptsError
 
 from uavrt.cli.app import make_app
-
-
-def started(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "uavrt.cli", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        timeout=60,
-        check=False,
-    )
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,12 @@
 
 import http.client
 import ssl
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import program
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
@@ -43,23 +43,11 @@ def test_with_a_certificate_the_page_is_served_by_https_alone(
     serve: Callable[..., Any], tmp_path: Path
 ) -> None:
     certificate, key = tmp_path / "ground.pem", tmp_path / "ground.key"
-    subprocess.run(
-        [
-            *(
-                "openssl",
-                "req",
-                "-x509",
-                "-newkey",
-                "ec",
-                "-pkeyopt",
-                "ec_paramgen_curve:P-256",
-            ),
-            *("-nodes", "-days", "2", "-subj", "/CN=localhost"),
-            *("-addext", "subjectAltName=IP:127.0.0.1"),
-            *("-keyout", str(key), "-out", str(certificate)),
-        ],
+    program(
+        *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256"),
+        *("-nodes", "-days", "2", "-subj", "/CN=localhost"),
+        *("-addext", "subjectAltName=IP:127.0.0.1", "-keyout", key, "-out", certificate),
         check=True,
-        capture_output=True,
     )
     station = serve(tmp_path / "ground", certificate=certificate, key=key, password="marmot-7")
     try:

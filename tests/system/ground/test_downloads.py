@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from file_drone import FileDrone
 
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.messages import Tag
 
-TAG = Tag(tag_id=2, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
+TAG = made.tag(2, 148.7e6, 1.2)
 
 
 @pytest.fixture

@@ -8,13 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from tests.system.ground.test_session import SECOND_NS, Drone, until
+from until import until as happens
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from willing_drone import WillingDrone
 
-from uavrt.messages import Course, SystemState, Tag
+from uavrt.messages import Course, SystemState
 from uavrt.recording import read_flight
 
 TAGS = [
@@ -112,9 +114,7 @@ def test_each_vehicle_has_tags_of_its_own_and_begins_with_the_firsts(
 def test_a_station_that_starts_by_itself_starts_and_stops_all_its_vehicles(
     tmp_path: Path, serve: Any
 ) -> None:
-    tag = Tag(
-        tag_id=2, frequency_hz=148_612_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.3,)
-    )
+    tag = made.tag(2, 148_612_000.0, 1.3)
     own = {"tags": (tag,), "start": True, "further_vehicles": (2,)}
     station = serve(tmp_path / "ground", page=own)
     # The second is there first: it does not become the first page's.
@@ -221,28 +221,20 @@ def test_drones_that_fly_are_told_of_each_other_and_get_their_ways_in_turn(
         assert one.told == []  # alone: nobody is told anything
         serve_second(station)
         two.course = replace(course, place=(46.501, 8.0), goal=(46.501, 8.0))
-        wait(lambda: {told.vehicle for told in one.told} >= {2})
-        wait(lambda: {told.vehicle for told in two.told} >= {1})
+        happens(lambda: {told.vehicle for told in one.told} >= {2})
+        happens(lambda: {told.vehicle for told in two.told} >= {1})
         assert one.told[-1].course is not None
         assert one.told[-1].course.goal == pytest.approx((46.501, 8.0), abs=1e-5)
         time.sleep(2.0)  # by then all have spoken
         way = ((46.5, 8.0), (46.5, 8.001))
         one.course = replace(one.course, asked=9, asked_way=way, given=((2, 1),))
         two.course = replace(two.course, asked=8, asked_way=way, given=((1, 77),))
-        wait(lambda: one.told[-1].granted == 9)
-        wait(lambda: two.told[-1].denied == 8)
+        happens(lambda: one.told[-1].granted == 9)
+        happens(lambda: two.told[-1].denied == 8)
     finally:
         for drone in drones.values():
             drone.close()
         station.stop()
-
-
-def wait(what: Any) -> None:
-    for _ in range(500):
-        if what():
-            return
-        time.sleep(0.02)
-    raise AssertionError
 
 
 @pytest.fixture

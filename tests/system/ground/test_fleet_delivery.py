@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import pytest
 from tests.system.ground.test_session import SECOND_NS, pulse_at, until
 
 from uavrt.mavlink import FrameParser, FrameWriter, Message, PacedQueue, Priority, dialect
@@ -115,7 +114,6 @@ class Deliverer:
         self._sock.send(self._writer.encode(message))
 
 
-@pytest.mark.timeout(120)
 def test_no_pulse_of_five_drones_is_missing_at_20_percent_loss_on_each_link(
     tmp_path: Path, serve: Any
 ) -> None:

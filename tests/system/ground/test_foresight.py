@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from tests.unit.analysis.test_coverage import HOME, outline, write_hills
@@ -22,13 +23,7 @@ from uavrt.tangent_plane import TangentPlane
 
 PATH = "/api/motion/coverage"
 PLANE = TangentPlane(latitude_deg=HOME[0], longitude_deg=HOME[1])
-TAG = Tag(
-    tag_id=7,
-    frequency_hz=148_752_000.0,
-    pulse_width_s=0.015,
-    pulse_intervals_s=(1.5,),
-    k=5,
-)
+TAG = made.tag(7, 148_752_000.0, 1.5, pulse_width_s=0.015, k=5)
 WHIP = AntennaChoice(pattern="monopole")
 
 

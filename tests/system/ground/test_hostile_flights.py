@@ -12,30 +12,20 @@ from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.errors import FormatError, UavrtError
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.messages import FlightInfo
-from uavrt.recording import FlightRecorder, plain_database, read_flight
+from uavrt.recording import plain_database, read_flight
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {} FROM n"
 
 
 def flight(directory: Path) -> Path:
-    info = FlightInfo(
-        directory=str(directory),
-        start_time_ns=10**18,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(),
-    )
-    recorder = FlightRecorder.create(info)
-    recorder.write_pulses([pulse_at(10**18 + 10**9)])
-    recorder.close()
+    info = made.flight_info(directory, start_time_ns=10**18)
+    made.flight(info, pulses=[made.pulse(10**18 + 10**9)])
     return directory
 
 

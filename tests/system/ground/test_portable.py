@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import pytest
+from command_line import python
 
 from uavrt.errors import ConfigError
 from uavrt.mavlink.address import parse_address
@@ -63,17 +64,13 @@ MODULES = (
 
 def test_the_ground_needs_nothing_of_posix() -> None:
     program = PROGRAM.format(hidden=tuple(HIDDEN), modules=MODULES)
-    finished = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    finished = python("-c", program)
     assert finished.stdout.split() == list(MODULES), finished.stderr
 
 
 def test_the_test_itself_would_notice() -> None:
     program = PROGRAM.format(hidden=tuple(HIDDEN), modules=("uavrt.recording.writer_lock",))
-    finished = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    finished = python("-c", program)
     assert "hidden fcntl" in finished.stderr
 
 

@@ -4,11 +4,11 @@ import asyncio
 import contextlib
 import http.client
 import json
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from page_driver import write_map
@@ -21,7 +21,6 @@ from uavrt.errors import CommandRefused
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.web.commanding_page import Commander
 from uavrt.ground.web.password_tries import TRIES
-from uavrt.messages import Pose
 from uavrt.supervisor.mission.flight_removal import removable
 
 TAG = {
@@ -160,14 +159,12 @@ def test_columns_come_by_name_and_poses_as_few_as_wanted(served: Any) -> None:
     keeper = FlightKeeper(served.directory, clock)
     flight_id = keeper.begin([])
     for number in range(100):
-        half = math.radians(30.0 + number) / 2.0
-        pose = Pose(
-            time_ns=clock.now_ns() + number * 10**9,
-            latitude_deg=46.5,
-            longitude_deg=8.0,
-            altitude_amsl_m=1000.0,
+        pose = made.pose(
+            clock.now_ns() + number * 10**9,
+            46.5,
+            8.0,
             altitude_relative_m=float(number),
-            quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+            yaw_deg=30.0 + number,
         )
         keeper.add_pose(pose)
     keeper.close()

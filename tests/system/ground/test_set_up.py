@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import program
 from willing_drone import WillingDrone
 
 from uavrt.card import Card
@@ -66,7 +67,7 @@ def public_key(tmp_path: Path, kind: str = "ed25519") -> str:
     made = ["openssl", "genpkey", "-algorithm", kind, "-out", str(secret)]
     subprocess.run(made, check=True, capture_output=True)
     shown = ["openssl", "pkey", "-in", str(secret), "-pubout"]
-    return subprocess.run(shown, check=True, capture_output=True, text=True).stdout
+    return program(*shown, check=True).stdout
 
 
 def test_each_step_is_written_and_the_end_is_kept(

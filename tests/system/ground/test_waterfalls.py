@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from gapped import GAP_S, KINDS, write_gapped
@@ -19,9 +20,8 @@ from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.web.waterfalls import ChannelStream, recorded_picture
-from uavrt.messages import Tag
 
-TAG = Tag(tag_id=2, frequency_hz=148_712_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
+TAG = made.tag(2, 148_712_000.0, 1.2)
 
 
 def cells_of(record: dict[str, Any]) -> NDArray[np.uint8]:

@@ -5,13 +5,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+import made
+
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.web.integrating import fold_pictures
-from uavrt.messages import Tag
 from uavrt.recording import FlightFold, IntegratedVerdict, write_integrated
 
-TAG = Tag(tag_id=2, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
+TAG = made.tag(2, 148.7e6, 1.2)
 
 
 def flown(directory: Path) -> str:

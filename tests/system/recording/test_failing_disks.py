@@ -5,20 +5,17 @@ import json
 import os
 import shutil
 import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
+import numbered
 import pytest
+from command_line import python
 
 from uavrt.config import Settings
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import (
     FlightInfo,
-    Pose,
     Poses,
-    Pulse,
-    PulsePose,
 )
 from uavrt.recording import (
     FlightLayout,
@@ -28,11 +25,6 @@ from uavrt.recording import (
 )
 
 START_NS = 1_700_205_419_230_494_976
-
-MakePulse = Callable[..., Pulse]
-MakePulsePose = Callable[..., PulsePose]
-MakePose = Callable[..., Pose]
-MakeInfo = Callable[..., FlightInfo]
 
 
 FILE_SIZE_LIMIT = """
@@ -79,17 +71,12 @@ def pulse_pose(number: int) -> PulsePose:
 
 
 def test_a_full_disk_loses_nothing_and_is_made_up_for_when_there_is_space(
-    make_info: MakeInfo, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
-    info = make_info()
+    info = numbered.info(tmp_path / "flight")
     FlightRecorder.create(info).close()
     (tmp_path / "flight_pulses.py").write_text(FLIGHT_PULSES)
-    child = subprocess.run(
-        [sys.executable, "-c", FILE_SIZE_LIMIT, info.directory, str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    child = python("-c", FILE_SIZE_LIMIT, info.directory, tmp_path)
     assert child.returncode == 0, child.stderr
     told = json.loads(child.stdout)
     assert told["recorded"] > 100
@@ -103,41 +90,39 @@ def test_a_full_disk_loses_nothing_and_is_made_up_for_when_there_is_space(
     assert len(logged) == told["number"]
 
 
-def test_a_place_that_cannot_be_written_is_refused_with_a_remedy(
-    make_info: MakeInfo, tmp_path: Path
-) -> None:
+def test_a_place_that_cannot_be_written_is_refused_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingError, match="cannot make the flight directory") as caught:
-        FlightRecorder.create(make_info(tmp_path / "file" / "flight"))
+        FlightRecorder.create(numbered.info(tmp_path / "file" / "flight"))
     assert caught.value.remedy
 
 
 def test_a_flight_begun_on_a_failing_disk_is_recorded_once_the_disk_is_mended(
-    make_info: MakeInfo, make_pulse_pose: MakePulsePose, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
     card = tmp_path / "card"
     card.write_text("a file in the place of the directory")
-    info = make_info(card / "flight")
+    info = numbered.info(card / "flight")
     recorder = FlightRecorder.open(info, Settings())
-    recorder.write_pulse_poses([make_pulse_pose(0)])
+    recorder.write_pulse_poses([numbered.pulse_pose(0)])
     with pytest.raises(RecordingError, match="cannot make the flight directory"):
         recorder.commit()
     assert recorder.failed_commits == 2
     card.unlink()
-    recorder.write_pulse_poses([make_pulse_pose(1)])
+    recorder.write_pulse_poses([numbered.pulse_pose(1)])
     recorder.close()
     flight = read_flight(info.directory)
     assert flight.info == info
-    assert flight.pulse_poses == (make_pulse_pose(0), make_pulse_pose(1))
+    assert flight.pulse_poses == (numbered.pulse_pose(0), numbered.pulse_pose(1))
 
 
 @pytest.mark.parametrize("damage", ["header", "inside"])
 def test_a_damaged_database_is_put_aside_and_its_pulses_come_from_the_text_log(
-    make_info: MakeInfo, make_pulse_pose: MakePulsePose, damage: str
+    tmp_path: Path, damage: str
 ) -> None:
-    info = make_info()
+    info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses(make_pulse_pose(n) for n in range(200))
+    recorder.write_pulse_poses(numbered.pulse_pose(n) for n in range(200))
     recorder.close()
     layout = FlightLayout(Path(info.directory))
     content = bytearray(layout.database.read_bytes())
@@ -150,11 +135,11 @@ def test_a_damaged_database_is_put_aside_and_its_pulses_come_from_the_text_log(
         read_flight(info.directory)
 
     restarted = FlightRecorder.open(info)
-    restarted.write_pulse_poses([make_pulse_pose(200)])
+    restarted.write_pulse_poses([numbered.pulse_pose(200)])
     restarted.close()
     flight = read_flight(info.directory)
     starts = [one.pulse.start_time_ns for one in flight.pulse_poses]
-    assert starts == [make_pulse_pose(n).pulse.start_time_ns for n in range(201)]
+    assert starts == [numbered.pulse_pose(n).pulse.start_time_ns for n in range(201)]
     assert all(one.pose is not None for one in flight.pulse_poses)
     assert "put aside as flight.sqlite.damaged-1" in flight.notes[0][1]
     aside = layout.database.with_name("flight.sqlite.damaged-1")
@@ -163,13 +148,13 @@ def test_a_damaged_database_is_put_aside_and_its_pulses_come_from_the_text_log(
 
 
 def test_memory_is_bounded_while_the_disk_fails_and_pulses_outlast_poses(
-    make_info: MakeInfo, make_pulse: MakePulse, make_pose: MakePose
+    tmp_path: Path,
 ) -> None:
-    info = make_info()
+    info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
-    recorder.write_pulses([make_pulse(0)])
+    recorder.write_pulses([numbered.pulse(0)])
     for second in range(30):
-        many = tuple(make_pose(START_NS + second * 1000 + n) for n in range(1000))
+        many = tuple(numbered.pose(START_NS + second * 1000 + n) for n in range(1000))
         recorder.write_poses(Poses(poses=many))
     assert recorder.waiting_records == 20_001
     assert recorder.dropped_records == 10_000
@@ -179,9 +164,7 @@ def test_memory_is_bounded_while_the_disk_fails_and_pulses_outlast_poses(
     assert len(flight.pulse_poses) == 1
 
 
-def test_a_small_disk_filled_to_the_brim_keeps_what_was_recorded(
-    tmp_path: Path, make_info: MakeInfo, make_pulse_pose: MakePulsePose
-) -> None:
+def test_a_small_disk_filled_to_the_brim_keeps_what_was_recorded(tmp_path: Path) -> None:
     disk = tmp_path / "card"
     disk.mkdir()
     mounting = ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(disk)]
@@ -189,22 +172,20 @@ def test_a_small_disk_filled_to_the_brim_keeps_what_was_recorded(
     if mounted:
         mounted = subprocess.run(mounting, check=False, capture_output=True).returncode == 0
     try:
-        fill_the_disk(disk, make_info(disk / "flight"), make_pulse_pose, full=mounted)
+        fill_the_disk(disk, numbered.info(disk / "flight"), full=mounted)
     finally:
         if mounted:
             subprocess.run(["umount", str(disk)], check=True)
 
 
-def fill_the_disk(
-    disk: Path, info: FlightInfo, make_pulse_pose: MakePulsePose, *, full: bool
-) -> None:
+def fill_the_disk(disk: Path, info: FlightInfo, *, full: bool) -> None:
     """Fill a disk with pulses; without the right to mount one, only count what is recorded."""
     ballast = disk / "ballast"
     ballast.write_bytes(b"\0" * 150_000)
     recorder = FlightRecorder.create(info)
     recorded = number = failures = 0
     while failures < 3 and number < 2000:
-        recorder.write_pulse_poses([make_pulse_pose(number)])
+        recorder.write_pulse_poses([numbered.pulse_pose(number)])
         number += 1
         try:
             recorder.commit()
@@ -234,27 +215,22 @@ print(peak_mb() - before)
 
 @pytest.mark.parametrize("logs", ["whole", "missing"])
 def test_to_go_on_with_a_long_flight_takes_no_more_memory_than_with_a_short_one(
-    make_info: MakeInfo, make_pulse_pose: MakePulsePose, logs: str
+    tmp_path: Path, logs: str
 ) -> None:
-    info = make_info()
+    info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
     grown = {}
     numbers = iter(range(60_000))
     for count in (2_000, 30_000):
         recorder.write_pulse_poses(
-            make_pulse_pose(number, tag_id=2 + 2 * (number % 2))
+            numbered.pulse_pose(number, tag_id=2 + 2 * (number % 2))
             for number in itertools.islice(numbers, count)
         )
         recorder.commit()
         if logs == "missing":
             for log in Path(info.directory).rglob("pulse_pose_log.txt"):
                 log.unlink()
-        told = subprocess.run(
-            [sys.executable, "-c", REOPENED, info.directory],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        told = python("-c", REOPENED, info.directory, check=True)
         grown[count] = float(told.stdout)
     recorder.close()
     assert grown[30_000] < grown[2_000] + 3.0

@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from tests.unit.recording.conftest import MakeInfo
+import numbered
 
 from uavrt.recording import (
     FlightRecorder,
@@ -56,10 +56,8 @@ def write(directory: str, first: int) -> None:
 '''
 
 
-def test_kills_at_random_moments_lose_and_double_nothing(
-    make_info: MakeInfo, tmp_path: Path
-) -> None:
-    info = make_info()
+def test_kills_at_random_moments_lose_and_double_nothing(tmp_path: Path) -> None:
+    info = numbered.info(tmp_path / "flight_log_2023-11-17_07-16-59")
     FlightRecorder.create(info).close()
     (tmp_path / "flight_writer.py").write_text(FLIGHT_WRITER)
     moments = random.Random(11)

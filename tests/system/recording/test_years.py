@@ -3,10 +3,11 @@
 import contextlib
 import os
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numbered
 import pytest
 from loop_card import LoopCard, loop_card
 from tests.unit.recording.test_years import DAY_NS, SPRING_NS
@@ -14,7 +15,6 @@ from tests.unit.recording.test_years import DAY_NS, SPRING_NS
 from uavrt.computer import checks
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import RecordingError
-from uavrt.messages import FlightInfo, PulsePose
 from uavrt.recording import (
     FlightLayout,
     FlightRecorder,
@@ -37,8 +37,6 @@ def card(tmp_path: Path) -> Iterator[LoopCard]:
 
 def test_hundreds_of_flights_on_a_small_card_lose_nothing_that_was_promised(
     card: LoopCard,
-    make_info: Callable[[Path], FlightInfo],
-    make_pulse_pose: Callable[[int], PulsePose],
 ) -> None:
     """Some begin in 1970, some are starred, at times somebody fills the card to the brim."""
     rng = random.Random(1970)
@@ -60,7 +58,7 @@ def test_hundreds_of_flights_on_a_small_card_lose_nothing_that_was_promised(
                 while video.write(bytes(500_000)) == 500_000:
                     pass
         guard.flying(flight)
-        info = replace(make_info(flight), tags=())
+        info = replace(numbered.info(flight), tags=())
         guard.check()
         try:
             recorder = FlightRecorder.create(info, None)
@@ -68,7 +66,7 @@ def test_hundreds_of_flights_on_a_small_card_lose_nothing_that_was_promised(
             refused += 1
             (card.place / "holiday.mp4").unlink(missing_ok=True)
             recorder = FlightRecorder.open(info, None)
-        recorder.write_pulse_poses([make_pulse_pose(n) for n in range(3)])
+        recorder.write_pulse_poses([numbered.pulse_pose(n) for n in range(3)])
         channels = FlightLayout(flight).channels_directory
         if number % 7 == 0:
             channels.mkdir(parents=True)
@@ -104,19 +102,17 @@ def test_hundreds_of_flights_on_a_small_card_lose_nothing_that_was_promised(
 
 def test_a_card_that_turns_read_only_keeps_what_was_recorded_and_is_told(
     card: LoopCard,
-    make_info: Callable[[Path], FlightInfo],
-    make_pulse_pose: Callable[[int], PulsePose],
 ) -> None:
     flight = card.place / "flight_log_2026-05-01_08-15-00"
-    recorder = FlightRecorder.open(make_info(flight), durable=True)
-    recorder.write_pulse_poses([make_pulse_pose(n) for n in range(40)])
+    recorder = FlightRecorder.open(numbered.info(flight), durable=True)
+    recorder.write_pulse_poses([numbered.pulse_pose(n) for n in range(40)])
     recorder.commit()
     settings = Settings(recording=RecordingSettings(directory=str(card.place)))
     healthy = checks.check_card(settings)
     assert healthy.ok
     assert "(ext4)" in healthy.text
     card.fail()
-    recorder.write_pulse_poses([make_pulse_pose(n) for n in range(40, 60)])
+    recorder.write_pulse_poses([numbered.pulse_pose(n) for n in range(40, 60)])
     for _ in range(2):
         with pytest.raises(RecordingError) as caught:
             recorder.commit()

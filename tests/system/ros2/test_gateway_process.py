@@ -4,21 +4,18 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
+from until import until
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.messages import (
     Command,
-    CommandReply,
-    FlightInfo,
-    Pose,
     Poses,
     ProcessStatus,
     Pulse,
     PulsePose,
     StatusText,
-    SystemState,
     SystemStatus,
     Tag,
 )
@@ -30,39 +27,25 @@ ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
 TAGS = tuple(
-    Tag(
-        tag_id=tag_id,
-        frequency_hz=148.71e6 + 5e3 * tag_id,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.254,),
-        interval_uncertainty_s=0.06,
-        interval_jitter_s=0.01,
+    made.tag(
+        tag_id, 148.71e6 + 5e3 * tag_id, interval_uncertainty_s=0.06, interval_jitter_s=0.01
     )
     for tag_id in (2, 4, 6)
 )
 
-FLIGHT = FlightInfo(
-    directory="/flights/flight_log_2026-05-01_08-15-00",
+FLIGHT = made.flight_info(
+    "/flights/flight_log_2026-05-01_08-15-00",
+    TAGS,
     start_time_ns=1_777_623_300_000_000_000,
-    clock_offset_ns=0,
     center_frequency_hz=148.705e6,
-    sample_rate_hz=3e6,
-    tags=TAGS,
 )
 
-POSE = Pose(
-    time_ns=1_777_623_301_009_000_000,
-    latitude_deg=47.0,
-    longitude_deg=8.5,
-    altitude_amsl_m=500.0,
-    altitude_relative_m=40.0,
-    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-)
+POSE = made.pose(1_777_623_301_009_000_000, 47.0, 8.5, altitude_amsl_m=500.0)
 
 
 def a_pulse(number: int) -> Pulse:
     start_ns = 1_777_623_301_019_828_320 + number * 1_254_000_000
-    return pulse_at(
+    return made.pulse(
         start_ns,
         frequency_hz=148_720_012.5,
         snr_db=20.5,
@@ -77,9 +60,8 @@ def a_pulse(number: int) -> Pulse:
 
 
 def a_status(time_ns: int, *processes: ProcessStatus) -> SystemStatus:
-    return SystemStatus(
-        time_ns=time_ns,
-        state=SystemState.DETECTING,
+    return made.system_status(
+        time_ns,
         flight_directory=FLIGHT.directory,
         center_frequency_hz=FLIGHT.center_frequency_hz,
         tags=TAGS,
@@ -88,19 +70,18 @@ def a_status(time_ns: int, *processes: ProcessStatus) -> SystemStatus:
 
 
 def a_process(name: str, *, running: bool = True, ok: bool = True) -> ProcessStatus:
-    return ProcessStatus(
-        process=name,
+    return made.process_status(
+        name,
+        "detecting" if ok else "radio absent",
         running=running,
         pid=4321 if running else None,
-        status="detecting" if ok else "radio absent",
         ok=ok,
-        restarts=0,
         cpu_s=1.0,
         memory_mb=50.0,
     )
 
 
-def node_list(ros_peer: Any, wait_until: Any, read: Any) -> Any:
+def node_list(ros_peer: Any, read: Any) -> Any:
     """The newest list of nodes that the gateway has told."""
     found: list[Any] = []
 
@@ -108,13 +89,11 @@ def node_list(ros_peer: Any, wait_until: Any, read: Any) -> Any:
         found.extend(ros_peer.read(cdr, INFO) for cdr in read())
         return bool(found)
 
-    wait_until(come)
+    until(come)
     return found[-1]
 
 
-def collect(
-    wait_until: Any, read: Any, complete: Callable[[list[bytes]], bool] = bool
-) -> list[bytes]:
+def collect(read: Any, complete: Callable[[list[bytes]], bool] = bool) -> list[bytes]:
     """Samples until they are complete; by default, until there is one."""
     found: list[bytes] = []
 
@@ -122,16 +101,16 @@ def collect(
         found.extend(read())
         return bool(found) and complete(found)
 
-    wait_until(enough)
+    until(enough)
     return found
 
 
 def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
     gateway = launch()
-    info = node_list(ros_peer, wait_until, read)
+    info = node_list(ros_peer, read)
     nodes = {node.node_name: node for node in info.node_entities_info_seq}
     assert set(nodes) == {
         "StartStopComponent",
@@ -148,14 +127,14 @@ def test_the_nodes_of_the_thesis_are_seen_and_vanish_at_the_end(
         subscribed = [t for t in TOPICS.values() if name in t.subscribers]
         assert len(node.reader_gid_seq) == len(subscribed)
     assert gateway.close() == 0
-    assert len(node_list(ros_peer, wait_until, read).node_entities_info_seq) == 0
+    assert len(node_list(ros_peer, read).node_entities_info_seq) == 0
 
 
 def test_every_topic_has_the_name_type_hash_and_quality_of_service_of_ros_2(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     launch()
-    wait_until(lambda: {f"rt/{name}" for name in TOPICS} <= set(ros_peer.endpoints()))
+    until(lambda: {f"rt/{name}" for name in TOPICS} <= set(ros_peer.endpoints()))
     endpoints = ros_peer.endpoints()
     for name, topic in TOPICS.items():
         endpoint = endpoints[f"rt/{name}"]
@@ -168,12 +147,12 @@ def test_every_topic_has_the_name_type_hash_and_quality_of_service_of_ros_2(
 
 
 def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     pulses = ros_peer.listen("pulse", PULSE)
     poses = ros_peer.listen("pulse_pose", "uavrt_interfaces/msg/PulsePose")
     gateway = launch(flight=FLIGHT)
-    wait_until(lambda: {"rt/pulse", "rt/pulse_pose"} <= set(ros_peer.endpoints()))
+    until(lambda: {"rt/pulse", "rt/pulse_pose"} <= set(ros_peer.endpoints()))
     gateway.receive("health")
     directory = f"{FLIGHT.directory}/detector_log/tag_id_2"
     sent = [a_pulse(number) for number in range(60)]
@@ -188,12 +167,12 @@ def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
         first_poses.extend(poses())
         return bool(first) and bool(first_poses)
 
-    wait_until(connected)
+    until(connected)
     for pulse in sent[1:]:
         gateway.send("pulse", pulse)
         gateway.send("pulse_pose", PulsePose(pulse=pulse, pose=None))
     last = encode(pulse_to_ros(sent[-1], directory))
-    got = collect(wait_until, pulses, lambda got: trimmed(got[-1], last))
+    got = collect(pulses, lambda got: trimmed(got[-1], last))
     expected = [encode(pulse_to_ros(pulse, directory)) for pulse in sent[1:]]
     later = [cdr for cdr in got if not trimmed(cdr, encode(pulse_to_ros(sent[0], directory)))]
     assert len(later) == len(expected)
@@ -203,7 +182,7 @@ def test_pulses_arrive_byte_for_byte_with_and_without_a_pose(
     assert message.frequency == pytest.approx(148.7200125)
     assert message.start_time.nanosec == sent[1].start_time_ns % 10**9
     absent = encode(pulse_pose_to_ros(PulsePose(pulse=sent[-1], pose=None), directory))
-    with_pose = collect(wait_until, poses, lambda got: trimmed(got[-1], absent))
+    with_pose = collect(poses, lambda got: trimmed(got[-1], absent))
     theirs = ros_peer.read(with_pose[-1], "uavrt_interfaces/msg/PulsePose")
     assert theirs.antenna_pose.position.x != theirs.antenna_pose.position.x
 
@@ -267,7 +246,7 @@ def order(ros_peer: Any, what: str, **values: str) -> Any:
 
 
 def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     tags = ros_peer.listen("store_tag_information", "uavrt_interfaces/msg/Tag")
     start = ros_peer.listen("control_start_subprocess", ARRAY)
@@ -297,11 +276,11 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
         stored.extend(tags())
         return bool(starts) and bool(stored) and bool(seen)
 
-    wait_until(connected)
+    until(connected)
     ask("add_tag", TAGS[1])
     second = encode(tag_to_ros(TAGS[1]))
     # Some of the first tag may still be on their way.
-    shown = collect(wait_until, tags, lambda got: trimmed(got[-1], second))
+    shown = collect(tags, lambda got: trimmed(got[-1], second))
     first_tag = encode(tag_to_ros(TAGS[0]))
     assert all(trimmed(cdr, first_tag) for cdr in shown[:-1])
     ids: set[str] = set()
@@ -313,12 +292,12 @@ def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
         ids.update(ros_peer.read(cdr, ARRAY).status[0].hardware_id for cdr in seen)
         return len(ids) >= 4
 
-    wait_until(each_tag_has_its_detector)
+    until(each_tag_has_its_detector)
     assert ids == {"tag_id_2", "tag_id_4", "tag_id_6", "stop all"}
 
 
 def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     names = ("airspy_csdr_netcat", "channelizer", "detector")
     reads = {name: ros_peer.listen(f"status_{name}_subprocess", ARRAY) for name in names}
@@ -342,7 +321,7 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
                     found[name] = message
         return set(found) == set(names)
 
-    wait_until(told)
+    until(told)
     (radio,) = found["airspy_csdr_netcat"].status
     assert (radio.level, radio.message, radio.hardware_id) == (2, "dead", "airspy")
     (channelizer,) = found["channelizer"].status
@@ -357,7 +336,7 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
 
 
 def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     read = ros_peer.listen("pulse", PULSE)
     gateway = launch(flight=FLIGHT)
@@ -376,14 +355,12 @@ def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
         ids = [beat.tag_id for beat in beats]
         return ids.count(2) >= 2 and ids.count(6) >= 2
 
-    wait_until(two_beats_each)
+    until(two_beats_each)
     assert {beat.tag_id for beat in beats} == {2, 6}
     assert {beat.frequency for beat in beats} == {0.0}
 
 
-def test_the_antenna_s_pose_and_the_log_are_told(
-    launch: Any, ros_peer: Any, wait_until: Any
-) -> None:
+def test_the_antenna_s_pose_and_the_log_are_told(launch: Any, ros_peer: Any) -> None:
     poses = ros_peer.listen("antenna_pose", "geometry_msgs/msg/PoseStamped")
     logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
     gateway = launch()
@@ -395,19 +372,17 @@ def test_the_antenna_s_pose_and_the_log_are_told(
         told.extend(poses())
         return bool(told)
 
-    wait_until(come)
+    until(come)
     message = ros_peer.read(told[0], "geometry_msgs/msg/PoseStamped")
     assert message.header.frame_id == "antenna_pose"
     assert message.header.stamp.nanosec == POSE.time_ns % 10**9
     assert (message.pose.position.x, message.pose.position.y) == (47.0, 8.5)
     # The log reaches whoever comes late: it was written before we were found.
-    line = ros_peer.read(collect(wait_until, logs)[0], "rcl_interfaces/msg/Log")
+    line = ros_peer.read(collect(logs)[0], "rcl_interfaces/msg/Log")
     assert (line.level, line.msg, line.name) == (40, "radio absent", "StartStopComponent")
 
 
-def test_a_refused_command_is_told_with_its_reason(
-    launch: Any, ros_peer: Any, wait_until: Any
-) -> None:
+def test_a_refused_command_is_told_with_its_reason(launch: Any, ros_peer: Any) -> None:
     logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
     gateway = launch()
     ros_peer.advertise("control_start_subprocess", ARRAY)
@@ -415,19 +390,14 @@ def test_a_refused_command_is_told_with_its_reason(
     (command,) = gateway.receive("command")
     gateway.send(
         "command_reply",
-        CommandReply(
-            request_id=command.request_id,
-            name=command.name,
-            accepted=False,
-            message="no tags: send tags first",
-        ),
+        made.reply(command, message="no tags: send tags first", accepted=False),
     )
-    line = ros_peer.read(collect(wait_until, logs)[-1], "rcl_interfaces/msg/Log")
+    line = ros_peer.read(collect(logs)[-1], "rcl_interfaces/msg/Log")
     assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")
 
 
 def test_nonsense_is_refused_and_counted_and_the_next_command_is_obeyed(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     gateway = launch()
     ros_peer.advertise("store_tag_information", "uavrt_interfaces/msg/Tag")
@@ -449,11 +419,11 @@ def test_nonsense_is_refused_and_counted_and_the_next_command_is_obeyed(
     def refused() -> float:
         return float(gateway.receive("health")[0].counters["ros2_messages_refused"])
 
-    wait_until(lambda: refused() == 4)
+    until(lambda: refused() == 4)
 
 
 def test_a_component_alone_is_neither_started_nor_stopped_and_says_so(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     status = ros_peer.listen("status_detector_subprocess", ARRAY)
     launch()
@@ -466,13 +436,13 @@ def test_a_component_alone_is_neither_started_nor_stopped_and_says_so(
         echoes.extend(m.status[0] for m in messages if m.status)
         return bool(echoes)
 
-    wait_until(refused)
+    until(refused)
     assert (echoes[0].level, echoes[0].hardware_id) == (2, "stop all")
     assert "control_stop_subprocess" in echoes[0].message
 
 
 def test_commands_are_not_obeyed_where_the_settings_forbid_them(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, accept_commands=False))
     ros_peer.advertise("control_stop_subprocess", ARRAY)
@@ -481,5 +451,5 @@ def test_commands_are_not_obeyed_where_the_settings_forbid_them(
     def counters() -> dict[str, float]:
         return dict(gateway.receive("health")[0].counters)
 
-    wait_until(lambda: counters()["ros2_messages_refused"] == 1)
+    until(lambda: counters()["ros2_messages_refused"] == 1)
     assert counters()["ros2_commands"] == 0

@@ -3,13 +3,14 @@
 from dataclasses import replace
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
+from until import until
 
 from uavrt.config.loader import load_settings
 from uavrt.config.settings import Ros2Settings, is_ros_namespace
 from uavrt.errors import ConfigError
-from uavrt.messages import FlightInfo, StatusText, Tag
+from uavrt.messages import StatusText
 from uavrt.ros2 import TOPICS, type_hash
 from uavrt.ros2.messages import ParticipantEntitiesInfo16
 
@@ -17,14 +18,14 @@ INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
 
 def test_the_domain_comes_from_the_environment(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     launch(Ros2Settings(enabled=True), ROS_DOMAIN_ID=str(ros_domain))
-    wait_until(lambda: "rt/pulse" in ros_peer.endpoints())
+    until(lambda: "rt/pulse" in ros_peer.endpoints())
 
 
 def test_a_site_s_own_configuration_of_cyclone_is_honoured(
-    launch: Any, ros_domain: int, tmp_path: Any, wait_until: Any
+    launch: Any, ros_domain: int, tmp_path: Any
 ) -> None:
     trace = tmp_path / "cyclone.log"
     config = (
@@ -35,7 +36,7 @@ def test_a_site_s_own_configuration_of_cyclone_is_honoured(
     )
     gateway = launch(CYCLONEDDS_URI=config)
     gateway.receive("health")
-    wait_until(lambda: trace.exists() and trace.stat().st_size > 0)
+    until(lambda: trace.exists() and trace.stat().st_size > 0)
 
 
 def test_a_domain_that_is_none_keeps_the_gateway_off_and_says_why(launch: Any) -> None:
@@ -68,7 +69,7 @@ def test_without_the_extra_the_gateway_stays_off_and_says_so(
 
 
 def test_humble_and_galactic_get_their_longer_identifiers(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     from rosbags.typesys import get_types_from_msg
 
@@ -84,20 +85,20 @@ def test_humble_and_galactic_get_their_longer_identifiers(
         infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
         return bool(infos)
 
-    wait_until(come)
+    until(come)
     info = infos[-1]
     assert len(info.node_entities_info_seq) == 6
     assert len(info.gid.data) == 24
 
 
 def test_a_vehicle_in_a_namespace_has_all_but_the_log_in_it(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
     logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
     gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, namespace="/fleet/a1"))
     expected = {f"rt/fleet/a1/{name}" for name in TOPICS} | {"rt/rosout", "ros_discovery_info"}
-    wait_until(lambda: set(ros_peer.endpoints()) >= expected)
+    until(lambda: set(ros_peer.endpoints()) >= expected)
     assert set(ros_peer.endpoints()) - expected == set()
     infos: list[Any] = []
 
@@ -105,7 +106,7 @@ def test_a_vehicle_in_a_namespace_has_all_but_the_log_in_it(
         infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
         return bool(infos)
 
-    wait_until(come)
+    until(come)
     nodes = infos[-1].node_entities_info_seq
     assert {node.node_namespace for node in nodes} == {"/fleet/a1"}
     stop = ros_peer.new("std_msgs/msg/Bool", True)
@@ -120,7 +121,7 @@ def test_a_vehicle_in_a_namespace_has_all_but_the_log_in_it(
         lines.extend(ros_peer.read(cdr, "rcl_interfaces/msg/Log") for cdr in logs())
         return bool(lines)
 
-    wait_until(told)
+    until(told)
     assert lines[-1].name == "fleet.a1.StartStopComponent"
 
 
@@ -137,10 +138,10 @@ def test_what_ros_2_refuses_as_a_namespace(text: str) -> None:
 
 
 def test_the_node_list_has_a_type_hash_so_that_ros_2_prints_no_warning(
-    launch: Any, ros_peer: Any, wait_until: Any
+    launch: Any, ros_peer: Any
 ) -> None:
     launch()
-    wait_until(lambda: "ros_discovery_info" in ros_peer.endpoints())
+    until(lambda: "ros_discovery_info" in ros_peer.endpoints())
     policies = {p.__scope__: p for p in ros_peer.endpoints()["ros_discovery_info"].qos}
     expected = f"typehash={type_hash(ParticipantEntitiesInfo16)};"
     assert policies["Userdata"].data == expected.encode()
@@ -151,14 +152,14 @@ def test_the_node_list_has_a_type_hash_so_that_ros_2_prints_no_warning(
     [{"ROS_LOCALHOST_ONLY": "1"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}],
 )
 def test_ros_2_s_own_variables_keep_us_on_this_computer(
-    launch: Any, ros_peer: Any, ros_domain: int, environment: dict[str, str], wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int, environment: dict[str, str]
 ) -> None:
     # An interface that is not there would keep the gateway off; it is not asked for.
     settings = Ros2Settings(enabled=True, domain_id=ros_domain, interfaces=("nosuch0",))
     gateway = launch(settings, **environment)
     (health,) = gateway.receive("health")
     assert health.ok
-    wait_until(lambda: "rt/pulse" in ros_peer.endpoints())
+    until(lambda: "rt/pulse" in ros_peer.endpoints())
 
 
 def test_a_discovery_range_of_off_hides_us(launch: Any, ros_peer: Any) -> None:
@@ -175,20 +176,10 @@ def test_a_discovery_range_that_is_none_keeps_the_gateway_off_and_says_why(launc
 
 
 def test_each_tag_may_have_a_detector_node_that_publishes_its_pulses(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
-    tags = tuple(
-        Tag(tag_id=n, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
-        for n in (2, 4)
-    )
-    flight = FlightInfo(
-        directory="/flights/one",
-        start_time_ns=1,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=tags,
-    )
+    tags = tuple(made.tag(n, 148.7e6) for n in (2, 4))
+    flight = made.flight_info("/flights/one", tags, start_time_ns=1)
     read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
     settings = Ros2Settings(enabled=True, domain_id=ros_domain, node_per_tag=True)
     gateway = launch(settings, flight=flight)
@@ -201,25 +192,25 @@ def test_each_tag_may_have_a_detector_node_that_publishes_its_pulses(
         newest.update({node.node_name: node for node in found})
         return {node.node_name for node in found if node.node_name.startswith("Detector_tag")}
 
-    wait_until(lambda: nodes() == {"Detector_tag_2", "Detector_tag_4"})
+    until(lambda: nodes() == {"Detector_tag_2", "Detector_tag_4"})
     (writer,) = newest["Detector_tag_4"].writer_gid_seq
     # What a node publishes comes from its own publisher.
     reader = ros_peer.reader("pulse", "uavrt_interfaces/msg/Pulse")
-    wait_until(lambda: len(reader.get_matched_publications()) == 3)
-    gateway.send("pulse", pulse_at(1_777_623_301_019_828_320, tag_id=4))
+    until(lambda: len(reader.get_matched_publications()) == 3)
+    gateway.send("pulse", made.pulse(1_777_623_301_019_828_320, tag_id=4))
     samples: list[Any] = []
 
     def come() -> bool:
         samples.extend(s for s in reader.take(10) if hasattr(s, "cdr"))
         return bool(samples)
 
-    wait_until(come)
+    until(come)
     handle = samples[0].sample_info.publication_handle
     assert reader.get_matched_publication_data(handle).key.bytes == bytes(writer.data)
     # The next flight has other tags, and so other nodes.
     gateway.send("flight_end", flight)
     gateway.send("flight", replace(flight, tags=tags[:1]))
-    wait_until(lambda: nodes() == {"Detector_tag_2"})
+    until(lambda: nodes() == {"Detector_tag_2"})
 
 
 def test_a_namespace_in_the_file_is_refused_in_words(tmp_path: Any) -> None:

@@ -5,14 +5,14 @@ the DDS binding's.
 """
 
 import threading
-from collections.abc import Callable
 from typing import Any
 
+import made
 import pytest
+from until import until
 
 from uavrt.config.parameters import OFFERED, with_parameter
 from uavrt.config.settings import Ros2Settings, Settings
-from uavrt.messages import CommandReply, SystemState, SystemStatus
 
 NODE = "StartStopComponent"
 SERVICES = {
@@ -93,7 +93,7 @@ def service_types() -> dict[str, tuple[Any, Any]]:
 class Client:
     """Asks one node's parameter services."""
 
-    def __init__(self, peer: Any, wait_until: Callable[..., None], namespace: str = "") -> None:
+    def __init__(self, peer: Any, namespace: str = "") -> None:
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
         from cyclonedds.sub import DataReader
@@ -106,7 +106,6 @@ class Client:
             Policy.History.KeepLast(10),
             Policy.DataRepresentation(use_cdrv0_representation=True),
         )
-        self._wait_until = wait_until
         self._asked = 0
         self.types = service_types()
         self.ends: dict[str, tuple[Any, Any]] = {}
@@ -119,11 +118,8 @@ class Client:
             reader = DataReader(peer._participant, answers, qos=qos)
             self.ends[service] = writer, reader
         for writer, reader in self.ends.values():
-            wait_until(
-                lambda w=writer, r=reader: (
-                    w.get_matched_subscriptions() and r.get_matched_publications()
-                )
-            )
+            until(writer.get_matched_subscriptions)
+            until(reader.get_matched_publications)
 
     def ask(self, service: str, **details: Any) -> Any:
         """Ask; wait for the answer to this question."""
@@ -137,7 +133,7 @@ class Client:
             found.extend(reader.take(10))
             return bool(found)
 
-        self._wait_until(answered)
+        until(answered)
         assert (found[0].guid, found[0].sequence) == (GUID, self._asked)
         return found[0]
 
@@ -185,12 +181,7 @@ class Supervisor:
                     message = str(error)
                 else:
                     self._gateway.send("settings", self.settings)
-            reply = CommandReply(
-                request_id=command.request_id,
-                name=command.name,
-                accepted=not message,
-                message=message,
-            )
+            reply = made.reply(command, message=message, accepted=not message)
             self._gateway.send("command_reply", reply)
 
 
@@ -200,21 +191,14 @@ def settings(ros_domain: int) -> Ros2Settings:
 
 
 def test_parameters_are_listed_described_and_read(
-    launch: Any, ros_peer: Any, settings: Ros2Settings, wait_until: Any
+    launch: Any, ros_peer: Any, settings: Ros2Settings
 ) -> None:
     gateway = launch(settings)
     gateway.send(
         "system_status",
-        SystemStatus(
-            time_ns=0,
-            state=SystemState.DETECTING,
-            flight_directory=None,
-            center_frequency_hz=None,
-            tags=(),
-            processes=(),
-        ),
+        made.system_status(),
     )
-    client = Client(ros_peer, wait_until)
+    client = Client(ros_peer)
     names = client.ask("list_parameters", prefixes=[], depth=0).result.names
     assert names == list(OFFERED)
     asked = ["DET_WINDOW_HZ", "DET_K", "RADIO_BIAS_TEE", "DET_RUN", "nonsense"]
@@ -231,10 +215,10 @@ def test_parameters_are_listed_described_and_read(
 
 
 def test_what_is_set_goes_to_the_supervisor_and_his_answer_comes_back(
-    launch: Any, ros_peer: Any, settings: Ros2Settings, wait_until: Any
+    launch: Any, ros_peer: Any, settings: Ros2Settings
 ) -> None:
     gateway = launch(settings)
-    client = Client(ros_peer, wait_until)
+    client = Client(ros_peer)
     supervisor = Supervisor(gateway, Settings(ros2=settings))
     results = client.set("set_parameters", DET_K=5, DET_WINDOW_HZ=5000.0, NONE=1).results
     assert [result.successful for result in results] == [True, False, False]
@@ -247,10 +231,10 @@ def test_what_is_set_goes_to_the_supervisor_and_his_answer_comes_back(
 
 
 def test_together_all_are_set_or_none(
-    launch: Any, ros_peer: Any, settings: Ros2Settings, wait_until: Any
+    launch: Any, ros_peer: Any, settings: Ros2Settings
 ) -> None:
     gateway = launch(settings)
-    client = Client(ros_peer, wait_until)
+    client = Client(ros_peer)
     supervisor = Supervisor(gateway, Settings(ros2=settings))
     answer = client.set("set_parameters_atomically", DET_K=5, DET_WINDOW_HZ=5000.0).result
     assert not answer.successful
@@ -262,17 +246,17 @@ def test_together_all_are_set_or_none(
 
 
 def test_who_does_not_command_hears_why(
-    launch: Any, ros_peer: Any, settings: Ros2Settings, wait_until: Any
+    launch: Any, ros_peer: Any, settings: Ros2Settings
 ) -> None:
     gateway = launch(settings)
-    client = Client(ros_peer, wait_until)
+    client = Client(ros_peer)
     Supervisor(gateway, Settings(ros2=settings), refusal="mavlink 255/190 commands, you watch")
     (result,) = client.set("set_parameters", DET_K=5).results
     assert (result.successful, result.reason) == (False, "mavlink 255/190 commands, you watch")
 
 
 def test_a_drone_that_only_shows_lists_its_parameters_and_sets_none(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     shown = Ros2Settings(
         enabled=True,
@@ -282,7 +266,7 @@ def test_a_drone_that_only_shows_lists_its_parameters_and_sets_none(
         accept_commands=False,
     )
     launch(shown)
-    client = Client(ros_peer, wait_until, namespace="drone1/")
+    client = Client(ros_peer, namespace="drone1/")
     assert "DET_K" in client.ask("list_parameters", prefixes=["DET_K"], depth=0).result.names
     (result,) = client.set("set_parameters", DET_K=5).results
     assert "accept_commands = false" in result.reason

@@ -6,8 +6,10 @@ import sys
 from dataclasses import replace
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
+from some import some
+from until import until
 
 from uavrt.cli.listeners import RosPulses
 from uavrt.config.settings import Ros2Settings
@@ -18,8 +20,8 @@ from uavrt.ros2.convert import tag_to_ros
 
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
-TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
-PULSE = pulse_at(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
+TAG = made.tag()
+PULSE = made.pulse(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
 
 
 def order(ros_peer: Any, what: str) -> Any:
@@ -40,7 +42,7 @@ def counters(gateway: Any) -> dict[str, float]:
 
 
 def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     settings = Ros2Settings(enabled=True, domain_id=ros_domain, accept_pulses=True)
     mine, other = launch(settings), launch(settings)
@@ -54,7 +56,7 @@ def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
         mine.send("pulse", PULSE)
         return counters(other)["ros2_messages_of_gateways"] >= 20
 
-    wait_until(heard)
+    until(heard)
     told = counters(other)
     assert told["ros2_commands"] == told["ros2_pulses_taken"] == 0
     # An operator is obeyed all the same, by both.
@@ -64,15 +66,13 @@ def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
         assert gateway.receive("command")[0].name == "stop_detection"
 
 
-def test_a_recording_with_the_live_names_does_not_command(
-    launch: Any, ros_peer: Any, wait_until: Any
-) -> None:
+def test_a_recording_with_the_live_names_does_not_command(launch: Any, ros_peer: Any) -> None:
     gateway = launch()
     # `ros2 bag play` publishes everything as one participant.
     for name in ("pulse_pose", "control_stop_subprocess"):
         ros_peer.advertise(name, full_name(TOPICS[name].message))
     ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
-    wait_until(lambda: counters(gateway)["ros2_messages_of_gateways"] == 1)
+    until(lambda: counters(gateway)["ros2_messages_of_gateways"] == 1)
     assert counters(gateway)["ros2_commands"] == 0
 
 
@@ -111,7 +111,7 @@ pulses.close()
 
 
 def test_a_remote_detector_has_a_node_name_of_its_own_and_the_drone_s_namespace(
-    ros_domain: int, ros_peer: Any, wait_until: Any
+    ros_domain: int, ros_peer: Any
 ) -> None:
     read = ros_peer.listen("ros_discovery_info", INFO, prefix="", keep=True)
     environment = os.environ | {"ROS_DOMAIN_ID": str(ros_domain)}
@@ -124,14 +124,13 @@ def test_a_remote_detector_has_a_node_name_of_its_own_and_the_drone_s_namespace(
             infos.extend(ros_peer.read(cdr, INFO) for cdr in read())
             return bool(infos)
 
-        wait_until(come)
+        until(come)
         (node,) = infos[-1].node_entities_info_seq
         assert node.node_name.startswith("Detector_")
         assert node.node_name.endswith(f"_{process.pid}")
         assert node.node_namespace == "/drone1"
-        wait_until(lambda: "rt/drone1/pulse" in ros_peer.endpoints())
-        assert process.stdin is not None
-        process.stdin.close()
+        until(lambda: "rt/drone1/pulse" in ros_peer.endpoints())
+        some(process.stdin).close()
         assert process.wait(20.0) == 0
 
 
@@ -160,7 +159,7 @@ sys.stdin.read()
 
 
 def test_a_name_that_is_none_makes_the_gateway_deaf_to_nobody(
-    launch: Any, ros_peer: Any, ros_domain: int, wait_until: Any
+    launch: Any, ros_peer: Any, ros_domain: int
 ) -> None:
     gateway = launch()
     with subprocess.Popen(
@@ -168,9 +167,8 @@ def test_a_name_that_is_none_makes_the_gateway_deaf_to_nobody(
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
     ) as hostile:
-        assert hostile.stdout is not None
-        assert hostile.stdout.readline() == b"here\n"
-        wait_until(lambda: counters(gateway)["ros2_faults"] >= 3)
+        assert some(hostile.stdout).readline() == b"here\n"
+        until(lambda: counters(gateway)["ros2_faults"] >= 3)
         ros_peer.advertise("control_stop_subprocess", ARRAY)
         ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
         assert gateway.receive("command")[0].name == "stop_detection"

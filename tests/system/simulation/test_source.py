@@ -1,18 +1,18 @@
 """A simulated radio that keeps the time of a real one."""
 
-from tests.unit.simulation.test_source import MakeScenario
+import made
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.simulation.source import SimulatedSource
 
 
-def test_a_paced_source_gives_nothing_before_its_time(make_scenario: MakeScenario) -> None:
+def test_a_paced_source_gives_nothing_before_its_time() -> None:
     clock = Clock.start()
-    scenario = make_scenario().starting_at(clock.now_ns())
+    scenario = made.still_scenario().starting_at(clock.now_ns())
     source = SimulatedSource(scenario, block_samples=4800, clock=clock)
     assert source.total_samples is None
     assert source.read(timeout_s=0.0) is None
     for number in range(3):
-        block = source.read()
-        assert block is not None
+        some(source.read())
         assert clock.now_ns() >= scenario.start_time_ns + (number + 1) * 100_000_000

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import program
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.simulation import IQSynthesizer, Scenario, demo_scenario, write_scenario
@@ -38,8 +40,7 @@ def world(tmp_path: Path) -> tuple[Scenario, Path]:
 
 
 def read_exactly(process: subprocess.Popen[bytes], size: int) -> bytes:
-    assert process.stdout is not None
-    return process.stdout.read(size)
+    return some(process.stdout).read(size)
 
 
 @pytest.fixture
@@ -112,11 +113,9 @@ def test_it_ends_without_a_traceback_when_its_reader_goes_away(
 ) -> None:
     radio = start(*RADIO, "--world", str(world[1]), "-f", "148.68", *USUAL)
     read_exactly(radio, 8)
-    assert radio.stdout is not None
-    assert radio.stderr is not None
-    radio.stdout.close()
+    some(radio.stdout).close()
     assert radio.wait(timeout=30) == 1
-    errors = radio.stderr.read()
+    errors = some(radio.stderr).read()
     assert b"cannot write: Broken pipe" in errors
     assert b"Traceback" not in errors
 
@@ -240,7 +239,7 @@ def test_a_faulty_world_or_output_is_refused_in_plain_words(
 
 
 def test_airspy_info_finds_the_device_unless_it_is_absent() -> None:
-    found = subprocess.run(INFO, capture_output=True, check=True, text=True, timeout=60)
+    found = program(*INFO, check=True, timeout=60)
     assert f"0x{SERIAL:016X}" in found.stdout
     missing = subprocess.run(
         (*INFO, "--absent"), capture_output=True, check=False, text=True, timeout=60

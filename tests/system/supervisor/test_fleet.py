@@ -13,15 +13,15 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
+from some import some
 
 from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.ipc.parent import adopt_orphans
 from uavrt.messages import Tag
 from uavrt.supervisor.mission.flight_opening import share_tags
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt.supervisor.tree.child_output import OutputLog, warning_text
 from uavrt.supervisor.tree.fleet import Fleet
 from uavrt.supervisor.tree.instance import Instance
@@ -94,13 +94,7 @@ class Yard:
         self.output = OutputLog(directory)
         self.wake = asyncio.Event()
         settings = Settings(recording=RecordingSettings(directory=str(directory)))
-        mission = Mission(
-            settings,
-            StateStore(directory),
-            tell=self._tell,
-            on_start=lambda flight: None,
-            on_stop=lambda: None,
-        )
+        mission = made.mission(settings, directory, tell=self._tell)
         # A nursery that never comes: processes are executed.
         launcher = Launcher()
         launcher.tend = lambda: None  # type: ignore[method-assign]
@@ -227,8 +221,7 @@ def test_a_process_that_never_says_a_word_is_killed_too(run: Run) -> None:
 def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run) -> None:
     async def scene(yard: Yard) -> None:
         await yard.until(lambda: yard.records)
-        assert yard.instance.child is not None
-        pid = yard.instance.child.pid
+        pid = some(yard.instance.child).pid
         await yard.until(lambda: children_of(pid))
         grandchildren = children_of(pid)
         await yard.fleet.stop_all()
@@ -246,8 +239,7 @@ def start(text: str) -> subprocess.Popen[str]:
 def leave_an_orphan() -> int:
     """Get the id of a process whose parent has ended, and nobody of the table with it."""
     with start(LEAVE) as parent:
-        assert parent.stdout is not None
-        return int(parent.stdout.read())
+        return int(some(parent.stdout).read())
 
 
 def test_an_orphan_is_ended_at_once_and_a_child_that_is_spared_is_not(run: Run) -> None:
@@ -328,12 +320,7 @@ def test_a_traceback_is_no_text_but_is_kept(tmp_path: Path) -> None:
 
 def test_tags_of_one_band_go_to_one_worker_and_no_worker_is_left_without() -> None:
     def tag(tag_id: int, frequency_hz: float) -> Tag:
-        return Tag(
-            tag_id=tag_id,
-            frequency_hz=frequency_hz,
-            pulse_width_s=0.02,
-            pulse_intervals_s=(1.254,),
-        )
+        return made.tag(tag_id, frequency_hz)
 
     apart = tuple(tag(2 * n, 148e6 + 2000.0 * n) for n in range(1, 6))
     assert share_tags(apart, 2, window_hz=500.0) == (apart[::2], apart[1::2])
@@ -345,12 +332,7 @@ def test_tags_of_one_band_go_to_one_worker_and_no_worker_is_left_without() -> No
 
 def test_a_tag_and_its_ghosts_places_are_one_workers_while_the_load_is_even() -> None:
     def tag(tag_id: int, offset_hz: float) -> Tag:
-        return Tag(
-            tag_id=tag_id,
-            frequency_hz=148.7e6 + offset_hz,
-            pulse_width_s=0.02,
-            pulse_intervals_s=(1.254,),
-        )
+        return made.tag(tag_id, 148.7e6 + offset_hz)
 
     receiver = Receiver(148.7e6, 3e6)
     # Its mirror, a bystander, and where three times the first one's distance is.

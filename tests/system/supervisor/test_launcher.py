@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from some import some
+from until import until
 
 from uavrt.ipc.parent import adopt_orphans
 from uavrt.supervisor.mission.tuning import ask_tuner
@@ -53,13 +55,6 @@ def launcher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Launch
     yield launcher
     launcher.close()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
-
-
-def until(condition: Callable[[], object]) -> None:
-    deadline_s = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
 
 
 def ready(launcher: Launcher) -> None:
@@ -145,8 +140,7 @@ def test_the_death_of_the_nursery_ends_nobody_and_stops_no_start(launcher: Launc
 
 def test_a_nursery_that_does_not_answer_is_given_up(launcher: Launcher) -> None:
     ready(launcher)
-    assert launcher.pid is not None
-    os.kill(launcher.pid, signal.SIGSTOP)
+    os.kill(some(launcher.pid), signal.SIGSTOP)
     process = Started(launcher)
     assert process.first_line().startswith("True green")
     assert process.end()[0] == 7
@@ -193,8 +187,7 @@ def test_what_is_forked_dies_with_the_supervisor() -> None:
     supervisor = subprocess.Popen(
         [sys.executable, "-c", SUPERVISOR], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
-    assert supervisor.stdout is not None
-    with supervisor.stdout as output:
+    with some(supervisor.stdout) as output:
         while output.readline().strip() != b"staying":
             assert supervisor.poll() is None
         supervisor.kill()

@@ -44,12 +44,17 @@ def test_a_watchdog_meant_for_another_process_is_not_ours(
     systemd.ready()  # nobody to tell: nothing happens
 
 
-def test_a_manager_that_has_gone_does_not_stop_the_flight(
+def test_a_manager_that_has_gone_does_not_stop_the_flight_and_gets_states_once_it_is_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "nobody"))
+    place = str(tmp_path / "manager")
+    monkeypatch.setenv("NOTIFY_SOCKET", place)
     systemd = SystemdNotifier()
     systemd.alive("detecting")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(place)
+        systemd.alive("still detecting")
+        assert manager.recv(100) == b"WATCHDOG=1\nSTATUS=still detecting"
     systemd.close()
 
 

@@ -5,22 +5,20 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
-from pulses import pulse_at
 
 from uavrt.config import Settings
 from uavrt.messages import (
-    FlightInfo,
     Health,
     Pose,
     Poses,
     PulsePose,
-    SearchReport,
     StatusText,
 )
 from uavrt.recording import FlightRecorder
-from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag, TruePulse, World
+from uavrt.simulation import Flight, Leg, Scenario, TruePulse, World
 
 WriteFlight = Callable[..., Path]
 STATIONS_M = ((0.0, 0.0), (250.0, 0.0), (250.0, 250.0))
@@ -40,12 +38,10 @@ def survey_scenario(tags: int = 2) -> Scenario:
         duration_s=240.0,
         flight=Flight(leg=tuple(legs)),
         tag=tuple(
-            SimulatedTag(
-                tag_id=2 + number,
+            made.simulated_tag(
+                2 + number,
+                148.71e6 + 25e3 * number,
                 name="Kiwi & <Chick>" if number == 0 else None,
-                frequency_hz=148.71e6 + 25e3 * number,
-                pulse_width_s=0.02,
-                pulse_intervals_s=(1.254,),
                 north_m=120.0 + 60 * number,
                 east_m=420.0 - 150 * number,
                 erp_dbm=-38.0,
@@ -97,14 +93,7 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
         end_ns = scenario.start_time_ns + round(scenario.duration_s * 1e9)
         directory = tmp_path_factory.mktemp("flights") / name
         recorder = FlightRecorder.create(
-            FlightInfo(
-                directory=str(directory),
-                start_time_ns=scenario.start_time_ns,
-                clock_offset_ns=0,
-                center_frequency_hz=148.7e6,
-                sample_rate_hz=3e6,
-                tags=scenario.tags,
-            ),
+            made.flight_info(directory, scenario.tags, start_time_ns=scenario.start_time_ns),
             settings,
         )
         times = range(scenario.start_time_ns, end_ns, 100_000_000)
@@ -115,7 +104,7 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
             snr_db = truth.enr_db + float(rng.normal(0.0, 1.0))
             if truth.tag_id >= 2 + heard or snr_db < 10.0:
                 continue
-            pulse = pulse_at(
+            pulse = made.pulse(
                 truth.start_time_ns,
                 tag_id=truth.tag_id,
                 frequency_hz=truth.frequency_hz,
@@ -140,12 +129,8 @@ def write_flight(tmp_path_factory: pytest.TempPathFactory) -> WriteFlight:
                     )
                 )
             recorder.write_search_report(
-                SearchReport(
-                    tag_id=1 + tags,
-                    time_ns=time_ns,
-                    frequency_hz=148.71e6,
-                    noise_psd=1e-12 * math.exp(second / 300),
-                    best_score=0.4,
+                made.search_report(
+                    1 + tags, time_ns, noise_psd=1e-12 * math.exp(second / 300), best_score=0.4
                 )
             )
         recorder.write_status_text(StatusText(severity=4, text="samples lost <12>"), times[99])

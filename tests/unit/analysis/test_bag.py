@@ -8,13 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import msgspec
 import pytest
-from pulses import pulse_at
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from some import some
 
 from uavrt.analysis.measure.bag import export_bag
 from uavrt.cli.app import app
@@ -23,14 +24,11 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.messages import (
     Command,
     CommandReply,
-    FlightInfo,
     Pose,
     Poses,
     Pulse,
     PulsePose,
-    SearchReport,
     StatusText,
-    Tag,
 )
 from uavrt.recording import FlightRecorder, IntegratedVerdict, read_flight, write_integrated
 from uavrt.ros2 import TOPICS, encode, type_hash
@@ -41,12 +39,12 @@ INTERFACES = Path(__file__).parents[3] / "ros" / "uavrt_interfaces" / "msg"
 START_NS = 1_777_623_301_019_828_320
 S = 10**9
 STOP_NS = START_NS + 60 * S
-TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 
 
 def a_pulse(number: int) -> Pulse:
     start_ns = START_NS + 10**9 + number * 1_254_000_000
-    return pulse_at(
+    return made.pulse(
         start_ns,
         frequency_hz=148_710_012.5,
         snr_db=20.5,
@@ -61,26 +59,17 @@ def a_pulse(number: int) -> Pulse:
 
 
 def a_pose(time_ns: int) -> Pose:
-    return Pose(
-        time_ns=time_ns,
-        latitude_deg=47.4,
-        longitude_deg=8.5,
-        altitude_amsl_m=500.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-    )
+    return made.pose(time_ns, 47.4, 8.5, altitude_amsl_m=500.0)
 
 
 @pytest.fixture
 def flight(tmp_path: Path) -> Path:
     """A flight of 30 pulses, the last without a pose, on an antenna turned by 90°."""
-    info = FlightInfo(
-        directory=str(tmp_path / "flight_log_2026-05-01_08-15-00"),
+    info = made.flight_info(
+        tmp_path / "flight_log_2026-05-01_08-15-00",
+        (TAG,),
         start_time_ns=START_NS,
-        clock_offset_ns=0,
         center_frequency_hz=148.705e6,
-        sample_rate_hz=3e6,
-        tags=(TAG,),
     )
     settings = Settings(antenna=AntennaSettings(yaw_offset_deg=90.0))
     recorder = FlightRecorder.create(info, settings)
@@ -94,15 +83,7 @@ def flight(tmp_path: Path) -> Path:
         Poses(poses=tuple(a_pose(START_NS + number * 50_000_000) for number in range(100)))
     )
     recorder.write_status_text(StatusText(severity=4, text="radio absent"), START_NS + 5)
-    recorder.write_search_report(
-        SearchReport(
-            tag_id=2,
-            time_ns=START_NS + 2 * 10**9,
-            frequency_hz=148.71e6,
-            noise_psd=1e-9,
-            best_score=0.5,
-        )
-    )
+    recorder.write_search_report(made.search_report(2, START_NS + 2 * 10**9, noise_psd=1e-9))
     for number, accepted in ((1, False), (2, True)):
         stop = Command(name="stop_detection", request_id=number, source="ros2")
         reply = CommandReply(request_id=number, name=stop.name, accepted=accepted, message="")
@@ -236,8 +217,7 @@ def test_the_file_alone_is_read_too_and_describes_itself(
         (described,) = reader.iter_metadata()
         summary = reader.get_summary()
     assert times == sorted(times)
-    assert summary is not None
-    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+    assert {schema.encoding for schema in some(summary).schemas.values()} == {"ros2msg"}
     inside = json.loads(described.metadata["serialized_metadata"])
     assert inside == json.loads((bag.directory / "metadata.yaml").read_text(encoding="utf-8"))
     with AnyReader([bag.file], default_typestore=types) as whole:
@@ -276,8 +256,7 @@ def test_settings_of_the_flight_that_cannot_be_read_are_named(
 
 def test_a_settings_record_travels_as_the_recorder_writes_it(flight: Path) -> None:
     text = read_flight(flight).settings_json
-    assert text is not None
-    assert msgspec.json.decode(text, type=Settings).antenna.yaw_offset_deg == 90.0
+    assert msgspec.json.decode(some(text), type=Settings).antenna.yaw_offset_deg == 90.0
 
 
 def test_the_command_writes_into_the_flight_and_lists_the_topics(

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import made
 import pytest
 from command_line import uavrt
 
@@ -15,7 +16,7 @@ from uavrt.analysis.found_bursts import bursts_of_pulses
 from uavrt.analysis.measure import detect
 from uavrt.analysis.report.words import code_table, methods
 from uavrt.config import parse_tags, read_tags, write_tags
-from uavrt.messages import FlightInfo, Poses, Pulse, PulsePose
+from uavrt.messages import Poses, Pulse, PulsePose
 from uavrt.radio import open_recording
 from uavrt.recording import FlightRecorder, read_flight
 from uavrt.recording.formats import read_pulse_log
@@ -61,13 +62,12 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found: list[Pulse] = []
     detect(source, scenario.tags, found.extend)
     source.close()
-    info = FlightInfo(
-        directory=str(folder / "flight"),
+    info = made.flight_info(
+        folder / "flight",
+        scenario.tags,
         start_time_ns=scenario.start_time_ns,
-        clock_offset_ns=0,
         center_frequency_hz=166_360_000.0,
         sample_rate_hz=60_000.0,
-        tags=scenario.tags,
     )
     recorder = FlightRecorder.create(info, None)
     for pulse in found:
@@ -264,13 +264,12 @@ def test_a_whole_flight_places_a_code_beside_one_that_shares_three_of_its_pulses
 ) -> None:
     scenario = parse_scenario(TWO_PLACES)
     recording = simulate_to_directory(scenario, tmp_path / "simulated")
-    info = FlightInfo(
-        directory=str(tmp_path / "flight"),
+    info = made.flight_info(
+        tmp_path / "flight",
+        scenario.tags,
         start_time_ns=scenario.start_time_ns,
-        clock_offset_ns=0,
         center_frequency_hz=166_360_000.0,
         sample_rate_hz=60_000.0,
-        tags=scenario.tags,
     )
     recorder = FlightRecorder.create(info, None)
     times_ns = [scenario.start_time_ns + number * 200_000_000 for number in range(501)]

@@ -122,7 +122,9 @@ def test_elevation_files_of_another_place_are_a_limitation_and_no_zero(
     write_hills(tmp_path)
     (tmp_path / "N35W112.hgt").rename(tmp_path / "N47E008.hgt")
     coverage(flight, tag_power=-50.0, dem=tmp_path, cell=50.0, as_json=True)
-    for record in told(capsys):
+    records = told(capsys)
+    assert len(records) == 2
+    for record in records:
         assert "do not cover the way" in str(record["limitations"])
         assert float(str(record["mean_probability"])) > 0.1
 

@@ -1,5 +1,6 @@
 from collections.abc import Sequence
 
+import made
 import numpy as np
 import pytest
 
@@ -10,14 +11,7 @@ from uavrt.radio import NominalTimes
 
 CENTER_HZ = 148.7e6
 START_NS = 1_700_000_000_000_000_000
-TAG = Tag(
-    tag_id=3,
-    frequency_hz=CENTER_HZ + 612.0,
-    pulse_width_s=0.020,
-    pulse_intervals_s=(1.0,),
-    interval_uncertainty_s=0.02,
-    interval_jitter_s=0.005,
-)
+TAG = made.tag(3, CENTER_HZ + 612.0, 1.0, interval_uncertainty_s=0.02, interval_jitter_s=0.005)
 
 
 def beeping(rate_hz: float, seconds: float, offset_hz: float, seed: int = 1) -> np.ndarray:
@@ -51,11 +45,8 @@ class Memory:
         samples = self._samples[self._at : self._at + self._block]
         if not len(samples):
             raise self._end
-        block = IQBlock(
-            samples=samples,
-            sample_index=self._at,
-            time_ns=self._times.time_ns(self._at),
-            sample_rate_hz=self.sample_rate_hz,
+        block = made.iq_block(
+            samples, self._at, self.sample_rate_hz, time_ns=self._times.time_ns(self._at)
         )
         self._at += len(samples)
         return block
@@ -84,11 +75,10 @@ def test_pulses_are_found_at_every_rate_where_they_were_sent(rate_hz: float) -> 
 def test_tags_in_one_channel_and_in_several_are_told_apart() -> None:
     rate_hz = 250e3
     tags = [
-        Tag(
-            tag_id=number,
-            frequency_hz=CENTER_HZ + offset,
-            pulse_width_s=0.020,
-            pulse_intervals_s=(1.0,),
+        made.tag(
+            number,
+            CENTER_HZ + offset,
+            1.0,
             interval_uncertainty_s=0.02,
             interval_jitter_s=0.005,
         )

@@ -4,9 +4,10 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
-from pulses import pulse_at
+from some import some
 
 from uavrt.analysis.bearings import TagBearing, read_bearings, read_bearings_together
 from uavrt.analysis.positions import read_positions
@@ -17,7 +18,7 @@ from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
-from uavrt.messages import FlightInfo, Pose, Poses, PulsePose, Tag
+from uavrt.messages import Pose, Poses, PulsePose
 from uavrt.recording import (
     FlightRecorder,
     PulseWriter,
@@ -40,15 +41,7 @@ BACK_DB = np.array(TABLE.e_plane_db) - 7.0 / (1.0 + np.exp(-(ANGLES - 100.0) / 1
 
 def pose(time_ns: int, east: float, north: float, yaw_deg: float) -> Pose:
     latitude, longitude = PLANE.to_geodetic(east, north)
-    half = math.radians(yaw_deg) / 2.0
-    return Pose(
-        time_ns=time_ns,
-        latitude_deg=float(latitude),
-        longitude_deg=float(longitude),
-        altitude_amsl_m=540.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
-    )
+    return made.pose(time_ns, latitude, longitude, altitude_amsl_m=540.0, yaw_deg=yaw_deg)
 
 
 def flown(
@@ -76,7 +69,7 @@ def flown(
         off = difference_deg(math.degrees(math.atan2(TAG[0] - e, TAG[1] - n)), y)
         snr = 25.0 + float(np.interp(abs(off), ANGLES, BACK_DB)) + float(rng.normal(0.0, 1.2))
         time_ns = start_ns + round(time * 1e9)
-        heard = pulse_at(
+        heard = made.pulse(
             time_ns, frequency_hz=148e6, snr_db=snr, group_sequence=count, noise_psd=1e-10
         )
         pulses.append(PulsePose(pulse=heard, pose=pose(time_ns, e, n, y)))
@@ -102,16 +95,9 @@ def as_flight(
     start_ns = START_NS + number * HOUR_NS if clock_ns is None else clock_ns
     stamp = f"2026-05-01_0{number}-00-00" if clock_ns is None else flight_stamp(clock_ns)
     directory = folder / f"flight_log_{stamp}"
-    tag = Tag(tag_id=2, frequency_hz=148e6, pulse_width_s=0.02, pulse_intervals_s=(1.25,))
+    tag = made.tag(2, 148e6, 1.25)
     recorder = FlightRecorder.create(
-        FlightInfo(
-            directory=str(directory),
-            start_time_ns=start_ns,
-            clock_offset_ns=0,
-            center_frequency_hz=148e6,
-            sample_rate_hz=3e6,
-            tags=(tag,),
-        ),
+        made.flight_info(directory, (tag,), start_time_ns=start_ns, center_frequency_hz=148e6),
         Settings(),
     )
     recorder.write_poses(Poses(poses=tuple(poses)))
@@ -145,9 +131,8 @@ def test_three_logs_of_two_turns_teach_each_other_a_weaker_back(tmp_path: Path) 
     assert told == ["the antenna's pattern is as 6 turns of 3 flights have shown it"]
     (position,) = read_positions(*logs, warn=told.append)
     assert position.position is not None
-    assert position.position.radius95_m is not None
     off = PLANE.to_local(position.position.latitude_deg, position.position.longitude_deg)
-    assert math.dist(off, TAG) < min(15.0, position.position.radius95_m)
+    assert math.dist(off, TAG) < min(15.0, some(position.position.radius95_m))
     assert told[-1] == told[0]
 
 
@@ -196,8 +181,9 @@ def test_batch_and_page_are_taught_by_past_flights_as_the_command_line_is(
         settings=PlacingSettings(),
     )
     result = task.work(lambda: False, lambda _done: None)
-    assert result is not None
-    assert [(one.interval90_from_deg, one.interval90_to_deg) for one in result.bearings] == told
+    assert [
+        (one.interval90_from_deg, one.interval90_to_deg) for one in some(result).bearings
+    ] == told
     estimator, antenna = Estimator(), AntennaChoice()
     columns, listed = FlightLibrary(tmp_path).columns(last.name), read_flight(last).info.tags
     page = estimator.estimate(
@@ -241,14 +227,11 @@ def test_every_tag_of_a_mixed_set_has_a_position_or_a_reason(
         warn=told.append,
     )
     assert [one.tag_id for one in found] == [1, 2]
-    assert found[1].position is not None
-    assert found[1].position.stations == 6
+    assert some(found[1].position).stations == 6
     if method == "bayes":
-        assert found[0].position is not None
-        assert found[0].position.pulses > 100
+        assert some(found[0].position).pulses > 100
     else:
-        assert found[0].reason is not None
-        assert "needs bearings" in found[0].reason
+        assert "needs bearings" in some(found[0].reason)
     assert any("each kind has its own positions" in text for text in told)
 
 
@@ -266,5 +249,4 @@ def test_a_tag_that_was_heard_in_no_turn_has_a_reason(tmp_path: Path) -> None:
     ]
     (found,) = read_positions(as_log(tmp_path / "line.jsonl", moved))
     assert found.position is None
-    assert found.reason is not None
-    assert found.reason.startswith("it was heard, but in no turn in place")
+    assert some(found.reason).startswith("it was heard, but in no turn in place")

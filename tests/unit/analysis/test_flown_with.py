@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from some import some
 
 from uavrt.analysis import TagBearing, read_bearings, read_positions, read_survey
 from uavrt.analysis.flown_with import flight_antenna, flight_settings
@@ -38,11 +39,9 @@ def test_bearings_positions_and_reports_take_the_drones_own_antenna(flight: Path
     assert told(survey.bearings) == found
     (own,), (named,) = read_positions(flight), read_positions(flight, antenna="RA-2A")
     assert own.position is not None
-    assert named.position is not None
-    assert own.position.latitude_deg == named.position.latitude_deg
+    assert own.position.latitude_deg == some(named.position).latitude_deg
     (shown,) = survey.positions
-    assert shown.position is not None
-    assert shown.position.latitude_deg == own.position.latitude_deg
+    assert some(shown.position).latitude_deg == own.position.latitude_deg
 
 
 def test_a_flight_with_a_whip_is_a_survey_of_strength(write_flight: WriteFlight) -> None:
@@ -51,9 +50,7 @@ def test_a_flight_with_a_whip_is_a_survey_of_strength(write_flight: WriteFlight)
     assert (survey.antenna, survey.bearings) == ("monopole", ())
     assert survey.signals
     (own,), (named,) = read_positions(flight), read_positions(flight, antenna="monopole")
-    assert own.position is not None
-    assert named.position is not None
-    assert own.position.latitude_deg == named.position.latitude_deg
+    assert some(own.position).latitude_deg == some(named.position).latitude_deg
     with pytest.raises(UsageError, match="an upright whip, which tells no directions"):
         read_bearings(flight)
 
@@ -73,12 +70,10 @@ def test_an_antenna_that_is_not_known_here_is_told_with_what_to_do(
 
 def test_the_antenna_of_another_versions_settings_is_read(flight: Path) -> None:
     read = read_flight(flight)
-    assert read.settings_json is not None
-    tables = json.loads(read.settings_json) | {"of_next_year": {"a": "b"}}
+    tables = json.loads(some(read.settings_json)) | {"of_next_year": {"a": "b"}}
     tables["detection"]["operating_mode"] = "of next year"
     later = replace(read, settings_json=json.dumps(tables))
     settings = flight_settings(later)
-    assert settings is not None
     assert flight_antenna(later) == "RA-2A"
-    assert settings.detection == Settings().detection
+    assert some(settings).detection == Settings().detection
     assert flight_antenna(replace(read, settings_json=None)) == "RA-23K"

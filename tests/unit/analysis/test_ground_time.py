@@ -4,14 +4,14 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
-from pulses import pulse_at
 
 from uavrt.analysis.bearings import read_bearings
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
-from uavrt.messages import Pose, PulsePose
+from uavrt.messages import PulsePose
 from uavrt.recording import PulseWriter
 from uavrt.recording.formats import write_tagtracker
 from uavrt.recording.pulse_pose_log import format_line
@@ -42,17 +42,16 @@ def heard(*, turns: int = 1) -> Pulses:
         towards = math.degrees(math.atan2(TAG[0] - e, TAG[1])) - y + (90.0 if h < 2.0 else 0.0)
         gain = float(PATTERNS["RA-23K"].gain_db([towards])[0])
         latitude, longitude = PLANE.to_geodetic(e, 0.0)
-        half = math.radians(y) / 2.0
         time_ns = START_NS + round(time * 1e9)
-        pose = Pose(
-            time_ns=time_ns,
-            latitude_deg=float(latitude),
-            longitude_deg=float(longitude),
-            altitude_amsl_m=500.0 + h + float(rng.normal(0.0, 0.1)),
+        pose = made.pose(
+            time_ns,
+            latitude,
+            longitude,
             altitude_relative_m=h + float(rng.normal(0.0, 0.1)),
-            quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+            altitude_amsl_m=500.0 + h + float(rng.normal(0.0, 0.1)),
+            yaw_deg=y,
         )
-        pulse = pulse_at(
+        pulse = made.pulse(
             time_ns,
             frequency_hz=148e6,
             snr_db=24.0 + gain + float(rng.normal(0.0, 1.0)),

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
-from pulses import pulse_at as heard_pulse
+from some import some
 
 from uavrt.analysis.positions import TagPosition, read_positions
 from uavrt.clock import Clock
@@ -25,7 +26,7 @@ from uavrt.localization import (
     estimate_position,
     strengths_of,
 )
-from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.messages import Pose, PulsePose
 from uavrt.recording import vehicle_note
 from uavrt.terrain import open_elevation
 
@@ -33,7 +34,7 @@ pytestmark = pytest.mark.slow
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
-TAG = Tag(tag_id=2, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(1.2,))
+TAG = made.tag(2, 148.7e6, 1.2)
 TAG_M = (300.0, 400.0)
 LEVEL_DB = 45.0
 """SNR on boresight at 100 m."""
@@ -63,19 +64,17 @@ def snr_db(place_m: tuple[float, float], heading_deg: float, antenna: str = "RA-
 
 def posed(seconds: float, place_m: tuple[float, float], yaw_deg: float) -> Pose:
     latitude, longitude = PLANE.to_geodetic(*place_m)
-    half = math.radians(yaw_deg) / 2.0
-    return Pose(
-        time_ns=START_NS + round(seconds * 1e9),
-        latitude_deg=float(latitude),
-        longitude_deg=float(longitude),
-        altitude_amsl_m=1000.0,
+    return made.pose(
+        START_NS + round(seconds * 1e9),
+        latitude,
+        longitude,
         altitude_relative_m=6.0,
-        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+        yaw_deg=yaw_deg,
     )
 
 
 def heard(pose: Pose, level_db: float) -> PulsePose:
-    pulse = heard_pulse(
+    pulse = made.pulse(
         pose.time_ns, frequency_hz=148_700_010.0, snr_db=level_db, noise_psd=1e-9
     )
     return PulsePose(pulse=pulse, pose=pose)
@@ -127,9 +126,8 @@ def of_drone(directory: Path) -> Flown:
 def _kept(keeper: FlightKeeper, directory: Path) -> Flown:
     keeper.commit()
     columns = keeper.columns()
-    assert keeper.flight_id is not None
     keeper.close()
-    return Flown(path=directory / keeper.flight_id, columns=columns)
+    return Flown(path=directory / some(keeper.flight_id), columns=columns)
 
 
 @pytest.fixture
@@ -140,8 +138,7 @@ def drone(tmp_path: Path) -> Flown:
 def radius_m(found: Sequence[TagPosition]) -> float:
     (one,) = found
     assert one.position is not None
-    assert one.position.radius95_m is not None
-    return one.position.radius95_m
+    return some(one.position.radius95_m)
 
 
 def holds(found: Sequence[TagPosition]) -> bool:
@@ -160,10 +157,9 @@ def test_a_mast_near_the_tag_makes_a_drones_one_bearing_a_place(
     both = read_positions(mast.path, drone.path)
     assert radius_m(both) < 0.8 * radius_m(read_positions(drone.path))
     assert holds(both)
-    assert both[0].position is not None
     assert (
         f"{mast.path.name} (vehicle 7, mast): the strengths of 200 pulses, at one place, "
-        in (" ".join(both[0].position.remarks))
+        in (" ".join(some(both[0].position).remarks))
     )
 
 
@@ -225,11 +221,10 @@ def test_a_mast_that_missed_most_pulses_is_left_out_by_name(
 ) -> None:
     mast = of_mast(tmp_path / "mast", Mast(each=3))
     both = read_positions(mast.path, drone.path)
-    assert both[0].position is not None
     assert radius_m(both) == radius_m(read_positions(drone.path))
     assert (
         "its strengths (67 pulses) are not used: it missed more of them than it heard"
-        in " ".join(both[0].position.remarks)
+        in " ".join(some(both[0].position).remarks)
     )
 
 
@@ -249,8 +244,9 @@ def test_a_method_that_takes_bearings_alone_says_that_it_left_a_mast_out(
                 keeper.add_pulse(heard(pose, snr_db(place, 1.2 * step)))
         flights.append(_kept(keeper, tmp_path / str(number)).path)
     (one,) = read_positions(mast.path, *flights, method=method)  # type: ignore[arg-type]
-    assert one.position is not None
-    assert f"not used: the method {method} takes bearings alone" in one.position.remarks[-1]
+    assert (
+        f"not used: the method {method} takes bearings alone" in some(one.position).remarks[-1]
+    )
 
 
 def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) -> None:
@@ -264,8 +260,7 @@ def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) ->
     elevation = open_elevation(tiles)
     mast = of_mast(tmp_path / "mast", Mast())
     both = read_positions(drone.path, mast.path, elevation=elevation)
-    assert both[0].position is not None
-    (told,) = both[0].position.listeners
+    (told,) = some(both[0].position).listeners
     assert told.endswith("not used: what hills take from them is not reckoned with")
 
 
@@ -303,8 +298,7 @@ def test_a_mast_alone_says_what_is_missing(tmp_path: Path) -> None:
     mast = of_mast(tmp_path / "mast", Mast())
     (one,) = read_positions(mast.path)
     assert one.position is None
-    assert one.reason is not None
-    assert "only beside the bearings of others" in one.reason
+    assert "only beside the bearings of others" in some(one.reason)
 
 
 def test_circles_with_masts_hold_what_they_say() -> None:
@@ -316,11 +310,10 @@ def test_circles_with_masts_hold_what_they_say() -> None:
         stations, mast = _drawn(rng, tag)
         alone = estimate_position(stations)
         both = estimate_position(replace(stations, listeners=(mast,)))
-        assert alone.radius95_m is not None
         assert both.radius95_m is not None
         east, north = PLANE.to_local(both.latitude_deg, both.longitude_deg)
         held += math.hypot(float(east) - tag[0], float(north) - tag[1]) <= both.radius95_m
-        smaller.append(both.radius95_m / alone.radius95_m)
+        smaller.append(both.radius95_m / some(alone.radius95_m))
     # 95 % of 60 are 57; fewer than 52 come once in a hundred times.
     assert held >= 52
     assert float(np.mean(smaller)) < 0.95

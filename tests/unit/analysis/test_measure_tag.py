@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
@@ -322,7 +323,7 @@ def test_the_beat_of_regular_times_is_exact() -> None:
 def test_the_command_measures_the_simulators_tag_and_writes_its_entry(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from uavrt.simulation import Scenario, SimulatedTag
+    from uavrt.simulation import Scenario
     from uavrt.simulation.flight import Flight, Leg
     from uavrt.simulation.recording import simulate_to_directory
     from uavrt.simulation.scenario import Radio
@@ -331,15 +332,8 @@ def test_the_command_measures_the_simulators_tag_and_writes_its_entry(
         duration_s=20.0,
         radio=Radio(center_frequency_hz=148_705_000.0, sample_rate_hz=375_000.0),
         tag=(
-            SimulatedTag(
-                tag_id=2,
-                frequency_hz=148_710_000.0,
-                pulse_width_s=0.02,
-                pulse_intervals_s=(1.254,),
-                interval_jitter_s=0.01,
-                north_m=150.0,
-                east_m=60.0,
-                erp_dbm=-30.0,
+            made.simulated_tag(
+                interval_jitter_s=0.01, north_m=150.0, east_m=60.0, erp_dbm=-30.0
             ),
         ),
         flight=Flight(height_m=40.0, leg=(Leg(duration_s=20.0),)),

@@ -3,32 +3,32 @@
 import csv
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.survey import read_survey
-from uavrt.messages import FlightInfo, Pulse, PulsePose, Tag
-from uavrt.recording import FlightRecorder
+from uavrt.messages import Pulse, PulsePose, Tag
 from uavrt.recording.formats import read_pulse_log
 from uavrt.recording.pulse_files import PulseWriter
 
 START_NS = 1_700_205_419_500_000_000
-LOW = Tag(
-    tag_id=16,
+LOW = made.tag(
+    16,
+    166_350_000.0,
+    9.7,
     name="Wren",
-    frequency_hz=166_350_000.0,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(9.7,),
     interval_uncertainty_s=0.004,
     k=10,
     gaps_s=(0.041, 0.0266),
 )
-HIGH = Tag(
-    tag_id=12,
+HIGH = made.tag(
+    12,
+    166_370_500.0,
+    2.3,
     name="Robin",
-    frequency_hz=166_370_500.0,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(2.3,),
     interval_uncertainty_s=0.004,
     k=10,
     gaps_s=(0.022, 0.0488),
@@ -41,22 +41,13 @@ def _burst(tag: Tag, number: int, off_hz: float) -> Pulse:
     starts_ns = [start_ns]
     for gap_s in tag.gaps_s:
         starts_ns.append(starts_ns[-1] + round(gap_s * 1e9))
-    return Pulse(
+    return made.pulse(
+        start_ns,
         tag_id=tag.tag_id,
         frequency_hz=tag.frequency_hz + off_hz,
-        start_time_ns=start_ns,
         end_time_ns=starts_ns[-1] + 2_500_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
-        group_index=1,
         group_sequence=number,
         noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
         burst_starts_ns=tuple(starts_ns),
         burst_snrs_db=(20.0, 19.0, 21.0),
     )
@@ -69,18 +60,14 @@ BURSTS = [
 
 
 def _flight(folder: Path, tags: tuple[Tag, ...]) -> Path:
-    info = FlightInfo(
-        directory=str(folder),
+    info = made.flight_info(
+        folder,
+        tags,
         start_time_ns=START_NS,
-        clock_offset_ns=0,
         center_frequency_hz=166_360_000.0,
         sample_rate_hz=60_000.0,
-        tags=tags,
     )
-    recorder = FlightRecorder.create(info, None)
-    recorder.write_pulse_poses(tuple(PulsePose(pulse=one, pose=None) for one in BURSTS))
-    recorder.commit()
-    recorder.close()
+    made.flight(info, pulse_poses=tuple(PulsePose(pulse=one, pose=None) for one in BURSTS))
     return folder
 
 

@@ -9,9 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
+from some import some
 
 from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
@@ -46,11 +48,9 @@ def past_a_walker() -> Scenario:
         ]
 
     def tag(number: int, north_m: float, east_m: float, speed_m_s: float) -> SimulatedTag:
-        return SimulatedTag(
-            tag_id=number,
-            frequency_hz=148.6e6 + 25e3 * number,
-            pulse_width_s=0.02,
-            pulse_intervals_s=(1.254,),
+        return made.simulated_tag(
+            number,
+            148.6e6 + 25e3 * number,
             north_m=north_m,
             east_m=east_m,
             speed_m_s=speed_m_s,
@@ -79,10 +79,8 @@ def survey(place: Path) -> Survey:
 
 
 def way_of(survey: Survey, tag_id: int) -> Position:
-    found = survey.position_of(tag_id)
-    assert found is not None
-    assert found.position is not None
-    return found.position
+    found = some(survey.position_of(tag_id))
+    return some(found.position)
 
 
 def test_the_walker_is_followed_and_the_resting_tag_keeps_its_place(survey: Survey) -> None:
@@ -144,8 +142,7 @@ def test_bearings_of_a_file_from_several_days_tell_no_walk(
 
 def test_command_line_and_report_give_the_same_way(place: Path, survey: Survey) -> None:
     told = {one.tag_id: one.position for one in read_positions(place)}
-    walker = told[WALKER]
-    assert walker is not None
+    walker = some(told[WALKER])
     assert walker.track == way_of(survey, WALKER).track
 
 

@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from uavrt.analysis.measure.outside import LEAST_DB, OutsideSearch
 from uavrt.analysis.measure.pulse_search import Bursts, BurstSearch
-from uavrt.messages import ChannelBlock
-from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
+from uavrt_experiments.detection.signals import THESIS_TAG, make_samples
 
 RATE_HZ = 7500.0
 WINDOW_HZ = 500.0
@@ -28,9 +28,7 @@ def heard(
     pulses = [
         pulse
         for offset_hz, enr_db, interval_s in signals
-        for pulse in pulse_train(
-            rng, duration_s=40.0, interval_s=interval_s, offset_hz=offset_hz, enr_db=enr_db
-        )
+        for pulse in made.train(rng, 40.0, enr_db, interval_s=interval_s, offset_hz=offset_hz)
     ]
     samples = make_samples(rng, pulses, duration_s=40.0, sample_rate_hz=RATE_HZ)
     search = OutsideSearch((THESIS_TAG, replace(THESIS_TAG, tag_id=4)), WINDOW_HZ)
@@ -40,13 +38,11 @@ def heard(
         if number % of < lost:
             continue
         search.add(
-            ChannelBlock(
-                channel=0,
+            made.channel_block(
+                samples[first : first + 653],
+                first,
+                RATE_HZ,
                 center_frequency_hz=THESIS_TAG.frequency_hz,
-                samples=samples[first : first + 653],
-                sample_index=first,
-                time_ns=round(first / RATE_HZ * 1e9),
-                sample_rate_hz=RATE_HZ,
                 lost_before=first - end,
             )
         )
@@ -87,17 +83,14 @@ def test_what_the_next_channel_hears_of_a_strong_tags_edges_is_not_told(
     search = OutsideSearch((THESIS_TAG,), WINDOW_HZ)
     for channel, offset_hz in enumerate((800.0, -2950.0)):
         rng = np.random.default_rng(seed)
-        pulses = pulse_train(
-            rng, duration_s=40.0, interval_s=1.254, offset_hz=offset_hz, enr_db=enr_db
-        )
+        pulses = made.train(rng, 40.0, enr_db, offset_hz=offset_hz)
         search.add(
-            ChannelBlock(
+            made.channel_block(
+                make_samples(rng, pulses, duration_s=40.0, sample_rate_hz=RATE_HZ),
+                0,
+                RATE_HZ,
                 channel=channel,
                 center_frequency_hz=THESIS_TAG.frequency_hz - offset_hz,
-                samples=make_samples(rng, pulses, duration_s=40.0, sample_rate_hz=RATE_HZ),
-                sample_index=0,
-                time_ns=0,
-                sample_rate_hz=RATE_HZ,
             )
         )
     assert search.finish() == []
@@ -124,9 +117,7 @@ def test_a_glance_finds_the_bursts_that_a_look_at_every_window_finds(seed: int) 
     pulses = [
         pulse
         for offset_hz, enr_db in ((-1500.0, 19.0), (700.0, 24.0), (1900.0, 30.0))
-        for pulse in pulse_train(
-            rng, duration_s=60.0, interval_s=1.3, offset_hz=offset_hz, enr_db=enr_db
-        )
+        for pulse in made.train(rng, 60.0, enr_db, interval_s=1.3, offset_hz=offset_hz)
     ]
     samples = make_samples(rng, pulses, duration_s=60.0, sample_rate_hz=RATE_HZ)
     # The noise doubles half-way: the usual levels are measured again.
@@ -145,7 +136,7 @@ def test_a_glance_finds_the_bursts_that_a_look_at_every_window_finds(seed: int) 
 def test_a_carrier_that_begins_after_the_first_look_is_no_burst(share: float) -> None:
     """Else it passes for one wherever a pulse raises the energy, at the pulses' interval."""
     rng = np.random.default_rng(5)
-    pulses = pulse_train(rng, duration_s=60.0, interval_s=1.3, offset_hz=0.0, enr_db=26.0)
+    pulses = made.train(rng, 60.0, 26.0, interval_s=1.3)
     samples = make_samples(rng, pulses, duration_s=60.0, sample_rate_hz=RATE_HZ)
     noise = float(np.median(np.abs(samples) ** 2)) / np.log(2.0)
     at = np.arange(len(samples))

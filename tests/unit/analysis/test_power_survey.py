@@ -10,8 +10,10 @@ from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
+from some import some
 
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.positions import read_positions
@@ -23,7 +25,7 @@ from uavrt.errors import UsageError
 from uavrt.localization import PoseColumns, PowerTrack, TangentPlane, monopole_gain_db
 from uavrt.localization.flight_estimates import located
 from uavrt.recording import read_flight
-from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
+from uavrt.simulation import Flight, Leg, Scenario
 from uavrt.simulation.antenna import Antenna
 
 pytestmark = pytest.mark.slow
@@ -46,12 +48,8 @@ def lawnmower() -> Scenario:
         flight=Flight(leg=tuple(legs)),
         antenna=Antenna(pattern="monopole", gain_dbi=2.0, polarization="any"),
         tag=(
-            SimulatedTag(
-                tag_id=2,
+            made.simulated_tag(
                 name="frog",
-                frequency_hz=148.71e6,
-                pulse_width_s=0.02,
-                pulse_intervals_s=(1.254,),
                 interval_uncertainty_s=0.02,
                 north_m=TAG_NORTH_M,
                 east_m=TAG_EAST_M,
@@ -81,20 +79,15 @@ def miss_m(latitude_deg: float, longitude_deg: float) -> float:
 
 def test_the_tag_is_found_and_the_strongest_signal_is_on_its_ring(survey: Survey) -> None:
     assert survey.bearings == ()
-    found = survey.position_of(2)
-    assert found is not None
+    found = some(survey.position_of(2))
     assert found.position is not None
-    assert found.position.radius95_m is not None
     error = miss_m(found.position.latitude_deg, found.position.longitude_deg)
-    assert error < min(25.0, found.position.radius95_m)
-    signal = survey.signal_of(2)
-    assert signal is not None
-    assert signal.strongest is not None
-    loudest = signal.strongest
+    assert error < min(25.0, some(found.position.radius95_m))
+    signal = some(survey.signal_of(2))
+    loudest = some(signal.strongest)
     assert miss_m(loudest.latitude_deg, loudest.longitude_deg) > error
     assert loudest.ring_radius_m == pytest.approx(40.0 * math.sqrt(0.8), rel=0.1)
-    assert signal.surface is not None
-    assert np.nanmax(signal.surface.snr_db) <= loudest.snr_db + 1e-9
+    assert np.nanmax(some(signal.surface).snr_db) <= loudest.snr_db + 1e-9
     # Level at 40 m, and a climb to 75 m at one place, which makes no map.
     assert signal.heights[0].high_m < 50.0
     assert signal.heights[-1].high_m == pytest.approx(75.0, abs=1.0)
@@ -147,10 +140,8 @@ def test_the_exports_hold_the_signal_map_and_its_loudest_place(
     }
     columns, rows, start = (tags[tag][2] for tag in (256, 257, 273))
     pixels = np.frombuffer(tiff, "<f4", rows * columns, start)
-    signal = survey.signal_of(2)
-    assert signal is not None
-    assert signal.surface is not None
-    assert np.nanmax(pixels) == pytest.approx(np.nanmax(signal.surface.snr_db), abs=1e-3)
+    signal = some(survey.signal_of(2))
+    assert np.nanmax(pixels) == pytest.approx(np.nanmax(some(signal.surface).snr_db), abs=1e-3)
     content = json.loads(written["flight.geojson"].read_text())
     layers = [one["properties"]["layer"] for one in content["features"]]
     assert layers.count("strongest signal") == 1
@@ -192,8 +183,7 @@ def test_a_survey_at_two_heights_has_a_map_of_each_and_one_from_the_side(
         loudest = layer.strongest
         assert loudest.ring_radius_m == pytest.approx(ring_m, abs=3.0)
         assert miss_m(loudest.latitude_deg, loudest.longitude_deg) > 10.0
-    section = signal.section
-    assert section is not None
+    section = some(signal.section)
     # From the side: at 80 m it is nearly silent above the tag and loud beside it.
     top = section.snr_db[-1][np.isfinite(section.snr_db[-1])]
     assert top[0] < top.max() - 6.0
@@ -292,8 +282,7 @@ def test_a_ping_csv_of_ucsd_gives_a_position_once_the_height_is_told(
     assert "--height" in capsys.readouterr().out
     # The same in report and export, and without being told of UCSD's whip.
     reported = read_survey(pings, height_m=40.0)
-    assert reported.positions[0].position is not None
-    assert reported.positions[0].position.latitude_deg == found["latitude_deg"]
+    assert some(reported.positions[0].position).latitude_deg == found["latitude_deg"]
     with pytest.raises(SystemExit):
         app(["export", str(pings), "--height", "40", "--format", "csv", "-o", str(tmp_path)])
     (line,) = (tmp_path / "fixes.csv").read_text().splitlines()[1:]

@@ -2,14 +2,14 @@ import json
 import math
 from pathlib import Path
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.analysis.measure.redetect import FlightWriter
-from uavrt.attitude import from_euler_deg, yaw_deg
+from uavrt.attitude import yaw_deg
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.errors import RecordingError
-from uavrt.messages import FlightInfo, Pose, Poses, Pulse, StatusText, Tag
+from uavrt.messages import Poses, Pulse, StatusText
 from uavrt.recording import (
     Flight,
     FlightLayout,
@@ -20,8 +20,8 @@ from uavrt.recording import (
 
 START_NS = 1_700_000_000_000_000_000
 TAGS = (
-    Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.0,)),
-    Tag(tag_id=9, frequency_hz=148.72e6, pulse_width_s=0.02, pulse_intervals_s=(1.0,)),
+    made.tag(2, 148.71e6, 1.0),
+    made.tag(9, 148.72e6, 1.0),
 )
 
 
@@ -40,24 +40,22 @@ class Nothing:
 @pytest.fixture
 def flown(tmp_path: Path) -> Flight:
     """A flight of a minute that turns at 30°/s, with its antenna to the right."""
-    info = FlightInfo(
-        directory=str(tmp_path / "flight_log_2023-11-14_22-13-20"),
+    info = made.flight_info(
+        tmp_path / "flight_log_2023-11-14_22-13-20",
+        TAGS[:1],
         start_time_ns=START_NS,
         clock_offset_ns=5,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=TAGS[:1],
     )
     settings = Settings(antenna=AntennaSettings(yaw_offset_deg=90.0))
     recorder = FlightRecorder.create(info, settings)
     poses = tuple(
-        Pose(
-            time_ns=START_NS + number * 100_000_000,
-            latitude_deg=35.0,
-            longitude_deg=-111.0 + number * 1e-6,
-            altitude_amsl_m=2200.0,
+        made.pose(
+            START_NS + number * 100_000_000,
+            35.0,
+            -111.0 + number * 1e-6,
             altitude_relative_m=100.0,
-            quaternion_wxyz=from_euler_deg(3.0 * number, 0.0, 0.0),
+            altitude_amsl_m=2200.0,
+            yaw_deg=3.0 * number,
         )
         for number in range(600)
     )
@@ -69,7 +67,7 @@ def flown(tmp_path: Path) -> Flight:
 
 def pulse(tag_id: int, at_s: float) -> Pulse:
     start_ns = START_NS + round(at_s * 1e9)
-    return pulse_at(start_ns, tag_id=tag_id, frequency_hz=148.72e6, noise_psd=1e-9)
+    return made.pulse(start_ns, tag_id=tag_id, frequency_hz=148.72e6, noise_psd=1e-9)
 
 
 def test_a_search_that_was_refused_leaves_no_flight_behind(

@@ -4,14 +4,14 @@ import csv
 import json
 from pathlib import Path
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.analysis import read_season
 from uavrt.cli.app import app
 from uavrt.clock import Clock
 from uavrt.errors import FormatError
-from uavrt.messages import FlightInfo, PulsePose, SearchReport, Tag
+from uavrt.messages import PulsePose, Tag
 from uavrt.recording import FlightRecorder, battery_note, vehicle_note
 
 SECOND = 1_000_000_000
@@ -19,13 +19,7 @@ MAY_NS = 1_777_600_000 * SECOND
 
 
 def tag(tag_id: int, megahertz: float, name: str | None = None) -> Tag:
-    return Tag(
-        tag_id=tag_id,
-        frequency_hz=megahertz * 1e6,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.2,),
-        name=name,
-    )
+    return made.tag(tag_id, megahertz * 1e6, 1.2, name=name)
 
 
 LYNX, OTTER = tag(2, 148.7, "lynx"), tag(4, 148.9)
@@ -44,13 +38,12 @@ def fly(
     """Record a flight that heard each tag of `heard` from that second on, every 1.2 s."""
     start_ns = MAY_NS + start_s * SECOND
     place.parent.mkdir(parents=True, exist_ok=True)
-    info = FlightInfo(
-        directory=str(place),
+    info = made.flight_info(
+        place,
+        tags,
         start_time_ns=start_ns,
         clock_offset_ns=Clock.start().offset_ns,
         center_frequency_hz=148.8e6,
-        sample_rate_hz=3e6,
-        tags=tags,
     )
     recorder = FlightRecorder.open(info)
     for tag_id, from_s in (heard or {}).items():
@@ -58,15 +51,16 @@ def fly(
         recorder.write_pulse_poses(
             [
                 PulsePose(
-                    pulse=pulse_at(time_ns + shift_ns, tag_id=tag_id, snr_db=snr_db), pose=None
+                    pulse=made.pulse(time_ns + shift_ns, tag_id=tag_id, snr_db=snr_db),
+                    pose=None,
                 )
                 for time_ns in times
             ]
         )
     recorder.write_search_report(
-        SearchReport(
-            tag_id=tags[0].tag_id,
-            time_ns=start_ns + minutes * 60 * SECOND,
+        made.search_report(
+            tags[0].tag_id,
+            start_ns + minutes * 60 * SECOND,
             frequency_hz=148.7e6,
             noise_psd=1e-9,
             best_score=0.3,

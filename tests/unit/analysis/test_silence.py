@@ -323,7 +323,9 @@ def test_where_nothing_tells_that_a_detector_ran_silence_is_not_called_sure(
     with closing(sqlite3.connect(deaf / "flight.sqlite")) as database, database:
         database.execute("DELETE FROM search_reports")
     for flight, ran in ((listening, True), (deaf, False)):
-        for told in covered(flight, area, capsys).values():
+        records = covered(flight, area, capsys)
+        assert len(records) == 2
+        for told in records.values():
             doubted = "nothing tells that a detector ran" in " ".join(told["limitations"])
             assert doubted == (not ran)
             assert ran or told["sure_within_m"] is None

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from gapped import GAP_S, KINDS, write_gapped
-from pulses import pulse_at
 
 from uavrt.analysis.measure.switched import (
     SPEED_OF_LIGHT_M_S,
@@ -22,7 +22,7 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.bearing.array_bearings import switched_bound_deg
 from uavrt.messages import PulsePose
-from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag, World
+from uavrt.simulation import Flight, Leg, Scenario, World
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.antenna_switch import AntennaSwitch
 from uavrt.simulation.recording import simulate_to_directory
@@ -47,11 +47,9 @@ def world(
         radio=Radio(sample_rate_hz=RATE_HZ, center_frequency_hz=148.7e6),
         antenna=Antenna(pattern="monopole", gain_dbi=2.0, polarization="any", switch=switch),
         tag=tuple(
-            SimulatedTag(
-                tag_id=2 + number,
-                frequency_hz=148.7e6 + 1500.0 * (number - tags // 2) + 700.0,
-                pulse_width_s=0.02,
-                pulse_intervals_s=(1.254,),
+            made.simulated_tag(
+                2 + number,
+                148.7e6 + 1500.0 * (number - tags // 2) + 700.0,
                 interval_uncertainty_s=0.02,
                 north_m=400.0 * math.cos(bearing),
                 east_m=400.0 * math.sin(bearing),
@@ -77,7 +75,7 @@ def detected(scenario: Scenario, seed: int = 1) -> list[PulsePose]:
     for truth in World(scenario).truth(scenario.start_time_ns, end_ns):
         shift_ns = round(rng.normal(0.0, 0.7e6))
         start_ns = truth.start_time_ns + shift_ns
-        pulse = pulse_at(
+        pulse = made.pulse(
             start_ns,
             tag_id=truth.tag_id,
             frequency_hz=truth.frequency_hz + float(rng.normal(0.0, 2.5)),

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
-from pulses import pulse_at
 
 from uavrt.analysis.positions import TagPosition, read_positions
 from uavrt.localization import PATTERNS, TangentPlane
-from uavrt.messages import FlightInfo, Pose, PulsePose, Tag
-from uavrt.recording import FlightRecorder, PulseWriter
+from uavrt.messages import PulsePose
+from uavrt.recording import PulseWriter
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9
@@ -56,16 +56,10 @@ def turned(
             yaw_deg, time_ns = 7.5 * step, start_ns + (100 * number + step) * 1_250_000_000
             towards = math.degrees(math.atan2(tag[0] - east, tag[1] - north))
             gain = float(PATTERNS["RA-23K"].gain_db([towards - yaw_deg])[0])
-            half = math.radians(yaw_deg) / 2.0
-            pose = Pose(
-                time_ns=time_ns,
-                latitude_deg=float(latitude),
-                longitude_deg=float(longitude),
-                altitude_amsl_m=540.0,
-                altitude_relative_m=40.0,
-                quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+            pose = made.pose(
+                time_ns, latitude, longitude, altitude_amsl_m=540.0, yaw_deg=yaw_deg
             )
-            pulse = pulse_at(
+            pulse = made.pulse(
                 time_ns,
                 tag_id=tag_id,
                 frequency_hz=frequency_hz,
@@ -87,26 +81,13 @@ def as_log(path: Path, pulses: Sequence[PulsePose]) -> Path:
 
 def as_flight(directory: Path, pulses: Sequence[PulsePose], name: str) -> Path:
     first = pulses[0].pulse
-    tag = Tag(
-        tag_id=first.tag_id,
-        name=name,
-        frequency_hz=first.frequency_hz,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.25,),
-    )
-    recorder = FlightRecorder.create(
-        FlightInfo(
-            directory=str(directory),
-            start_time_ns=first.start_time_ns,
-            clock_offset_ns=0,
-            center_frequency_hz=148e6,
-            sample_rate_hz=3e6,
-            tags=(tag,),
+    tag = made.tag(first.tag_id, first.frequency_hz, 1.25, name=name)
+    made.flight(
+        made.flight_info(
+            directory, (tag,), start_time_ns=first.start_time_ns, center_frequency_hz=148e6
         ),
-        None,
+        pulse_poses=list(pulses),
     )
-    recorder.write_pulse_poses(list(pulses))
-    recorder.close()
     return directory
 
 

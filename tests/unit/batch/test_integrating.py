@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
@@ -12,8 +13,7 @@ from tests.unit.integration.conftest import RATE_HZ, rotation
 from uavrt.analysis.measure import TagSource
 from uavrt.batch import USUAL_STEPS, BatchSettings, ask, find_recordings, run_batch
 from uavrt.errors import UsageError
-from uavrt.messages import ChannelBlock, Poses
-from uavrt.recording import ChannelRecorder, FlightRecorder
+from uavrt.recording import ChannelRecorder
 from uavrt_experiments.detection.signals import START_NS
 
 ASKED = BatchSettings(steps=(*USUAL_STEPS, "integrate"))
@@ -26,9 +26,7 @@ def test_an_archive_tells_which_tags_whole_flights_show(
     directory = tmp_path / "archive" / "flight_log_2023-11-14_22-13-20"
     unkept = replace(weak.tag, tag_id=9, frequency_hz=weak.tag.frequency_hz + 50_000.0)
     info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag, unkept))
-    log = FlightRecorder.create(info, None)
-    log.write_poses(Poses(poses=weak.flight.poses))
-    log.close()
+    made.flight(info, poses=weak.flight.poses)
     found = find_recordings([directory.parent], None)
     sought = TagSource(tags=info.tags)
     output = tmp_path / "searched"
@@ -39,13 +37,12 @@ def test_an_archive_tells_which_tags_whole_flights_show(
     keeping = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
     keeping.put(
         [
-            ChannelBlock(
-                channel=0,
+            made.channel_block(
+                weak.samples.astype(np.complex64),
+                0,
+                RATE_HZ,
+                start_ns=START_NS,
                 center_frequency_hz=weak.tag.frequency_hz,
-                samples=weak.samples.astype(np.complex64),
-                sample_index=0,
-                time_ns=START_NS,
-                sample_rate_hz=RATE_HZ,
             )
         ]
     )
@@ -80,9 +77,7 @@ def test_an_archive_tells_which_tags_whole_flights_show(
 def test_a_whip_judges_whole_flights_as_any_antenna_does(tmp_path: Path) -> None:
     flown = rotation(4, None, pulses=20)
     directory = tmp_path / "archive" / "flight_log_2023-11-14_22-13-20"
-    log = FlightRecorder.create(replace(flown.flight.info, directory=str(directory)), None)
-    log.write_poses(Poses(poses=flown.flight.poses))
-    log.close()
+    made.flight(replace(flown.flight.info, directory=str(directory)), poses=flown.flight.poses)
     placing = replace(ASKED.placing, antenna="monopole")
     done = run_batch(
         find_recordings([directory.parent], None),

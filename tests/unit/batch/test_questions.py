@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import made
 import pyarrow as pa
 import pytest
 from command_line import uavrt
@@ -14,22 +15,13 @@ DAY_NS = 86_400 * 10**9
 
 def pulse(tag_id: int, day: int, snr_db: float, *, confirmed: bool) -> Pulse:
     start_ns = day * DAY_NS + 788  # a real clock's; Python's times have no nanoseconds
-    return Pulse(
+    return made.pulse(
+        start_ns,
         tag_id=tag_id,
         frequency_hz=148.7e6,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 20_000_000,
         snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=2.0,
-        group_index=1,
-        group_sequence=1,
         noise_psd=1e-9,
-        detection_status="confirmed",
         confirmed=confirmed,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
         also_possible_tag_ids=(4, 6),
     )
 

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, heard_amplitude, record
@@ -27,8 +28,7 @@ from uavrt.batch import (
 from uavrt.batch.detecting import _key as detecting_key
 from uavrt.batch.ledger import DONE, PLACED, Ledger
 from uavrt.batch.tables import POSES, PULSES, FlightRow, RecordingRow
-from uavrt.messages import ChannelBlock, Poses
-from uavrt.recording import ChannelRecorder, FlightRecorder
+from uavrt.recording import ChannelRecorder
 from uavrt_experiments.detection.signals import START_NS
 
 SOUGHT = TagSource(tags=TAGS[:1])
@@ -116,17 +116,14 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Found, TagSource, 
     weak = rotation(3, 6.0)
     directory = folder / "flight_log_2023-11-14_22-13-20"
     info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag,))
-    log = FlightRecorder.create(info, None)
-    log.write_poses(Poses(poses=weak.flight.poses))
-    log.close()
+    made.flight(info, poses=weak.flight.poses)
     keeping = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
-    block = ChannelBlock(
-        channel=0,
+    block = made.channel_block(
+        weak.samples.astype(np.complex64),
+        0,
+        CHANNEL_HZ,
+        start_ns=START_NS,
         center_frequency_hz=weak.tag.frequency_hz,
-        samples=weak.samples.astype(np.complex64),
-        sample_index=0,
-        time_ns=START_NS,
-        sample_rate_hz=CHANNEL_HZ,
     )
     keeping.put([block])
     keeping.close()

@@ -5,10 +5,10 @@ In this process, for speed; `test_wrong_inputs` does the same with real ones.
 
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
-from pulses import pulse_at
 
 from uavrt.recording import PulseWriter
 from uavrt.simulation import demo_scenario, simulate_to_directory
@@ -33,7 +33,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "junk.sigmf-data").touch()
     (tmp_path / "tags.txt").write_text(TAG)
     with (tmp_path / "pulses.jsonl").open("w") as stream:
-        PulseWriter(stream, "jsonl").write(pulse_at(1_700_000_001_000_000_000))
+        PulseWriter(stream, "jsonl").write(made.pulse(1_700_000_001_000_000_000))
     (tmp_path / "place").mkdir()
     simulate_to_directory(
         demo_scenario(), tmp_path / "world", duration_s=0.1, sample_rate_hz=250e3

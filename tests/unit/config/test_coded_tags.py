@@ -4,12 +4,12 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
 import yaml
 
 from uavrt.config import near_codes, parse_tags, read_tags, words_of_near_codes, write_tags
 from uavrt.errors import ConfigError, TagFileError, UsageError
-from uavrt.messages import Tag
 
 TOML = """\
 [defaults]
@@ -27,12 +27,12 @@ burst_interval_s = 5.3
 [[tag]]
 id = 14
 """
-CODE = Tag(
-    tag_id=12,
+CODE = made.tag(
+    12,
+    166_380_000.0,
+    5.3,
     name="Robin",
-    frequency_hz=166_380_000.0,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(5.3,),
     interval_uncertainty_s=0.004,
     k=10,
     gaps_s=(0.022, 0.0488, 0.0366),

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from typing import get_args
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,9 +24,8 @@ from uavrt.config.settings import (
 )
 from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError
-from uavrt.messages import Tag
 
-TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 
 
 def test_the_defaults_are_those_of_the_settings_and_names_fit_mavlink() -> None:

@@ -49,11 +49,10 @@ def test_the_manual_shows_its_program_its_package_and_its_gains(radio: RadioRow)
         assert re.search(rf"; {radio.default_gain} \|$", line)
 
 
-@EACH
-def test_the_words_of_its_program_lie_with_those_of_the_radio(radio: RadioRow) -> None:
-    if radio.receive:
-        log = FlightLayout(Path("flight")).process_log(radio.receive)
-        assert log.parent.name == "airspy_csdr_netcat_log"
+def test_the_words_of_each_program_lie_with_those_of_the_radio() -> None:
+    layout = FlightLayout(Path("flight"))
+    logs = [layout.process_log(radio.receive) for radio in RADIOS.values() if radio.receive]
+    assert {log.parent.name for log in logs} == {"airspy_csdr_netcat_log"}
 
 
 @EACH

@@ -4,27 +4,22 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
+from some import some
 
 from uavrt.config import parse_tags, read_tags, write_tags
 from uavrt.config.tag_files import faults_of_tags
 from uavrt.errors import ConfigError, TagFileError
-from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
+from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY
 
 HEADING = (
     "# id, freq_hz, ip_msecs, pulse_width_msecs, ip_uncertainty_msecs, ip_jitter_msecs, k, "
     "false_alarm\n"
 )
 THESIS_LINE = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
-THESIS_TAG = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.020,
-    pulse_intervals_s=(1.254,),
-    interval_uncertainty_s=0.060,
-    interval_jitter_s=0.010,
-    k=3,
-    false_alarm_probability=0.005,
+THESIS_TAG = made.tag(
+    interval_uncertainty_s=0.060, interval_jitter_s=0.010, false_alarm_probability=0.005
 )
 
 
@@ -148,22 +143,8 @@ interval_jitter_ms = 10
 
 def test_a_toml_file_has_names_second_intervals_and_shared_values() -> None:
     luna, other = parse_tags(TOML.encode(), name="tags.toml")
-    assert luna == Tag(
-        tag_id=2,
-        frequency_hz=148_710_000.0,
-        pulse_width_s=0.015,
-        pulse_intervals_s=(1.333, 2.0),
-        k=5,
-        name="Luna",
-    )
-    assert other == Tag(
-        tag_id=4,
-        frequency_hz=150_123_456.0,
-        pulse_width_s=0.020,
-        pulse_intervals_s=(1.2545,),
-        interval_jitter_s=0.010,
-        k=5,
-    )
+    assert luna == made.tag(2, 148_710_000.0, 1.333, 2.0, pulse_width_s=0.015, k=5, name="Luna")
+    assert other == made.tag(4, 150_123_456.0, 1.2545, interval_jitter_s=0.010, k=5)
 
 
 def test_toml_is_known_by_its_content_under_any_name() -> None:
@@ -288,11 +269,9 @@ def test_the_default_false_alarm_probability_is_the_same_wherever_a_tag_comes_fr
     manual = (root / "docs/reference/tag-files.md").read_text(encoding="utf-8")
     on_page = re.search(r"DEFAULT_FALSE_ALARM_PERCENT = ([\d.]+);", page)
     in_manual = re.search(r"^\| `false_alarm_probability` \|[^|]*\| ([\d.]+) \|", manual, re.M)
-    assert on_page is not None
-    assert in_manual is not None
     assert tag.false_alarm_probability == DEFAULT_FALSE_ALARM_PROBABILITY
-    assert float(on_page[1]) == pytest.approx(100.0 * DEFAULT_FALSE_ALARM_PROBABILITY)
-    assert float(in_manual[1]) == DEFAULT_FALSE_ALARM_PROBABILITY
+    assert float(some(on_page)[1]) == pytest.approx(100.0 * DEFAULT_FALSE_ALARM_PROBABILITY)
+    assert float(some(in_manual)[1]) == DEFAULT_FALSE_ALARM_PROBABILITY
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
-from uavrt.detection import OperatingMode, PulseDetector
+from uavrt.detection import OperatingMode
 from uavrt.messages import Pulse, Tag
-from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
+from uavrt_experiments.detection.signals import THESIS_TAG, make_samples
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
 SECONDS = 40.0
@@ -25,20 +26,20 @@ def heard(
     pulses = [
         pulse
         for number, (offset_hz, interval_s, enr_db) in enumerate(signals)
-        for pulse in pulse_train(
+        for pulse in made.train(
             rng,
-            duration_s=SECONDS,
+            SECONDS,
+            enr_db,
             interval_s=interval_s,
             offset_hz=offset_hz,
-            enr_db=enr_db,
             first_s=0.5 + 0.4 * number,
             jitter_s=0.002,
         )
     ]
     samples = make_samples(rng, pulses, duration_s=SECONDS)
-    detector = PulseDetector(
+    detector = made.detector(
         tag,
-        sample_rate_hz=RATE_HZ,
+        RATE_HZ,
         center_frequency_hz=CENTER_HZ,
         operating_mode=mode,
         excluded_hz=[(CENTER_HZ + low, CENTER_HZ + high) for low, high in excluded_hz],

@@ -4,17 +4,18 @@ import itertools
 import math
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
+from some import some
 
-from uavrt.detection import OperatingMode, PulseDetector
+from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError
 from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
     noise,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import compare, detect
 
@@ -32,9 +33,7 @@ def test_every_pulse_of_a_clear_tag_is_found_once_at_any_sample_rate(
     sample_rate_hz: float,
 ) -> None:
     rng = np.random.default_rng(10)
-    truth = pulse_train(
-        rng, duration_s=30.0, interval_s=1.27, offset_hz=333.0, enr_db=20.0, jitter_s=0.005
-    )
+    truth = made.train(rng, 30.0, 20.0, interval_s=1.27, offset_hz=333.0, jitter_s=0.005)
     samples = make_samples(rng, truth, duration_s=30.0, sample_rate_hz=sample_rate_hz)
     pulses, detector = detect(samples, THESIS_TAG, sample_rate_hz=sample_rate_hz)
     result = compare(pulses, truth, THESIS_TAG)
@@ -50,14 +49,7 @@ def test_a_turning_antenna_loses_no_pulse_that_is_strong_enough() -> None:
     detectable = found = false = 0
     for seed in range(3):
         rng = np.random.default_rng(20 + seed)
-        truth = pulse_train(
-            rng,
-            duration_s=60.0,
-            interval_s=1.254,
-            offset_hz=-120.0,
-            enr_db=rotating_enr_db,
-            jitter_s=0.005,
-        )
+        truth = made.train(rng, 60.0, rotating_enr_db, offset_hz=-120.0, jitter_s=0.005)
         samples = make_samples(rng, truth, duration_s=60.0)
         pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=500.0)
         result = compare(pulses, truth, THESIS_TAG)
@@ -72,9 +64,7 @@ def test_a_turning_antenna_loses_no_pulse_that_is_strong_enough() -> None:
 
 def test_the_first_pulses_of_a_stream_are_not_missed() -> None:
     rng = np.random.default_rng(30)
-    truth = pulse_train(
-        rng, duration_s=4.2, interval_s=1.254, offset_hz=0.0, enr_db=17.0, first_s=0.1
-    )
+    truth = made.train(rng, 4.2, 17.0, first_s=0.1)
     pulses, _ = detect(make_samples(rng, truth, duration_s=4.2), THESIS_TAG)
     result = compare(pulses, truth, THESIS_TAG)
     assert result.matched == len(truth) == 4
@@ -82,9 +72,7 @@ def test_the_first_pulses_of_a_stream_are_not_missed() -> None:
 
 def test_flush_reports_a_group_whose_last_pulse_just_ended() -> None:
     rng = np.random.default_rng(31)
-    truth = pulse_train(
-        rng, duration_s=2.66, interval_s=1.254, offset_hz=0.0, enr_db=17.0, first_s=0.1
-    )
+    truth = made.train(rng, 2.66, 17.0, first_s=0.1)
     samples = make_samples(rng, truth, duration_s=2.66)
     pulses, _ = detect(samples, THESIS_TAG)
     assert compare(pulses, truth, THESIS_TAG).matched == len(truth) == 3
@@ -92,7 +80,7 @@ def test_flush_reports_a_group_whose_last_pulse_just_ended() -> None:
 
 def test_groups_are_numbered_upwards_and_indexed_from_one() -> None:
     rng = np.random.default_rng(32)
-    truth = pulse_train(rng, duration_s=25.0, interval_s=1.254, offset_hz=50.0, enr_db=20.0)
+    truth = made.train(rng, 25.0, 20.0, offset_hz=50.0)
     pulses, _ = detect(make_samples(rng, truth, duration_s=25.0), THESIS_TAG)
     keys = [(p.group_sequence, p.group_index) for p in pulses]
     assert len(set(keys)) == len(keys)
@@ -102,27 +90,21 @@ def test_groups_are_numbered_upwards_and_indexed_from_one() -> None:
 
 def test_the_next_pulse_lies_where_a_confirmed_one_predicts_it() -> None:
     rng = np.random.default_rng(33)
-    truth = pulse_train(
-        rng, duration_s=60.0, interval_s=1.29, offset_hz=50.0, enr_db=18.0, jitter_s=0.005
-    )
+    truth = made.train(rng, 60.0, 18.0, interval_s=1.29, offset_hz=50.0, jitter_s=0.005)
     pulses, _ = detect(make_samples(rng, truth, duration_s=60.0), THESIS_TAG)
     pulses.sort(key=lambda p: p.start_time_ns)
     inside = 0
     for now, then in itertools.pairwise(pulses[3:]):
-        assert now.predicted_next_start_ns is not None
-        assert now.predicted_next_end_ns is not None
-        inside += now.predicted_next_start_ns <= then.start_time_ns
-        inside += then.end_time_ns <= now.predicted_next_end_ns
+        inside += some(now.predicted_next_start_ns) <= then.start_time_ns
+        inside += then.end_time_ns <= some(now.predicted_next_end_ns)
     assert inside >= 0.98 * 2 * (len(pulses) - 4)
 
 
 def test_lost_blocks_lose_their_pulses_only() -> None:
     rng = np.random.default_rng(34)
-    truth = pulse_train(rng, duration_s=60.0, interval_s=1.254, offset_hz=0.0, enr_db=18.0)
+    truth = made.train(rng, 60.0, 18.0)
     samples = make_samples(rng, truth, duration_s=60.0)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG)
     pulses = []
     lost = 0
     there = np.ones(len(samples), bool)
@@ -145,13 +127,9 @@ def test_lost_blocks_lose_their_pulses_only() -> None:
 def test_a_group_with_a_pulse_in_a_hole_is_judged_by_the_others() -> None:
     # Two strong pulses carry a group whose third place holds nothing but lost samples.
     rng = np.random.default_rng(36)
-    truth = pulse_train(
-        rng, duration_s=20.0, interval_s=1.254, offset_hz=0.0, enr_db=18.0, first_s=0.2
-    )
+    truth = made.train(rng, 20.0, 18.0, first_s=0.2)
     samples = make_samples(rng, truth, duration_s=20.0)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG)
     pulses = []
     lost = [
         range(round((p.start_s - 0.3) * 3750), round((p.start_s + 0.4) * 3750)) for p in truth
@@ -170,11 +148,9 @@ def test_a_group_with_a_pulse_in_a_hole_is_judged_by_the_others() -> None:
 
 def test_stale_and_repeated_blocks_are_refused_and_counted() -> None:
     rng = np.random.default_rng(35)
-    truth = pulse_train(rng, duration_s=20.0, interval_s=1.254, offset_hz=0.0, enr_db=20.0)
+    truth = made.train(rng, 20.0, 20.0)
     samples = make_samples(rng, truth, duration_s=20.0)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG)
     pulses = []
     for first in range(0, len(samples), 375):
         time_ns = START_NS + round(first / 3750.0 * 1e9)
@@ -190,12 +166,10 @@ def test_stale_and_repeated_blocks_are_refused_and_counted() -> None:
 @pytest.mark.parametrize("jump_s", [1000.0, -1000.0])
 def test_a_jump_of_the_clock_is_survived(jump_s: float) -> None:
     rng = np.random.default_rng(36)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG)
     found = 0
     for start_ns in (START_NS, START_NS + round(jump_s * 1e9)):
-        truth = pulse_train(rng, duration_s=15.0, interval_s=1.254, offset_hz=0.0, enr_db=20.0)
+        truth = made.train(rng, 15.0, 20.0)
         samples = make_samples(rng, truth, duration_s=15.0)
         pulses = []
         for first in range(0, len(samples), 375):
@@ -209,9 +183,7 @@ def test_a_jump_of_the_clock_is_survived(jump_s: float) -> None:
 
 def test_searching_without_finding_is_reported_once_a_second_with_the_noise() -> None:
     rng = np.random.default_rng(37)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=3750.0, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG)
     samples = 2.0 * noise(rng, 75_000)
     for first in range(0, len(samples), 375):
         detector.process(samples[first : first + 375], START_NS + round(first / 3750.0 * 1e9))
@@ -224,7 +196,7 @@ def test_searching_without_finding_is_reported_once_a_second_with_the_noise() ->
 
 def test_a_known_frequency_is_searched_only_around_it() -> None:
     rng = np.random.default_rng(38)
-    truth = pulse_train(rng, duration_s=20.0, interval_s=1.254, offset_hz=300.0, enr_db=20.0)
+    truth = made.train(rng, 20.0, 20.0, offset_hz=300.0)
     samples = make_samples(rng, truth, duration_s=20.0)
     known, _ = detect(samples, THESIS_TAG, operating_mode=OperatingMode.KNOWN_HARD_LOCK)
     anywhere, _ = detect(
@@ -251,7 +223,7 @@ def test_a_tag_that_cannot_be_searched_is_refused_with_a_remedy(
     tag: object, center_hz: float
 ) -> None:
     with pytest.raises(ConfigError) as refusal:
-        PulseDetector(tag, sample_rate_hz=3750.0, center_frequency_hz=center_hz)  # type: ignore[arg-type]
+        made.detector(tag, center_frequency_hz=center_hz)  # type: ignore[arg-type]
     assert refusal.value.remedy
 
 
@@ -261,9 +233,7 @@ def test_a_tag_at_the_edge_of_the_channel_is_reported_where_it_is(
     offset_hz: float, window_hz: float
 ) -> None:
     rng = np.random.default_rng(41)
-    truth = pulse_train(
-        rng, duration_s=30.0, interval_s=1.254, offset_hz=offset_hz, enr_db=16.0
-    )
+    truth = made.train(rng, 30.0, 16.0, offset_hz=offset_hz)
     samples = make_samples(rng, truth, duration_s=30.0)
     tag = replace(THESIS_TAG, frequency_hz=THESIS_TAG.frequency_hz + offset_hz)
     pulses, _ = detect(
@@ -286,9 +256,7 @@ def test_a_stranger_at_the_edge_of_the_channel_is_reported_where_it_is(
     groups = 0
     for seed in (42, 44):
         rng = np.random.default_rng(seed)
-        truth = pulse_train(
-            rng, duration_s=60.0, interval_s=1.254, offset_hz=offset_hz, enr_db=16.0
-        )
+        truth = made.train(rng, 60.0, 16.0, offset_hz=offset_hz)
         samples = make_samples(rng, truth, duration_s=60.0)
         pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=1e6, operating_mode=mode)
         result = compare(pulses, truth, THESIS_TAG)
@@ -306,7 +274,7 @@ def test_a_stranger_at_the_edge_of_the_channel_is_reported_where_it_is(
 
 def test_a_hard_lock_holds_a_tag_at_the_edge_of_the_channel() -> None:
     rng = np.random.default_rng(43)
-    truth = pulse_train(rng, duration_s=60.0, interval_s=1.254, offset_hz=-1870.0, enr_db=16.0)
+    truth = made.train(rng, 60.0, 16.0, offset_hz=-1870.0)
     samples = make_samples(rng, truth, duration_s=60.0)
     pulses, detector = detect(
         samples,
@@ -318,5 +286,4 @@ def test_a_hard_lock_holds_a_tag_at_the_edge_of_the_channel() -> None:
     assert result.matched == len(truth)
     assert result.false_confirmed == 0
     before_flush_hz = detector.locked_frequency_hz
-    assert before_flush_hz is not None
-    assert abs(before_flush_hz - THESIS_TAG.frequency_hz + 1870.0) < 15.0
+    assert abs(some(before_flush_hz) - THESIS_TAG.frequency_hz + 1870.0) < 15.0

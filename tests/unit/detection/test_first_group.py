@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
-from uavrt.detection import PulseDetector
 from uavrt.detection.search.hypotheses import Candidate, best_first
 from uavrt.detection.search.noise import RowNoise
 from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, young_margin
@@ -15,7 +15,6 @@ from uavrt_experiments.detection.signals import (
     THESIS_TAG,
     make_samples,
     noise,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import Flight, compare, detect
 
@@ -27,19 +26,17 @@ BLOCK = 653
 def records_in_time(enr_db: float, first_s: float, seed: int) -> list[tuple[float, Pulse]]:
     """Every record with the time in the stream at which it came [s]; checks the truth, too."""
     rng = np.random.default_rng(seed)
-    truth = pulse_train(
+    truth = made.train(
         rng,
-        duration_s=5.5,
+        5.5,
+        enr_db,
         interval_s=1.254 + rng.uniform(-0.05, 0.05),
         offset_hz=120.0,
-        enr_db=enr_db,
         jitter_s=0.005,
         first_s=first_s,
     )
     samples = make_samples(rng, truth, duration_s=5.5, sample_rate_hz=RATE_HZ)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     records: list[tuple[float, Pulse]] = []
     for first in range(0, len(samples), BLOCK):
         time_ns = START_NS + round(first / RATE_HZ * 1e9)
@@ -76,12 +73,7 @@ def test_the_higher_threshold_ends_when_the_noise_is_known() -> None:
     # A narrow band has few rows that tell of its noise: after 2.5 s it is known worse than that
     # of a whole channel, and the threshold of 20 pulses stayed 5 % too high for ever.
     tag = replace(THESIS_TAG, k=5)
-    detector = PulseDetector(
-        tag,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=tag.frequency_hz,
-        frequency_window_hz=100.0,
-    )
+    detector = made.detector(tag, RATE_HZ, frequency_window_hz=100.0)
     (search,) = detector.band.anchor_searches()
     samples = noise(np.random.default_rng(5), round(20.0 * RATE_HZ))
     margins = {}

@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
+from some import some
 
-from uavrt.detection import PulseDetector
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.signal.refine import Measured, Refiner
 from uavrt.detection.signal.samples import SampleBuffer
@@ -16,7 +17,6 @@ from uavrt_experiments.detection.signals import (
     add_pulse,
     make_samples,
     noise,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import compare, detect
 
@@ -26,12 +26,11 @@ RATE_HZ = 3750.0
 @pytest.mark.parametrize("drift_hz_per_s", [10.0, -10.0])
 def test_a_frequency_that_drifts_ten_hertz_a_second_is_followed(drift_hz_per_s: float) -> None:
     rng = np.random.default_rng(900)
-    truth = pulse_train(
+    truth = made.train(
         rng,
-        duration_s=100.0,
-        interval_s=1.254,
+        100.0,
+        16.0,
         offset_hz=-50.0 * drift_hz_per_s,
-        enr_db=16.0,
         jitter_s=0.005,
         drift_hz_per_s=drift_hz_per_s,
     )
@@ -44,16 +43,12 @@ def test_a_frequency_that_drifts_ten_hertz_a_second_is_followed(drift_hz_per_s: 
 @pytest.mark.parametrize("block", [327, 1024])
 def test_a_block_that_another_overtakes_costs_no_pulse(block: int) -> None:
     rng = np.random.default_rng(901)
-    truth = pulse_train(
-        rng, duration_s=60.0, interval_s=1.254, offset_hz=90.0, enr_db=17.0, jitter_s=0.005
-    )
+    truth = made.train(rng, 60.0, 17.0, offset_hz=90.0, jitter_s=0.005)
     samples = make_samples(rng, truth, duration_s=60.0)
     firsts = list(range(0, len(samples), block))
     for at in range(3, len(firsts) - 1, 5):
         firsts[at], firsts[at + 1] = firsts[at + 1], firsts[at]
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     pulses = []
     for first in firsts:
         time_ns = START_NS + round(first / RATE_HZ * 1e9)
@@ -66,9 +61,7 @@ def test_a_block_that_another_overtakes_costs_no_pulse(block: int) -> None:
 def test_a_pulse_whose_phase_breaks_where_samples_are_lost_is_followed() -> None:
     # A millisecond that nobody tells turns the phase of what lies away from the centre.
     rng = np.random.default_rng(905)
-    truth = pulse_train(
-        rng, duration_s=40.0, interval_s=1.254, offset_hz=90.0, enr_db=15.0, jitter_s=0.005
-    )
+    truth = made.train(rng, 40.0, 15.0, offset_hz=90.0, jitter_s=0.005)
     samples = noise(rng, round(40.0 * RATE_HZ))
     for pulse in truth:
         at = round((pulse.start_s + 0.01) * RATE_HZ)
@@ -104,10 +97,8 @@ def test_a_break_of_phase_does_not_make_noise_stronger() -> None:
     for start in range(400, 49_000, 330):
         found = refiner.search(np.array([float(start)]), 80.0, 40.0, 20.0, unit, spread=40.0)
         split = refiner.search_broken(float(start), 80.0, 40.0, 20.0, unit, spread=40.0)
-        assert found is not None
-        assert split is not None
-        whole.append(found[0].power)
-        broken.append(split.power)
+        whole.append(some(found)[0].power)
+        broken.append(some(split).power)
     for share in (0.9, 0.98):
         assert np.quantile(broken, share) < np.quantile(whole, share) + 0.3
     assert not refiner.loses(5000.0)
@@ -150,9 +141,7 @@ def test_a_place_of_noise_does_not_bend_the_interval_of_its_group() -> None:
     for seed in range(10):
         rng = np.random.default_rng((903, seed))
         first_s = 0.3 + 0.09 * seed
-        truth = pulse_train(
-            rng, duration_s=7.0, interval_s=1.243, offset_hz=100.0, enr_db=20.0, first_s=first_s
-        )
+        truth = made.train(rng, 7.0, 20.0, interval_s=1.243, offset_hz=100.0, first_s=first_s)
         pulses, detector = detect(
             make_samples(rng, truth, duration_s=7.0), THESIS_TAG, frequency_window_hz=500.0
         )
@@ -162,13 +151,9 @@ def test_a_place_of_noise_does_not_bend_the_interval_of_its_group() -> None:
 
 def test_a_clock_that_is_set_forward_costs_no_confirmed_pulse() -> None:
     rng = np.random.default_rng(904)
-    truth = pulse_train(
-        rng, duration_s=40.0, interval_s=1.237, offset_hz=90.0, enr_db=18.0, first_s=0.4
-    )
+    truth = made.train(rng, 40.0, 18.0, interval_s=1.237, offset_hz=90.0, first_s=0.4)
     samples = make_samples(rng, truth, duration_s=40.0)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     pulses = []
     jump_ns = 0
     for first in range(0, len(samples), 375):
@@ -195,13 +180,9 @@ def test_no_pulse_is_confirmed_where_samples_are_missing_and_the_phase_is_lost(
 ) -> None:
     rng = np.random.default_rng(905)
     duration_s = missing_s + 50.0
-    truth = pulse_train(
-        rng, duration_s=duration_s, interval_s=1.237, offset_hz=90.0, enr_db=16.0, first_s=0.4
-    )
+    truth = made.train(rng, duration_s, 16.0, interval_s=1.237, offset_hz=90.0, first_s=0.4)
     heard = [p for p in truth if p.start_s < 24.9 or p.start_s > 25.0 + missing_s]
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     pulses = []
     for begin_s in (0.0, 25.0 + missing_s):
         part = [

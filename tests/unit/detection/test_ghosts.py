@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -18,7 +19,6 @@ from uavrt_experiments.detection.signals import (
     THESIS_TAG,
     TruePulse,
     make_samples,
-    pulse_train,
 )
 
 RATE_HZ = 96_000.0
@@ -38,12 +38,12 @@ def scene(
     """Trains of (tag, interval [s], ENR [dB]), and samples with the receiver's image."""
     rng = np.random.default_rng(5)
     trains = [
-        pulse_train(
+        made.train(
             rng,
-            duration_s=DURATION_S,
+            DURATION_S,
+            enr_db,
             interval_s=interval_s,
             offset_hz=tag.frequency_hz - CENTER_HZ,
-            enr_db=enr_db,
             jitter_s=0.001,
         )
         for tag, interval_s, enr_db in sent

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
-    pulse_train,
 )
 
 RATE_HZ = 3750.0
@@ -64,12 +64,12 @@ def channel(number: int) -> Channel:
     pulses = [
         pulse
         for index, tag in enumerate(tags)
-        for pulse in pulse_train(
+        for pulse in made.train(
             rng,
-            duration_s=DURATION_S,
+            DURATION_S,
+            (12.0, 14.0, 16.0, 18.0)[number] - 2.0 * index,
             interval_s=tag.pulse_intervals_s[0],
             offset_hz=tag.frequency_hz - center_hz(number) + 10.0,
-            enr_db=(12.0, 14.0, 16.0, 18.0)[number] - 2.0 * index,
             jitter_s=0.004,
         )
     ]
@@ -89,9 +89,9 @@ def channel(number: int) -> Channel:
 
 def detectors(line: Channel) -> list[PulseDetector]:
     return [
-        PulseDetector(
+        made.detector(
             tag,
-            sample_rate_hz=RATE_HZ,
+            RATE_HZ,
             center_frequency_hz=line.center_hz,
             frequency_window_hz=90.0,
             operating_mode="freqSearchHardLock" if tag.tag_id == 2 else "freqSearchSoftLock",

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.detection import Counters, PulseDetector
+from uavrt.detection import Counters
 from uavrt.detection.signal.carrier_lines import LineCanceller
 from uavrt.detection.signal.samples import SampleBuffer
 from uavrt.detection.signal.signal_cleaning import Cleaner
@@ -18,7 +19,6 @@ from uavrt_experiments.detection.signals import (
     TruePulse,
     add_pulse,
     noise,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import detect
 
@@ -38,9 +38,7 @@ def noise_told(seconds: float, *, per_s: float, length_s: float, level_db: float
             length_s=length_s,
             regular=True,
         )
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     for first in range(0, len(samples), 653):
         time_ns = START_NS + round(first / RATE_HZ * 1e9)
         detector.process(samples[first : first + 653], time_ns)
@@ -81,7 +79,7 @@ def test_serial_bursts_make_no_more_groups_than_noise(seed: int) -> None:
     at=st.floats(0.05, 0.35),
     seed=st.integers(0, 2**32 - 1),
 )
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_no_pulse_is_taken_for_a_burst_however_strong(
     enr_db: float, width_s: float, offset_hz: float, at: float, seed: int
 ) -> None:
@@ -127,9 +125,7 @@ def test_a_tag_is_heard_between_the_lines_of_hum(offset_hz: float) -> None:
     # were heard at 5 and 50 Hz beside a line.
     rng = np.random.default_rng(73)
     samples = coloured_noise(rng, round(50.0 * RATE_HZ), hum=True)
-    sent = pulse_train(
-        rng, duration_s=48.0, interval_s=1.26, offset_hz=offset_hz, enr_db=14.0, jitter_s=0.003
-    )
+    sent = made.train(rng, 48.0, 14.0, interval_s=1.26, offset_hz=offset_hz, jitter_s=0.003)
     for pulse in sent:
         add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
     pulses, _ = detect(
@@ -172,9 +168,7 @@ def test_a_carrier_that_ended_is_believed_to_be_there_for_twenty_seconds_at_most
 
 def test_while_many_lines_are_taken_out_a_group_must_be_stronger() -> None:
     # Of hum something is left that comes and goes: 1.6 times the false groups asked for.
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     samples = noise(np.random.default_rng(72), round(20.0 * RATE_HZ))
     for first in range(0, len(samples), 653):
         time_ns = START_NS + round(first / RATE_HZ * 1e9)

@@ -3,16 +3,17 @@
 from dataclasses import replace
 from functools import cache
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from uavrt import native
-from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection import DetectorGroup
 from uavrt.detection.search.grid import Spectrogram, make_grid
 from uavrt.detection.search.levelling import Leveller
 from uavrt.messages import Pulse, Tag
-from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 pytestmark = pytest.mark.slow
 
@@ -29,9 +30,7 @@ def found(tag: Tag, *, window_hz: float, enr_db: float, seed: int) -> list[Pulse
     rng = np.random.default_rng(seed)
     seconds = 12.0 if tag.k < 9 else 32.0
     width_s = tag.pulse_width_s
-    pulses = pulse_train(
-        rng, duration_s=seconds, interval_s=1.254, offset_hz=80.0, enr_db=enr_db
-    )
+    pulses = made.train(rng, seconds, enr_db, offset_hz=80.0)
     samples = make_samples(rng, pulses, duration_s=seconds, sample_rate_hz=RATE_HZ)
     level = float(np.abs(samples).std()) / width_s**0.5
     time_s = np.arange(len(samples)) / RATE_HZ
@@ -39,9 +38,9 @@ def found(tag: Tag, *, window_hz: float, enr_db: float, seed: int) -> list[Pulse
     samples[40_000:40_006] += np.complex64(30.0 * level)
     group = DetectorGroup()
     for index in range(3):
-        detector = PulseDetector(
+        detector = made.detector(
             replace(tag, tag_id=2 * index + 2),
-            sample_rate_hz=RATE_HZ,
+            RATE_HZ,
             center_frequency_hz=tag.frequency_hz - 30.0 * index,
             frequency_window_hz=window_hz,
         )

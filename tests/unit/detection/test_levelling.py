@@ -1,10 +1,10 @@
 """Noise whose level changes is divided out of the cells, whatever else is in them."""
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.detection import PulseDetector
 from uavrt.detection.search.grid import Spectrogram, make_grid
 from uavrt.detection.search.levelling import Leveller
 from uavrt.detection.signal.refine import Measured, Refiner
@@ -137,9 +137,7 @@ def test_the_noise_that_is_told_follows_a_step() -> None:
     rng = np.random.default_rng(7)
     samples = noise(rng, round(24 * RATE_HZ))
     samples[round(12 * RATE_HZ) :] *= np.float32(10.0)
-    detector = PulseDetector(
-        THESIS_TAG, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-    )
+    detector = made.detector(THESIS_TAG, RATE_HZ)
     for first in range(0, len(samples), 653):
         time_ns = START_NS + round(first / RATE_HZ * 1e9)
         detector.process(samples[first : first + 653], time_ns)

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
-from uavrt.detection import PulseDetector
 from uavrt.detection.search.hypotheses import Candidate
 from uavrt.detection.search.long_groups import LongSearch
 from uavrt.messages import Tag
@@ -13,7 +13,6 @@ from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
     make_samples,
-    pulse_train,
 )
 
 RATE_HZ = 3750.0
@@ -29,13 +28,9 @@ def test_each_pulse_of_a_strong_tag_is_found_where_it_is(
 ) -> None:
     rng = np.random.default_rng(90)
     duration_s = (tag.k + 4) * 1.254
-    sent = pulse_train(
-        rng, duration_s=duration_s, interval_s=1.254, offset_hz=100.0, enr_db=enr_db
-    )
+    sent = made.train(rng, duration_s, enr_db, offset_hz=100.0)
     samples = make_samples(rng, sent, duration_s=duration_s)
-    detector = PulseDetector(
-        tag, sample_rate_hz=RATE_HZ, center_frequency_hz=tag.frequency_hz - 100.0
-    )
+    detector = made.detector(tag, RATE_HZ, center_frequency_hz=tag.frequency_hz - 100.0)
     most = 0
     push = LongSearch.push
 

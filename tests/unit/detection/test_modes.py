@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 
+import made
 import numpy as np
 import pytest
 
@@ -16,7 +17,6 @@ from uavrt_experiments.detection.signals import (
     THESIS_TAG,
     TruePulse,
     make_samples,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import compare, detect
 
@@ -27,12 +27,8 @@ RATE_HZ = 3750.0
 
 
 def make_detector(mode: OperatingMode, frequency_window_hz: float = 500.0) -> PulseDetector:
-    return PulseDetector(
-        THESIS_TAG,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=THESIS_TAG.frequency_hz,
-        frequency_window_hz=frequency_window_hz,
-        operating_mode=mode,
+    return made.detector(
+        THESIS_TAG, RATE_HZ, frequency_window_hz=frequency_window_hz, operating_mode=mode
     )
 
 
@@ -50,17 +46,8 @@ def two_places(
     rng: np.random.Generator, offsets_hz: tuple[float, float]
 ) -> tuple[np.ndarray, list[TruePulse], list[TruePulse]]:
     """A tag that is silent for 16 s in the middle and then sends at another frequency."""
-    first = pulse_train(
-        rng, duration_s=15.0, interval_s=1.254, offset_hz=offsets_hz[0], enr_db=20.0
-    )
-    then = pulse_train(
-        rng,
-        duration_s=50.0,
-        interval_s=1.254,
-        offset_hz=offsets_hz[1],
-        enr_db=20.0,
-        first_s=31.0,
-    )
+    first = made.train(rng, 15.0, 20.0, offset_hz=offsets_hz[0])
+    then = made.train(rng, 50.0, 20.0, offset_hz=offsets_hz[1], first_s=31.0)
     return make_samples(rng, first + then, duration_s=50.0), first, then
 
 
@@ -97,14 +84,7 @@ def test_a_hard_lock_finds_its_tag_again_after_a_silence_and_ends_with_a_reset()
 
 def test_a_hard_lock_goes_with_a_tag_that_drifts() -> None:
     rng = np.random.default_rng(803)
-    truth = pulse_train(
-        rng,
-        duration_s=80.0,
-        interval_s=1.254,
-        offset_hz=-120.0,
-        enr_db=16.0,
-        drift_hz_per_s=4.0,
-    )
+    truth = made.train(rng, 80.0, 16.0, offset_hz=-120.0, drift_hz_per_s=4.0)
     detector = make_detector(HARD)
     pulses = feed(detector, make_samples(rng, truth, duration_s=80.0), START_NS)
     assert compare(pulses, truth, THESIS_TAG).matched >= len(truth) - 2
@@ -130,9 +110,7 @@ def test_a_locked_band_has_a_lower_threshold_for_the_same_false_alarms() -> None
 
 def test_without_a_lock_every_pulse_is_in_one_group_and_the_groups_are_numbered() -> None:
     rng = np.random.default_rng(805)
-    truth = pulse_train(
-        rng, duration_s=40.0, interval_s=1.27, offset_hz=-700.0, enr_db=16.0, jitter_s=0.005
-    )
+    truth = made.train(rng, 40.0, 16.0, interval_s=1.27, offset_hz=-700.0, jitter_s=0.005)
     samples = make_samples(rng, truth, duration_s=40.0)
     pulses, _ = detect(samples, THESIS_TAG, operating_mode=NEVER)
     result = compare(pulses, truth, THESIS_TAG)
@@ -148,12 +126,8 @@ def test_without_a_lock_no_pulse_is_looked_for_where_a_track_would_expect_it() -
     found = dict.fromkeys((NEVER, SOFT), 0)
     for mode in found:
         rng = np.random.default_rng(806)
-        truth = pulse_train(
-            rng,
-            duration_s=60.0,
-            interval_s=1.254,
-            offset_hz=300.0,
-            enr_db=lambda at_s: 20.0 if at_s < 12.0 else 7.0,
+        truth = made.train(
+            rng, 60.0, lambda at_s: 20.0 if at_s < 12.0 else 7.0, offset_hz=300.0
         )
         samples = make_samples(rng, truth, duration_s=60.0)
         pulses, _ = detect(samples, THESIS_TAG, operating_mode=mode)
@@ -165,10 +139,7 @@ def test_without_a_lock_no_pulse_is_looked_for_where_a_track_would_expect_it() -
 
 def test_without_a_lock_the_groups_of_another_tag_are_told_too() -> None:
     rng = np.random.default_rng(807)
-    trains = [
-        pulse_train(rng, duration_s=30.0, interval_s=1.254, offset_hz=offset_hz, enr_db=18.0)
-        for offset_hz in (100.0, 900.0)
-    ]
+    trains = [made.train(rng, 30.0, 18.0, offset_hz=offset_hz) for offset_hz in (100.0, 900.0)]
     samples = make_samples(rng, trains[0] + trains[1], duration_s=30.0)
     for mode, share in ((NEVER, 0.9), (SOFT, 0.0)):
         pulses, _ = detect(samples, THESIS_TAG, operating_mode=mode)
@@ -187,8 +158,8 @@ def test_each_pulse_is_told_once_under_a_number_of_its_own(
     tag = replace(THESIS_TAG, pulse_intervals_s=rates_s)
     # So near to each other that without a lock they go on with each other's groups.
     trains = [
-        pulse_train(rng, duration_s=50.0, interval_s=1.27, offset_hz=50.0, enr_db=10.0),
-        pulse_train(rng, duration_s=50.0, interval_s=1.3, offset_hz=-40.0, enr_db=12.0),
+        made.train(rng, 50.0, 10.0, interval_s=1.27, offset_hz=50.0),
+        made.train(rng, 50.0, 12.0, interval_s=1.3, offset_hz=-40.0),
     ]
     samples = make_samples(rng, trains[0] + trains[1], duration_s=50.0)
     pulses, _ = detect(samples, tag, frequency_window_hz=500.0, operating_mode=mode)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import made
 import numpy as np
 import pytest
 
-from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection import DetectorGroup
 from uavrt.detection.track.senders import part, small_ratio
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.one_band import OneBand
@@ -18,7 +19,6 @@ from uavrt_experiments.detection.signals import (
     THESIS_TAG,
     TruePulse,
     make_samples,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
@@ -56,12 +56,12 @@ def heard(
     """What was sent, each train, and all pulses that were told."""
     rng = np.random.default_rng(seed)
     trains = [
-        pulse_train(
+        made.train(
             rng,
-            duration_s=duration_s,
+            duration_s,
+            enr_db,
             interval_s=interval_s,
             offset_hz=20.0 + 3.0 * at + (apart_hz[at] if apart_hz else 0.0),
-            enr_db=enr_db,
             jitter_s=0.002,
         )
         for at, (interval_s, enr_db) in enumerate(sent)
@@ -73,9 +73,7 @@ def heard(
     group.add(
         0,
         [
-            PulseDetector(
-                tag, sample_rate_hz=RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz
-            )
+            made.detector(tag, RATE_HZ, center_frequency_hz=THESIS_TAG.frequency_hz)
             for tag in tags
         ],
     )

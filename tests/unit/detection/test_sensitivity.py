@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import made
 import pytest
 
 from uavrt.detection import detection_probability, enr_needed_db
@@ -10,16 +11,7 @@ from uavrt.messages import Tag
 
 
 def tag(k: int, uncertainty_s: float = 0.060, jitter_s: float = 0.010) -> Tag:
-    return Tag(
-        tag_id=2,
-        frequency_hz=148.71e6,
-        pulse_width_s=0.020,
-        pulse_intervals_s=(1.254,),
-        interval_uncertainty_s=uncertainty_s,
-        interval_jitter_s=jitter_s,
-        k=k,
-        false_alarm_probability=0.01,
-    )
+    return made.tag(interval_uncertainty_s=uncertainty_s, interval_jitter_s=jitter_s, k=k)
 
 
 @pytest.mark.parametrize(
@@ -60,11 +52,11 @@ def test_stronger_pulses_are_found_more_often(k: int) -> None:
 def test_the_level_that_coded_bursts_need_is_the_one_that_was_measured(
     bursts: int, measured_db: float
 ) -> None:
-    coded = Tag(
-        tag_id=12,
-        frequency_hz=166.38e6,
+    coded = made.tag(
+        12,
+        166.38e6,
+        5.3,
         pulse_width_s=0.0025,
-        pulse_intervals_s=(5.3,),
         interval_uncertainty_s=0.004,
         k=bursts,
         gaps_s=(0.022, 0.0488, 0.0366),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
@@ -12,7 +13,6 @@ from uavrt_experiments.detection.signals import (
     THESIS_TAG,
     TruePulse,
     make_samples,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import detect
 
@@ -28,12 +28,12 @@ def sent(rng: np.random.Generator, rates: list[int]) -> tuple[list[TruePulse], l
     for part, rate in enumerate(rates):
         interval_s = RATES_S[rate - 1] * scale
         first_s = pulses[-1].start_s + interval_s if pulses else rng.uniform(0.1, 1.2)
-        train = pulse_train(
+        train = made.train(
             rng,
-            duration_s=25.0 * (part + 1),
+            25.0 * (part + 1),
+            14.0,
             interval_s=interval_s,
             offset_hz=100.0,
-            enr_db=14.0,
             jitter_s=0.005,
             first_s=first_s,
         )

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from uavrt_experiments.detection.signals import (
     add_pulse,
     make_samples,
     noise,
-    pulse_train,
 )
 from uavrt_experiments.detection.trials import (
     RATE_HZ,
@@ -119,12 +119,12 @@ def beside_another(
     rng = np.random.default_rng(seed)
     own_s, jitter_s = THESIS_TAG.pulse_intervals_s[0], 0.002
     truth = [
-        pulse_train(
+        made.train(
             rng,
-            duration_s=100.0,
+            100.0,
+            level_db,
             interval_s=interval_s,
             offset_hz=20.0,
-            enr_db=level_db,
             jitter_s=jitter_s,
             first_s=first_s,
         )

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
+import made
 import numpy as np
 import pytest
 
 from uavrt.dsp import Carriers
-from uavrt.messages import IQBlock
 from uavrt_experiments.detection.signals import START_NS, noise
 
 CENTER_HZ = 148_700_000.0
@@ -33,12 +33,7 @@ def looked(
             on = 1.0 if interval_s is None else (n / rate_hz % interval_s) < 0.02
             turn = 2.0 * np.pi * offset_hz / rate_hz * n
             samples += (10.0 ** (level_db / 20.0) * on * np.exp(1j * turn)).astype(np.complex64)
-        block = IQBlock(
-            samples=samples,
-            sample_index=at * count,
-            time_ns=START_NS + round(at * count * 1e9 / rate_hz),
-            sample_rate_hz=rate_hz,
-        )
+        block = made.iq_block(samples, at * count, rate_hz, start_ns=START_NS)
         carriers.look(block, CENTER_HZ)
     return carriers
 
@@ -67,8 +62,6 @@ def test_a_carrier_that_ends_is_forgotten() -> None:
     rng = np.random.default_rng(5)
     for at in range(30):
         time_ns = START_NS + round((6.0 + at * 0.087) * 1e9)
-        block = IQBlock(
-            samples=noise(rng, count), sample_index=0, time_ns=time_ns, sample_rate_hz=rate_hz
-        )
+        block = made.iq_block(noise(rng, count), 0, rate_hz, start_ns=time_ns)
         carriers.look(block, CENTER_HZ)
     assert (len(before), len(carriers.frequencies_hz)) == (1, 0)

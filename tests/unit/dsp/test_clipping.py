@@ -1,10 +1,10 @@
 """Clipping: samples at a converter's limits, and sources that have none."""
 
+import made
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.dsp.clipping import Clipping
-from uavrt.messages import IQBlock
 
 RATE_HZ = 48_000.0
 
@@ -12,14 +12,7 @@ RATE_HZ = 48_000.0
 def share(samples: NDArray[np.complex64]) -> float:
     clipping = Clipping()
     for first in range(0, len(samples), 4800):
-        clipping.look(
-            IQBlock(
-                samples=samples[first : first + 4800],
-                sample_index=first,
-                time_ns=round(first / RATE_HZ * 1e9),
-                sample_rate_hz=RATE_HZ,
-            )
-        )
+        clipping.look(made.iq_block(samples[first : first + 4800], first, RATE_HZ))
     return clipping.share
 
 

@@ -1,5 +1,6 @@
 from typing import Literal
 
+import made
 import numpy as np
 import pytest
 
@@ -13,13 +14,7 @@ Complex = np.ndarray[tuple[int], np.dtype[np.complex64]]
 
 
 def block(samples: Complex, index: int, rate_hz: float, lost: int = 0) -> IQBlock:
-    return IQBlock(
-        samples=samples,
-        sample_index=index,
-        time_ns=START_NS + round(index * 1e9 / rate_hz),
-        sample_rate_hz=rate_hz,
-        lost_before=lost,
-    )
+    return made.iq_block(samples, index, rate_hz, start_ns=START_NS, lost_before=lost)
 
 
 def burst(start: int, length: int, offset_hz: float, rate_hz: float) -> Complex:

@@ -3,6 +3,7 @@
 import asyncio
 from dataclasses import replace
 
+import made
 import pytest
 
 from uavrt.clock import Clock
@@ -37,13 +38,8 @@ def test_through_links_every_loss_is_the_autopilots() -> None:
     )
 
     def still(time_ns: int) -> Pose:
-        return Pose(
-            time_ns=time_ns,
-            latitude_deg=35.0,
-            longitude_deg=-111.0,
-            altitude_amsl_m=2000.0,
-            altitude_relative_m=50.0,
-            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        return made.pose(
+            time_ns, 35.0, -111.0, altitude_relative_m=50.0, altitude_amsl_m=2000.0
         )
 
     async def main() -> None:

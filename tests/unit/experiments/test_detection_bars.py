@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 
@@ -100,22 +101,14 @@ def babbling(self: PulseDetector | CodedDetector, samples: Any, time_ns: int) ->
     """Confirm a pulse of each tag in each block, ten pulse widths behind its beginning."""
     tags = self.tags if isinstance(self, CodedDetector) else (self.tag,)
     return [
-        Pulse(
+        made.pulse(
+            time_ns,
             tag_id=tag.tag_id,
             frequency_hz=tag.frequency_hz + 77.0,
-            start_time_ns=time_ns,
-            end_time_ns=time_ns + 20_000_000,
-            snr_db=20.0,
-            group_snr_db=20.0,
             score=1.0,
             group_index=0,
             group_sequence=time_ns // 1_000_000,
             noise_psd=1.0,
-            detection_status="confirmed",
-            confirmed=True,
-            rate=1,
-            predicted_next_start_ns=None,
-            predicted_next_end_ns=None,
         )
         for tag in tags
     ]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from energy_detector import EnergyDetector
 from original_detector import Group, OriginalDetector
+from some import some
 
 from uavrt.detection.search.thresholds import decision_span_s
 from uavrt_experiments.detection import original, theory
@@ -57,8 +58,7 @@ def test_the_reference_has_the_originals_segment_and_threshold(
 
 def test_the_reference_finds_a_pulse_where_it_is(the_original: OriginalDetector) -> None:
     samples, truth = Decision().stretch(np.random.default_rng(1), 25.0)
-    group = the_original.detect(samples)
-    assert group is not None
+    group = some(the_original.detect(samples))
     assert reported_right(group, truth)
     assert abs(group.offset_hz - truth[0].offset_hz) <= 12.6
 
@@ -155,7 +155,6 @@ def test_an_energy_detector_keeps_within_the_bound_of_single_pulses_and_below_ou
 
 def test_the_energy_detector_hears_a_strong_pulse_where_it_is(energy: EnergyDetector) -> None:
     samples, truth = Decision().stretch(np.random.default_rng(2), 22.0)
-    cell = energy.detect(samples)
-    assert cell is not None
+    cell = some(energy.detect(samples))
     assert min(abs(cell[0] - t.start_s) for t in truth) < 0.004
     assert cell[1] == pytest.approx(truth[0].offset_hz, abs=15.0)

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
+from some import some
 
 from uavrt.attitude import yaw_deg
-from uavrt.messages import FlightInfo, Poses
+from uavrt.messages import Poses
 from uavrt.recording import FlightRecorder
 from uavrt_experiments.rotation import (
     BEARING_DEG,
@@ -51,10 +53,9 @@ def test_a_start_100_degrees_off_makes_the_thesis_figures(found: list[Case]) -> 
 
 
 def test_our_bearing_does_not_believe_half_way_poses(found: list[Case]) -> None:
-    for case in found:
-        if case.original:
-            bearing = case.reading.bearing
-            assert bearing.ambiguous or not bearing.accepted
+    half_way = [case.reading.bearing for case in found if case.original]
+    assert half_way
+    assert all(bearing.ambiguous or not bearing.accepted for bearing in half_way)
 
 
 def test_the_shift_is_half_of_the_heading_at_the_start() -> None:
@@ -84,13 +85,8 @@ def test_a_real_flight_is_read_the_same_way(tmp_path: Path) -> None:
     verdicts = []
     for name, pulse_poses in (("sound", sound), ("halved", halved)):
         recorder = FlightRecorder.create(
-            FlightInfo(
-                directory=str(tmp_path / name),
-                start_time_ns=scenario.start_time_ns,
-                clock_offset_ns=0,
-                center_frequency_hz=148.7e6,
-                sample_rate_hz=3e6,
-                tags=scenario.tags,
+            made.flight_info(
+                tmp_path / name, scenario.tags, start_time_ns=scenario.start_time_ns
             )
         )
         times = range(
@@ -109,9 +105,8 @@ def test_a_real_flight_is_read_the_same_way(tmp_path: Path) -> None:
     assert good.turned_deg == pytest.approx(360.0, abs=15.0)
     assert abs(wrapped(good.reading.bearing.bearing_deg - BEARING_DEG)) < 3.0
     assert bad.half_way
-    assert bad.recovered is not None
     # The turn was found some degrees after its start, whose heading was given.
-    assert abs(wrapped(bad.recovered.bearing_deg - BEARING_DEG)) < 12.0
+    assert abs(wrapped(some(bad.recovered).bearing_deg - BEARING_DEG)) < 12.0
     assert "half-way ones" in "\n".join(bad.lines())
 
 
@@ -128,9 +123,7 @@ def test_our_poses_and_the_originals_agree_while_nothing_moves() -> None:
     ours = with_poses(scenario, pulses)
     theirs = original_poses(pulses, original_samples(scenario, BEARING_DEG))
     for one, other in zip(ours, theirs, strict=True):
-        assert one.pose is not None
-        assert other.pose is not None
-        first, second = (yaw_deg(p.quaternion_wxyz) for p in (one.pose, other.pose))
+        first, second = (yaw_deg(p.quaternion_wxyz) for p in (some(one.pose), some(other.pose)))
         assert wrapped(first - second) == pytest.approx(0.0, abs=0.1)
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from some import some
 
 from uavrt.planning import (
     DeterminantStop,
@@ -150,8 +151,7 @@ def test_no_estimate_of_simulated_levels_beats_the_bound_and_the_best_comes_near
 def test_no_cloud_that_a_rule_takes_has_less_information(
     stop: StopRule, holds: Callable[[float, float], bool]
 ) -> None:
-    needed = needed_information(stop)
-    assert needed is not None
+    needed = some(needed_information(stop))
     least = math.inf
     for major in np.linspace(2.0, 40.0, 60):
         for minor in major * np.linspace(0.1, 1.0, 12):
@@ -211,11 +211,9 @@ def test_nobody_knows_more_of_a_distant_pulse_than_was_looked_up() -> None:
 def test_no_way_at_the_vehicles_speed_brings_what_is_needed_before_the_bound() -> None:
     """Straight ways to the animals in every order, with every pulse at its best."""
     scenario = replace(SCENARIOS["T2"], tags=3)
-    needed = needed_information(scenario.paper_stop)
-    assert needed is not None
+    needed = some(needed_information(scenario.paper_stop))
     for seed in (1, 2):
-        bound = least_time_s(scenario, scenario.paper_stop, seed, [start_of(scenario)])
-        assert bound is not None
+        bound = some(least_time_s(scenario, scenario.paper_stop, seed, [start_of(scenario)]))
         first = World(scenario, seed).places_m.copy()
         for order in itertools.permutations(range(3)):
             world = World(scenario, seed)
@@ -240,10 +238,8 @@ def test_a_search_of_tags_that_are_heard_from_afar_ends_no_sooner_for_a_shorter_
     both = least_time_s(scenario, scenario.paper_stop, 3, [start, start])
     easy = least_time_s(scenario, DeterminantStop(limit_m4=1e6), 3, [start])
     assert alone is not None
-    assert both is not None
-    assert easy is not None
-    assert 0.5 * alone <= both <= alone
-    assert easy < alone < scenario.limit_s
+    assert 0.5 * alone <= some(both) <= alone
+    assert some(easy) < alone < scenario.limit_s
 
 
 def test_over_hills_nothing_is_bounded() -> None:

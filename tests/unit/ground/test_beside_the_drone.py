@@ -3,13 +3,14 @@
 import asyncio
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.clock import Clock
 from uavrt.config.settings import RecordingSettings
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store import FlightLibrary, GroundStore
-from uavrt.messages import FlightInfo, SystemState
+from uavrt.messages import SystemState
 from uavrt.recording import FlightLayout, FlightRecorder, flights_in_order, note_flight
 from uavrt.supervisor.mission import DiskGuard
 from uavrt.supervisor.mission.flight_removal import removable
@@ -21,14 +22,7 @@ LOOPBACK = "udpout://127.0.0.1:14560"
 def fly(directory: Path, stamp: str) -> Path:
     """The drone side begins a flight there, and keeps its state as the supervisor does."""
     flight = directory / f"flight_log_{stamp}"
-    info = FlightInfo(
-        directory=str(flight),
-        start_time_ns=300 * 10**9,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(),
-    )
+    info = made.flight_info(flight, start_time_ns=300 * 10**9)
     FlightRecorder.open(info).close()
     note_flight(flight)
     (directory / LOCK_NAME).touch()

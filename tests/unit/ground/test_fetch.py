@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import made
 import numpy as np
 import pytest
-from pulses import pulse_at
+from virtual_time import START_S, VirtualClock
 
 from uavrt.cli.fetch import _list_samples, _wanted
 from uavrt.errors import LinkError, RecordingError
@@ -19,6 +20,7 @@ from uavrt.ground.fetch.flight_list import MOST_NOTED
 from uavrt.ground.fetch.ftp_client import (
     MOST_DEEP,
     PART_SUFFIX,
+    STALL_NS,
     FileClient,
     RemoteEntry,
     fetch_file,
@@ -30,8 +32,7 @@ from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
-from uavrt.messages import FlightInfo
-from uavrt.recording import FlightRecorder, flights_in_order, note_flight
+from uavrt.recording import flights_in_order, note_flight
 from uavrt.recording.sample_file import SampleFile
 
 CONTENT = random.Random(6).randbytes(30_011)
@@ -77,13 +78,6 @@ def root(tmp_path: Path) -> Path:
 
 
 ENTRY = RemoteEntry(path="/flight_log_1/flight.sqlite", size=len(CONTENT))
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lost reply is waited for 20 ms and not a second and a half."""
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.REPLY_NS", 20_000_000)
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.QUIET_NS", 20_000_000)
 
 
 def test_a_tree_longer_than_a_reply_is_listed_whole(root: Path) -> None:
@@ -243,34 +237,31 @@ EVIL = {
 
 
 GETTING_ON = ("a byte at a time", "2 kB a minute", "bytes that lie over each other")
-MINUTE_S = 1.0
-"""What the tests take for a minute."""
+MINUTE_S = STALL_NS / 1e9
 
 
-def slow_clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """A clock that goes on by 2 ms each time it is looked at."""
-    now_s = [0.0]
+def slowed(client: FileClient, clock: VirtualClock, each_s: float) -> FileClient:
+    """Let each request of a client take its time."""
+    send = client._send
 
-    def clock() -> float:
-        now_s[0] += 0.002
-        return now_s[0]
+    def late(payload: bytes) -> None:
+        clock.now_s += each_s
+        send(payload)
 
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.monotonic_s", clock)
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.STALL_NS", round(MINUTE_S * 1e9))
-    return now_s
+    client._send = late
+    return client
 
 
 @pytest.mark.parametrize("evil", EVIL)
 def test_a_rogue_that_does_not_get_on_is_given_up_after_a_minute_at_most(
-    evil: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    evil: str, tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    now_s = slow_clock(monkeypatch)
-    drone = Rogue(1_000_000, EVIL[evil])
+    client = slowed(Rogue(1_000_000, EVIL[evil]).client, clock_of_test, 0.3)
     entry = RemoteEntry(path="/flight_log_1/flight.sqlite", size=1_000_000)
     with pytest.raises((LinkError, RecordingError)) as caught:
-        asyncio.run(fetch_file(drone.client, entry, tmp_path / "flight.sqlite"))
-    # The minute and the tries that follow it, in the test's time.
-    assert now_s[0] < 2.5 * MINUTE_S
+        asyncio.run(fetch_file(client, entry, tmp_path / "flight.sqlite"))
+    # The minute and the tries that follow it.
+    assert clock_of_test.now_s - START_S < 2.5 * MINUTE_S
     assert ("makes no progress" in str(caught.value)) == (evil in GETTING_ON)
     assert not (tmp_path / "flight.sqlite").exists()
 
@@ -318,14 +309,13 @@ def test_what_the_disk_here_has_no_room_for_is_not_begun(
 
 
 def test_a_list_that_comes_a_name_at_a_time_is_given_up(
-    monkeypatch: pytest.MonkeyPatch,
+    clock_of_test: VirtualClock,
 ) -> None:
-    now_s = slow_clock(monkeypatch)
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.LEAST_ENTRIES", 200)
     client = rogue(lambda path, offset: [f"Ff{offset}\t5".encode()])
+    slowed(client, clock_of_test, 2.5)
     with pytest.raises(LinkError, match="makes no progress"):
         asyncio.run(client.tree("/"))
-    assert now_s[0] < 2 * MINUTE_S
+    assert clock_of_test.now_s - START_S < 2 * MINUTE_S
 
 
 def fetched(root: Path, place: Path, name: str) -> bool:
@@ -365,17 +355,8 @@ def test_a_database_is_replaced_by_a_later_state_of_the_same_flight_alone(
     root: Path, tmp_path: Path, case: str
 ) -> None:
     def make(directory: Path, pulses: range, start_ns: int = 10**18) -> Path:
-        info = FlightInfo(
-            directory=str(directory),
-            start_time_ns=start_ns,
-            clock_offset_ns=0,
-            center_frequency_hz=148.7e6,
-            sample_rate_hz=3e6,
-            tags=(),
-        )
-        recorder = FlightRecorder.create(info)
-        recorder.write_pulses([pulse_at(10**18 + n * 10**9) for n in pulses])
-        recorder.close()
+        info = made.flight_info(directory, start_time_ns=start_ns)
+        made.flight(info, pulses=[made.pulse(10**18 + n * 10**9) for n in pulses])
         return directory / "flight.sqlite"
 
     shutil.rmtree(root / "flight_log_1")

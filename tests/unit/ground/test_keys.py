@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from some import some
 
 from uavrt.cli.ground import ground
 from uavrt.errors import ConfigError
@@ -14,9 +15,7 @@ def test_both_keys_are_read_from_files_of_hexadecimal_digits(tmp_path: Path) -> 
     path.write_text("5a" * 32)
     path.chmod(0o600)
     keys = read_link_keys(path, path)
-    assert keys.command is not None
-    assert keys.signing is not None
-    assert keys.command.secret == keys.signing.secret == b"Z" * 32
+    assert some(keys.command).secret == some(keys.signing).secret == b"Z" * 32
     assert "5a" not in repr(keys)
     assert read_link_keys(None, None) == NO_KEYS
 

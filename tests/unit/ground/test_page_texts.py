@@ -12,6 +12,7 @@ from types import ModuleType
 
 import pytest
 from page_texts import CATALOGUE, GOES_ON, PAGE, filled_forms, for_people, literals, plain, told
+from virtual_time import VirtualClock
 
 from uavrt import card, errors
 from uavrt.card import Card
@@ -98,7 +99,7 @@ def test_what_the_server_says_of_buttons_and_checks_has_words() -> None:
 
 
 def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, clock_of_test: VirtualClock
 ) -> None:
     ill = Card(
         device="/dev/mmcblk0p2",
@@ -116,7 +117,7 @@ def test_what_a_drones_own_page_says_of_card_and_clock_has_words(
         monkeypatch.setattr(card, "battery_clock_off_s", lambda off_s=off_s: off_s)
         monkeypatch.setattr(checks, "_timedatectl", lambda answer=synchronized: answer)
         found.append(checks.check_clock())
-    monkeypatch.setattr(card, "wall_ns", lambda: 0)
+    clock_of_test.set_wall_ns(0)
     found.append(checks.check_clock())
     assert [one.ok for one in found] == [False, False, True, False, False]
     texts = {part for one in found for text in (one.text, one.remedy) for part in parts(text)}

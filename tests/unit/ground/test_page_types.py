@@ -4,7 +4,7 @@ import math
 import re
 from pathlib import Path
 
-from pulses import pulse_at
+import made
 
 from uavrt.ground.store.flights import PULSE_COLUMNS, STATUSES, pulse_cells
 from uavrt.ground.web.column_answers import YAW
@@ -62,7 +62,7 @@ def test_a_pulse_without_pose_and_doubts_is_a_row_of_numbers() -> None:
     cells = dict(
         zip(
             PULSE_COLUMNS,
-            pulse_cells(PulsePose(pulse=pulse_at(5_000), pose=None)),
+            pulse_cells(PulsePose(pulse=made.pulse(5_000), pose=None)),
             strict=True,
         )
     )

@@ -4,15 +4,15 @@ import errno
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
+from some import some
 
 from uavrt.errors import RecordingError
 from uavrt.ground.link import stored_pulses
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.ground.link.stored_pulses import RECEIVED_NAME, open_receipts
-from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulsePose
@@ -24,8 +24,7 @@ MS = 1_000_000
 
 def test_without_pulses_a_sign_of_life_goes_once_a_second() -> None:
     receipts = Receipts(7)
-    first = receipts.take(0)
-    assert first is not None
+    first = some(receipts.take(0))
     assert first.hashes == ()
     assert receipts.take(999 * MS) is None
     assert receipts.take(1000 * MS) is not None
@@ -36,13 +35,11 @@ def test_pulses_are_acknowledged_within_150_ms_or_at_15_at_once() -> None:
     receipts.take(0)
     receipts.stored(b"a")
     assert receipts.take(149 * MS) is None
-    receipt = receipts.take(150 * MS)
-    assert receipt is not None
+    receipt = some(receipts.take(150 * MS))
     assert receipt.hashes == (payload_hash(b"a"),)
     for number in range(20):
         receipts.stored(bytes([number]))
-    full = receipts.take(151 * MS)
-    assert full is not None
+    full = some(receipts.take(151 * MS))
     assert full.hashes == tuple(payload_hash(bytes([n])) for n in range(15))
 
 
@@ -62,8 +59,7 @@ def test_a_repeated_pulse_is_acknowledged_again_and_counted() -> None:
     receipts.take(0)
     assert receipts.seen(b"a")
     assert receipts.duplicates == 1
-    again = receipts.take(200 * MS)
-    assert again is not None
+    again = some(receipts.take(200 * MS))
     assert payload_hash(b"a") in again.hashes
 
 
@@ -149,17 +145,9 @@ def test_a_pulse_that_could_not_be_stored_is_not_acknowledged_by_the_next_frame(
         (frame,) = writer[0].feed(writer[1].encode(message))
         protocol.receive(frame, 0)
 
-    beat = dialect.Heartbeat(
-        type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-    )
-    payload = pulse_to_wire(PulsePose(pulse=pulse_at(10**18), pose=None)).encode()
-    pulse = dialect.Tunnel(
-        target_system=254,
-        target_component=190,
-        payload_type=0,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    beat = made.heartbeat()
+    payload = pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=None)).encode()
+    pulse = made.tunnel(0, payload)
     hear(beat)
     protocol.taken()
     hear(pulse)  # and it was not taken

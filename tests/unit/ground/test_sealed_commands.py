@@ -7,6 +7,7 @@ from typing import Any
 
 from pulses import pulse_at
 from sealed import introduce
+from some import some
 
 from uavrt import tunnel
 from uavrt.config import OFFERED, Settings
@@ -60,8 +61,7 @@ def test_a_sealed_command_is_taken_and_a_plain_one_is_refused_with_the_reason(
 ) -> None:
     path = key_file(tmp_path)
     gate, exchange = Gate((), str(path)), Exchange()
-    reason = gate.refusal(GROUND, sealed=False)
-    assert reason is not None
+    reason = some(gate.refusal(GROUND, sealed=False))
     answer = exchange.refuse(STOP, reason, GROUND)
     assert isinstance(answer, Answer)
     ack = tunnel.decode(answer.payload)
@@ -82,10 +82,8 @@ def test_a_full_receipt_fits_into_a_seal(tmp_path: Path) -> None:
     assert ground.receipts is not None
     for number in range(20):
         ground.receipts.stored(bytes([number]))
-    message = ground.receipt(NOW_NS)
-    assert message is not None
-    opened = gate.open(message.payload[: message.payload_length], GROUND, DRONE)
-    assert opened is not None
+    message = some(ground.receipt(NOW_NS))
+    opened = some(gate.open(message.payload[: message.payload_length], GROUND, DRONE))
     kind, inside = opened
     assert kind == RECEIPT_INSIDE
     assert len(Receipt.decode(inside).hashes) == MAX_SEALED_HASHES

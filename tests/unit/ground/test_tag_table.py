@@ -2,6 +2,7 @@
 
 import re
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,7 +19,6 @@ from uavrt.ground.web.tag_table import (
     tags_from_rows,
     warnings_of,
 )
-from uavrt.messages import Tag
 
 ROW = {
     "id": 4,
@@ -44,14 +44,14 @@ TRACKER_MAKERS = (
 def test_a_row_becomes_a_tag_in_our_units() -> None:
     (tag,), faults = tags_from_rows([ROW])
     assert faults == []
-    assert tag == Tag(
-        tag_id=4,
-        frequency_hz=148_697_000.0,
+    assert tag == made.tag(
+        4,
+        148_697_000.0,
+        1.333,
+        2.0,
         pulse_width_s=0.015,
-        pulse_intervals_s=(1.333, 2.0),
         interval_uncertainty_s=0.06,
         interval_jitter_s=0.02,
-        k=3,
         false_alarm_probability=0.005,
         name="otter, the second",
     )

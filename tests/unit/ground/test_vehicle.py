@@ -3,6 +3,7 @@
 from copy import copy
 from itertools import pairwise
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,9 +17,7 @@ from uavrt.mavlink.message import Message
 
 NOW_NS = 1_700_000_000_000_000_000
 SECOND = 1_000_000_000
-HEARTBEAT = dialect.Heartbeat(
-    type=2, autopilot=3, base_mode=128, custom_mode=0, system_status=4, mavlink_version=3
-)
+HEARTBEAT = made.heartbeat(type=2, autopilot=3, base_mode=128)
 PLACE = dialect.GlobalPositionInt(
     time_boot_ms=1,
     lat=351_782_410,

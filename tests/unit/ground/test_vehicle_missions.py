@@ -5,9 +5,9 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Any
 
+import made
 import pytest
 
-from uavrt.attitude import from_euler_deg
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import CommandRefused, FormatError, LinkError
@@ -31,14 +31,7 @@ Work = Callable[[GroundLink, FakeAutopilot], Awaitable[Any]]
 
 
 def pose(time_ns: int) -> Pose:
-    return Pose(
-        time_ns=time_ns,
-        latitude_deg=46.5,
-        longitude_deg=8.0,
-        altitude_amsl_m=840.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=from_euler_deg(0.0, 0.0, 0.0),
-    )
+    return made.pose(time_ns, 46.5, 8.0, altitude_amsl_m=840.0)
 
 
 def with_vehicle(flavour: Flavour, work: Work, *, loss: float = 0.0, seed: int = 1) -> Any:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from flown import HOME, Flown
+from some import some
 
 from uavrt.errors import CommandRefused, PlanError
 from uavrt.guidance.authority import Standing
@@ -322,8 +323,7 @@ def test_told_to_go_elsewhere_at_speed_it_stands_first(flavour: Flavour) -> None
     flown = Flown(flavour)
     pilot = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
     flown.run(8.0)
-    now = flown.now()
-    assert now is not None
+    now = some(flown.now())
     assert now.speed_m_s > 5.0
     pilot.redirect((Go(place=flown.place(0, 60), height_m=40.0),), now)
     slowest = math.inf
@@ -341,8 +341,7 @@ def test_a_small_bend_is_flown_without_standing(flavour: Flavour) -> None:
     flown = Flown(flavour)
     pilot = flown.order("goto", places=(flown.place(200, 0),), height_m=40.0)
     flown.run(8.0)
-    now = flown.now()
-    assert now is not None
+    now = some(flown.now())
     pilot.redirect((Go(place=flown.place(200, 40), height_m=40.0),), now)
     flown.run(4.0)
     assert math.hypot(*flown.vehicle.velocity_m_s) > 5.0

@@ -7,6 +7,7 @@ import pytest
 from flown import HOME, Flown
 from numpy.typing import NDArray
 from searched import Animal, Searched
+from some import some
 
 from uavrt.errors import PlanError
 from uavrt.guidance.authority import Standing
@@ -119,8 +120,7 @@ def test_a_search_keeps_its_height_above_a_hill_and_on_the_way_home() -> None:
     search.flown.vehicle.height_m = 45.0
     search.flown.run(0.3)
     search.begin()
-    ground = given.ground
-    assert ground is not None
+    ground = some(given.ground)
     least = np.inf
     for _ in range(1500):
         search.step()
@@ -134,8 +134,7 @@ def test_a_search_keeps_its_height_above_a_hill_and_on_the_way_home() -> None:
 
 
 def test_no_square_is_lower_than_what_lies_in_it() -> None:
-    ground = limits().ground
-    assert ground is not None
+    ground = some(limits().ground)
     rng = np.random.default_rng(2)
     east, north = rng.uniform(-200.0, 200.0, (2, 500))
     true = hill(*(np.asarray(one) for one in PLANE.to_geodetic(east, north))) - 430.0

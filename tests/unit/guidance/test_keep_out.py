@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from flown import HOME, Flown
 from searched import Animal, Searched
+from some import some
 
 from uavrt.errors import PlanError
 from uavrt.guidance.authority import Standing
@@ -178,11 +179,9 @@ def test_the_next_way_is_judged_from_where_the_drone_comes_to_a_stand(flavour: F
     was_m = vehicle.east_m
     planner.wish = Decision(action=FlyTo(east_m=0.0, north_m=55.0), reason="as told")
     now = search.flown.now()
-    assert now is not None
-    choice = search.seeker.think(search.time_ns, now, idle=False)
+    choice = search.seeker.think(search.time_ns, some(now), idle=False)
     stand, entered = planner.states[-1], search.seeker.area.entered
     assert stand.east_m > was_m + 5.0
     assert entered(np.array([was_m, 0.0]), np.array([0.0, 55.0])) is None
     assert "enters the keep-out 'tent'" in choice.said
-    assert choice.steps is not None
-    assert all(isinstance(step, Go) and step.stay_s > 0.0 for step in choice.steps)
+    assert all(isinstance(step, Go) and step.stay_s > 0.0 for step in some(choice.steps))

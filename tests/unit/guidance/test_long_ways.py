@@ -2,6 +2,7 @@
 
 import pytest
 from flown import Flown
+from some import some
 
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
@@ -95,8 +96,7 @@ def test_commands_that_are_refused_again_and_again_end_in_a_return(flavour: Flav
     flown = far_flown(flavour)
     pilot = flown.order("goto", places=(flown.place(60.0, 0.0),), height_m=40.0)
     flown.run(5.0)
-    now = flown.now()
-    assert now is not None
+    now = some(flown.now())
     pilot.redirect([Go(place=flown.place(5_000.0, 0.0), height_m=40.0)], now)
     flown.run(60.0)
     assert pilot.said == "returning: the commands are refused"

@@ -3,12 +3,13 @@
 import math
 from dataclasses import dataclass, replace
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from uavrt.localization import PATTERNS
-from uavrt.messages import FlightInfo, Pose, Tag
+from uavrt.messages import Pose, Tag
 from uavrt.recording import Flight
 from uavrt_experiments.detection.signals import (
     START_NS,
@@ -96,11 +97,10 @@ def rotation(
     return Rotation(
         tag=tag,
         flight=Flight(
-            info=FlightInfo(
-                directory=f"rotation {seed}",
+            info=made.flight_info(
+                f"rotation {seed}",
+                (tag,),
                 start_time_ns=start_ns,
-                clock_offset_ns=0,
-                tags=(tag,),
                 center_frequency_hz=tag.frequency_hz,
                 sample_rate_hz=RATE_HZ,
             ),
@@ -120,14 +120,13 @@ def rotation(
 
 
 def _pose(time_s: float, start_ns: int, east_m: float) -> Pose:
-    half = math.radians(TURN_DEG_S * time_s % 360.0) / 2.0
-    return Pose(
-        time_ns=start_ns + round(time_s * 1e9),
-        latitude_deg=35.0,
-        longitude_deg=-111.0 + east_m / 91_290.0,
-        altitude_amsl_m=2050.0,
+    return made.pose(
+        start_ns + round(time_s * 1e9),
+        35.0,
+        -111.0 + east_m / 91_290.0,
         altitude_relative_m=50.0,
-        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+        altitude_amsl_m=2050.0,
+        yaw_deg=TURN_DEG_S * time_s % 360.0,
     )
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import made
 import numpy as np
 import pytest
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
@@ -13,7 +14,7 @@ from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
 from uavrt.integration import BLOCK_S, GrowingEnergies, slot_energies
 from uavrt.localization import PATTERNS
-from uavrt.messages import ChannelBlock, Poses, Tag
+from uavrt.messages import Poses, Tag
 from uavrt.recording import ChannelRecorder, FlightRecorder
 from uavrt.supervisor.tree.shapes import rows_for
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
@@ -76,13 +77,13 @@ def keep(
         quiet = rng.standard_normal((len(samples), 2)).astype(np.float32).view(np.complex64)
         recorder.put(
             [
-                ChannelBlock(
+                made.channel_block(
+                    block,
+                    at_s * rate,
+                    RATE_HZ,
+                    time_ns=START_NS + at_s * 1_000_000_000,
                     channel=number,
                     center_frequency_hz=weak.tag.frequency_hz + 1875.0 * number,
-                    samples=block,
-                    sample_index=at_s * rate,
-                    time_ns=START_NS + at_s * 1_000_000_000,
-                    sample_rate_hz=RATE_HZ,
                 )
                 for number, block in ((0, samples), (4, quiet[:, 0]))
             ]
@@ -154,9 +155,7 @@ def test_only_what_no_detector_found_is_told_and_again_when_it_is_much_closer(
 ) -> None:
     directory = tmp_path / "flight"
     info = replace(weak.flight.info, directory=str(directory))
-    log = FlightRecorder.create(info, None)
-    log.write_poses(Poses(poses=weak.flight.poses))
-    log.close()
+    made.flight(info, poses=weak.flight.poses)
     recorder = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
     keep(directory, weak, 0, int(len(weak.samples) / RATE_HZ), recorder)
     recorder.close()

@@ -9,6 +9,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import made
 import pytest
 from tests.unit.integration.conftest import Rotation, rotation
 from tests.unit.integration.test_whole_flight import judged
@@ -59,22 +60,14 @@ def flight(weak: Rotation, result: IntegratedTag, tmp_path: Path) -> Flight:
 
 
 def live_pulse(tag_id: int, time_ns: int) -> Pulse:
-    return Pulse(
+    return made.pulse(
+        time_ns,
         tag_id=tag_id,
         frequency_hz=148.7e6,
-        start_time_ns=time_ns,
-        end_time_ns=time_ns + 20_000_000,
         snr_db=9.0,
-        group_snr_db=9.0,
         score=1.1,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1e-12,
         detection_status="detected",
         confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
 
 

@@ -8,6 +8,7 @@ from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
@@ -26,9 +27,9 @@ from uavrt.cli.app import app
 from uavrt.config import Settings
 from uavrt.errors import FormatError, UavrtError
 from uavrt.localization import PATTERNS
-from uavrt.messages import ChannelBlock, Poses, Tag
+from uavrt.messages import ChannelBlock, Tag
 from uavrt.radio import JoinedRecording
-from uavrt.recording import ChannelRecorder, FlightLayout, FlightRecorder, read_flight
+from uavrt.recording import ChannelRecorder, FlightLayout, read_flight
 from uavrt_experiments.detection.signals import START_NS, noise
 
 SPACING_HZ = 1875.0
@@ -39,13 +40,13 @@ def one_second(
     samples: NDArray[np.complex64], channel: int, at_s: int, hz: float
 ) -> ChannelBlock:
     rate = round(RATE_HZ)
-    return ChannelBlock(
+    return made.channel_block(
+        samples[at_s * rate : (at_s + 1) * rate],
+        at_s * rate,
+        RATE_HZ,
+        time_ns=START_NS + at_s * 1_000_000_000,
         channel=channel,
         center_frequency_hz=hz + channel * SPACING_HZ,
-        samples=samples[at_s * rate : (at_s + 1) * rate],
-        sample_index=at_s * rate,
-        time_ns=START_NS + at_s * 1_000_000_000,
-        sample_rate_hz=RATE_HZ,
     )
 
 
@@ -62,9 +63,7 @@ def kept(weak: Rotation, tmp_path_factory: pytest.TempPathFactory) -> Path:
     other = replace(weak.tag, tag_id=9, frequency_hz=weak.tag.frequency_hz + 4 * SPACING_HZ)
     info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag, other))
     listened = replace(Settings().detection, frequency_window_hz=WINDOW_HZ)
-    recorder = FlightRecorder.create(info, replace(Settings(), detection=listened))
-    recorder.write_poses(Poses(poses=weak.flight.poses))
-    recorder.close()
+    made.flight(info, replace(Settings(), detection=listened), poses=weak.flight.poses)
     quiet = noise(np.random.default_rng(4), len(weak.samples))
     with pytest.MonkeyPatch.context() as patched:
         # A disk that other tests keep busy would be left alone for 10 s, and samples dropped.

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from command_line import uavrt
@@ -21,8 +22,8 @@ from uavrt.analysis.export.geopackage import write_geopackage
 from uavrt.analysis.report.words import hindsight
 from uavrt.config import Settings
 from uavrt.errors import FormatError
-from uavrt.messages import FlightInfo, Pose, Poses, Tag
-from uavrt.recording import FlightRecorder, read_integrated
+from uavrt.messages import Pose, Tag
+from uavrt.recording import read_integrated
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.integrate.flights import PLANE, World, add_pulses, passing, silence
@@ -31,17 +32,14 @@ from uavrt_experiments.integrate.flights import PLANE, World, add_pulses, passin
 def flight_with(
     directory: Path, tag: Tag, poses: tuple[Pose, ...], settings: Settings | None
 ) -> None:
-    info = FlightInfo(
-        directory=str(directory),
+    info = made.flight_info(
+        directory,
+        (tag,),
         start_time_ns=START_NS,
-        clock_offset_ns=0,
-        tags=(tag,),
         center_frequency_hz=tag.frequency_hz,
         sample_rate_hz=RATE_HZ,
     )
-    recorder = FlightRecorder.create(info, settings)
-    recorder.write_poses(Poses(poses=poses))
-    recorder.close()
+    made.flight(info, settings, poses=poses)
 
 
 def arguments(directory: Path, samples: np.ndarray, tag: Tag, *more: str) -> list[str]:
@@ -64,13 +62,8 @@ def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
     add_pulses(rng, samples, world.pulses(rng, truth, 8.0))
     columns = world.course.poses
     poses = tuple(
-        Pose(
-            time_ns=int(time_ns),
-            latitude_deg=float(latitude),
-            longitude_deg=float(longitude),
-            altitude_amsl_m=1050.0,
-            altitude_relative_m=50.0,
-            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+        made.pose(
+            int(time_ns), latitude, longitude, altitude_relative_m=50.0, altitude_amsl_m=1050.0
         )
         for time_ns, latitude, longitude in zip(
             columns.time_ns, columns.latitude_deg, columns.longitude_deg, strict=True

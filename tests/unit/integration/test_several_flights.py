@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
@@ -23,8 +24,7 @@ from uavrt.cli.app import app
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, UavrtError, UsageError
 from uavrt.localization import PATTERNS, difference_deg
-from uavrt.messages import Poses
-from uavrt.recording import FlightLayout, FlightRecorder, read_integrated
+from uavrt.recording import FlightLayout, read_integrated
 from uavrt_experiments.detection.signals import START_NS
 
 HOUR_NS = 3_600_000_000_000
@@ -124,10 +124,7 @@ def on_disk(flown: Sequence[Rotation], root: Path) -> list[str]:
     for number, one in enumerate(flown):
         directory = root / f"flight_log_2023-11-14_{22 + number}-13-20"
         info = replace(one.flight.info, directory=str(directory), tags=(one.tag,))
-        recorder = FlightRecorder.create(info, None)
-        recorder.write_poses(Poses(poses=one.flight.poses))
-        recorder.commit()
-        recorder.close()
+        made.flight(info, poses=one.flight.poses)
         samples = FlightLayout(directory).iq_directory
         samples.mkdir(exist_ok=True)
         one.samples.tofile(samples / "band.sigmf-data")

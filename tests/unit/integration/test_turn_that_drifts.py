@@ -4,13 +4,13 @@ import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from tests.unit.integration.conftest import WINDOW_HZ
 
 from uavrt.analysis import IntegratedTag, integrate_flight
 from uavrt.localization import PATTERNS, difference_deg
-from uavrt.messages import FlightInfo, Pose
 from uavrt.radio import open_recording
 from uavrt.recording import Flight
 from uavrt_experiments.detection.signals import START_NS
@@ -66,11 +66,10 @@ def still(course: Course) -> Course:
 def flight_of(course: Course, world: World) -> Flight:
     """The flight with the poses of a course."""
     poses = course.poses
-    info = FlightInfo(
-        directory="a turn",
+    info = made.flight_info(
+        "a turn",
+        (world.tag,),
         start_time_ns=START_NS,
-        clock_offset_ns=0,
-        tags=(world.tag,),
         center_frequency_hz=world.tag.frequency_hz,
         sample_rate_hz=RATE_HZ,
     )
@@ -86,12 +85,12 @@ def flight_of(course: Course, world: World) -> Flight:
         settings_json=None,
         pulse_poses=(),
         poses=tuple(
-            Pose(
-                time_ns=time_ns,
-                latitude_deg=latitude,
-                longitude_deg=longitude,
-                altitude_amsl_m=2050.0,
+            made.pose(
+                time_ns,
+                latitude,
+                longitude,
                 altitude_relative_m=50.0,
+                altitude_amsl_m=2050.0,
                 quaternion_wxyz=tuple(turned),
             )
             for time_ns, latitude, longitude, turned in each

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
@@ -24,9 +25,7 @@ from uavrt.integration import (
 from uavrt.integration.cells import Cells
 from uavrt.integration.whole_flight import FEW_PATTERNS
 from uavrt.localization import PATTERNS, difference_deg
-from uavrt.messages import Poses
 from uavrt.radio import open_recording
-from uavrt.recording import FlightRecorder
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.detection.trials import detect
@@ -118,10 +117,7 @@ def on_disk(weak: Rotation, tmp_path: Path) -> Callable[[], list[str]]:
 
     directory = tmp_path / "flight"
     info = replace(weak.flight.info, directory=str(directory))
-    recorder = FlightRecorder.create(info, None)
-    recorder.write_poses(Poses(poses=weak.flight.poses))
-    recorder.commit()
-    recorder.close()
+    made.flight(info, poses=weak.flight.poses)
     samples = tmp_path / "samples.cf32"
     weak.samples.tofile(samples)
     return lambda: [

@@ -1,6 +1,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,13 +31,11 @@ def received(receiver: ChannelReceiver, sender: ChannelSender) -> Iterator[Chann
 
 
 def block(start: int, count: int, channel: int = 3) -> ChannelBlock:
-    return ChannelBlock(
+    return made.channel_block(
+        (np.arange(start, start + count) * (1 + 1j)).astype(np.complex64),
+        start,
+        RATE_HZ,
         channel=channel,
-        center_frequency_hz=148.71e6,
-        samples=(np.arange(start, start + count) * (1 + 1j)).astype(np.complex64),
-        sample_index=start,
-        time_ns=round(start * 1e9 / RATE_HZ),
-        sample_rate_hz=RATE_HZ,
     )
 
 

@@ -5,6 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from some import some
 
 from uavrt.errors import UsageError
 from uavrt.localization import PATTERNS, AntennaPattern, BearingMethod, estimate_bearing
@@ -98,15 +99,13 @@ def test_misses_tell_where_the_tag_is_not() -> None:
     assert with_misses.pulses == 8
     assert abs(difference_deg(with_misses.bearing_deg, 112.5)) < 3.0
     assert with_misses.sigma_deg is not None
-    assert without.second_lobe_probability is not None
-    assert without.second_lobe_probability > 0.3 > with_misses.second_lobe_probability  # type: ignore[operator]
+    assert some(without.second_lobe_probability) > 0.3 > with_misses.second_lobe_probability  # type: ignore[operator]
 
 
 def test_three_pulses_of_a_turn_that_has_just_begun_give_a_wide_interval() -> None:
     yaw = np.array([0.0, 12.0, 24.0])
     found = estimate_bearing(yaw, levels(yaw, 10.0, 20.0))
-    assert found.interval90_deg is not None
-    low, high = found.interval90_deg
+    low, high = some(found.interval90_deg)
     assert (high - low) % 360.0 > 60.0
 
 
@@ -123,8 +122,7 @@ def test_a_shared_heading_error_widens_the_interval() -> None:
     yaw = np.arange(0.0, 360.0, 6.0)
     sharp = estimate_bearing(yaw, levels(yaw, 40.0))
     blurred = estimate_bearing(yaw, levels(yaw, 40.0), heading_sigma_deg=5.0)
-    assert sharp.sigma_deg is not None
-    assert sharp.sigma_deg < 2.0
+    assert some(sharp.sigma_deg) < 2.0
     assert blurred.sigma_deg == pytest.approx(5.1, abs=0.3)
 
 
@@ -135,9 +133,7 @@ def test_a_noisier_heading_is_not_a_weaker_signal() -> None:
     found = estimate_bearing(yaw, snr, noise_psd=noise)
     ignorant = estimate_bearing(yaw, snr)
     assert abs(difference_deg(found.bearing_deg, 60.0)) < 0.5
-    assert found.fading_db is not None
-    assert ignorant.fading_db is not None
-    assert found.fading_db < ignorant.fading_db
+    assert some(found.fading_db) < some(ignorant.fading_db)
 
 
 @pytest.mark.parametrize(

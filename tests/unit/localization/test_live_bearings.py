@@ -1,8 +1,8 @@
 """Bearings while a turn goes on: wide at first, narrow later, honest throughout."""
 
+import made
 import numpy as np
 import pytest
-from pulses import pulse_at
 
 from uavrt.errors import UsageError
 from uavrt.localization import PATTERNS
@@ -16,20 +16,18 @@ TRUTH_DEG = 130.0
 
 
 def pose(seconds: float, yaw_deg: float, latitude_deg: float = 47.0) -> Pose:
-    half = np.radians(yaw_deg) / 2.0
-    return Pose(
-        time_ns=START_NS + round(seconds * 1e9),
-        latitude_deg=latitude_deg,
-        longitude_deg=8.5,
+    return made.pose(
+        START_NS + round(seconds * 1e9),
+        latitude_deg,
+        8.5,
         altitude_amsl_m=500.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=(float(np.cos(half)), 0.0, 0.0, float(np.sin(half))),
+        yaw_deg=yaw_deg,
     )
 
 
 def pulse(seconds: float, yaw_deg: float, snr_db: float, tag_id: int = 2) -> PulsePose:
     start_ns = START_NS + round(seconds * 1e9)
-    heard = pulse_at(start_ns, tag_id=tag_id, snr_db=snr_db)
+    heard = made.pulse(start_ns, tag_id=tag_id, snr_db=snr_db)
     return PulsePose(pulse=heard, pose=pose(seconds, yaw_deg))
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from some import some
 
 from uavrt.errors import UsageError
 from uavrt.localization import (
@@ -150,8 +151,7 @@ def test_levels_of_rotations_are_compared_by_what_the_ridge_takes() -> None:
 
 def test_ground_that_the_files_do_not_know_is_told_and_changes_no_position() -> None:
     rng = np.random.default_rng(12)
-    track = surveyed(rng, CASES[0], ridge, (-50.0, 40.0))
-    assert track is not None
+    track = some(surveyed(rng, CASES[0], ridge, (-50.0, 40.0)))
     elsewhere = HillLosses(elevation_of(ridge), latitude_deg=10.0, longitude_deg=10.0)
     level, told = (estimate_position(None, track, hills=one) for one in (None, elsewhere))
     assert (told.latitude_deg, told.radius95_m) == (level.latitude_deg, level.radius95_m)
@@ -176,17 +176,14 @@ def test_another_datum_and_poses_that_begin_in_the_air_are_told() -> None:
     other = OverGround.of(elevation, poses(), takeoff_amsl_m=448.0)
     up = OverGround.of(elevation, poses(30.0))
     assert same is not None
-    assert other is not None
-    assert up is not None
     assert same.hills.told() == ()
-    assert "another datum" in other.hills.told()[0]
-    assert "begin 30 m up" in up.hills.told()[0]
+    assert "another datum" in some(other).hills.told()[0]
+    assert "begin 30 m up" in some(up).hills.told()[0]
     assert same.heights_m([500_000_000]) == pytest.approx([5.0])
 
 
 def test_too_few_powers_are_refused_with_hills_as_without() -> None:
-    track = surveyed(np.random.default_rng(12), CASES[0], ridge, (-50.0, 40.0))
-    assert track is not None
+    track = some(surveyed(np.random.default_rng(12), CASES[0], ridge, (-50.0, 40.0)))
     none = replace(track, snr_db=np.full(len(track.snr_db), np.nan))
     with pytest.raises(UsageError, match="fewer than three"):
         estimate_position(None, none, hills=hills())

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from some import some
 
 from uavrt.localization import Position, PowerTrack, TangentPlane, estimate_position
 from uavrt_experiments.localization.circle_bars import Strengths, by_strength
@@ -41,8 +42,7 @@ def test_circles_hold_the_tag_whatever_surveys_have_wrong() -> None:
     for told_m, correlation, foreign in [*wrong, (40.0, 0.0, 0.05)] * 3:
         track, tag = flown(rng, told_m=told_m, correlation=correlation, foreign=foreign)
         found = estimate_position(None, track)
-        assert found.radius95_m is not None
-        held += miss_m(found, tag) <= found.radius95_m
+        held += miss_m(found, tag) <= some(found.radius95_m)
     assert held >= 12  # .95 of 15 are 14.3; by chance fewer than 12 once in 180
 
 
@@ -86,8 +86,9 @@ def test_a_weak_pulse_of_someone_elses_does_not_put_the_tag_beneath_the_drone() 
         snr_db = track.snr_db.copy()
         snr_db[np.argmin(off_m)] = np.median(snr_db) - 11.0
         found = estimate_position(None, replace(track, snr_db=snr_db))
-        assert found.radius95_m is not None
-        assert miss_m(found, tag) <= found.radius95_m  # it was 100 m off, circles of 1 to 2 m
+        assert miss_m(found, tag) <= some(
+            found.radius95_m
+        )  # it was 100 m off, circles of 1 to 2 m
 
 
 def test_a_clean_survey_loses_no_more_than_a_pulse_in_a_hundred() -> None:

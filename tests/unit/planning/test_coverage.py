@@ -2,29 +2,22 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from some import some
 
 from uavrt.detection import enr_needed_db
 from uavrt.localization import Headings, pattern_named
-from uavrt.messages import Tag
 from uavrt.planning import LinkBudget, ListeningWay, absence, coverage_of, listening_way
 from uavrt.planning.coverage import Coverage
-from uavrt.simulation import Antenna, Flight, Leg, Propagation, Scenario, SimulatedTag, World
+from uavrt.simulation import Antenna, Flight, Leg, Propagation, Scenario, World
 from uavrt.tangent_plane import TangentPlane
 from uavrt.terrain import GroundGrid
 
 _Floats = NDArray[np.float64]
-TAG = Tag(
-    tag_id=2,
-    frequency_hz=150e6,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.254,),
-    interval_uncertainty_s=0.06,
-    interval_jitter_s=0.01,
-    k=3,
-)
+TAG = made.tag(2, 150e6, interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 BUDGET = LinkBudget(
     frequency_hz=150e6, pulse_width_s=0.02, tag_eirp_dbm=-50.0, drone_height_m=60.0
 )
@@ -60,9 +53,8 @@ def test_over_level_ground_a_group_is_heard_to_the_range_that_the_budget_tells()
     east = ground.east_m[120:]
     for probability in (0.9, 0.5):
         told = BUDGET.distance_m(enr_needed_db(TAG, probability))
-        assert told is not None
         reached = east[found.heard[2, 120:] >= probability].max()
-        assert reached == pytest.approx(told, abs=60.0)
+        assert reached == pytest.approx(some(told), abs=60.0)
 
 
 def test_the_ground_of_elevation_files_that_is_level_changes_nothing() -> None:
@@ -131,8 +123,7 @@ def test_a_way_is_flown_at_its_speed_and_nose_first() -> None:
     assert len(way.time_s) == 16
     assert (way.east_m[7], way.north_m[7]) == (70.0, 0.0)
     assert (way.east_m[12], way.north_m[12]) == (100.0, -20.0)
-    assert way.headings is not None
-    assert way.headings.yaw_deg[[3, 13]].tolist() == [90.0, 180.0]
+    assert some(way.headings).yaw_deg[[3, 13]].tolist() == [90.0, 180.0]
 
 
 def test_silence_where_a_tag_would_have_been_heard_says_that_it_is_elsewhere() -> None:
@@ -171,15 +162,7 @@ def test_the_simulated_world_loses_behind_hills_what_the_map_says() -> None:
         propagation=Propagation(model="two_ray", doppler=False),
         flight=Flight(height_m=60.0, wobble_deg=0.0, leg=(Leg(duration_s=5.0),)),
         tag=tuple(
-            SimulatedTag(
-                tag_id=number,
-                frequency_hz=150e6,
-                pulse_width_s=0.02,
-                pulse_intervals_s=(1.254,),
-                north_m=north,
-                east_m=east,
-                erp_dbm=-50.0,
-            )
+            made.simulated_tag(number, 150e6, north_m=north, east_m=east, erp_dbm=-50.0)
             for number, (north, east) in enumerate(places, start=1)
         ),
     )

@@ -3,10 +3,11 @@
 import json
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.cli.range import range as range_command
-from uavrt.messages import FlightInfo, Pose, Poses, SearchReport
+from uavrt.messages import Poses
 from uavrt.recording import FlightRecorder
 
 START_NS = 1_700_000_000_000_000_000
@@ -15,36 +16,27 @@ START_NS = 1_700_000_000_000_000_000
 def write_noise(directory: Path, *, times: float = 4.0) -> Path:
     """A minute on the ground, then two in the air with some times the noise."""
     recorder = FlightRecorder.create(
-        FlightInfo(
-            directory=str(directory),
-            start_time_ns=START_NS,
-            clock_offset_ns=0,
-            center_frequency_hz=150e6,
-            sample_rate_hz=3e6,
-            tags=(),
-        )
+        made.flight_info(directory, start_time_ns=START_NS, center_frequency_hz=150e6)
     )
     poses = []
     for second in range(180):
         air = second >= 60
         poses.append(
-            Pose(
-                time_ns=START_NS + second * 1_000_000_000,
-                latitude_deg=47.0,
-                longitude_deg=8.0,
-                altitude_amsl_m=500.0,
+            made.pose(
+                START_NS + second * 1_000_000_000,
+                47.0,
+                8.0,
                 altitude_relative_m=50.0 if air else 0.0,
-                quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
+                altitude_amsl_m=500.0,
             )
         )
         if second % 5 == 2:
             recorder.write_search_report(
-                SearchReport(
-                    tag_id=2,
-                    time_ns=poses[-1].time_ns,
+                made.search_report(
+                    2,
+                    poses[-1].time_ns,
                     frequency_hz=150e6,
                     noise_psd=times * 1e-12 if air else 1e-12,
-                    best_score=0.5,
                 )
             )
     recorder.write_poses(Poses(poses=tuple(poses)))

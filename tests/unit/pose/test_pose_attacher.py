@@ -1,7 +1,8 @@
 """Pulses wait for their poses, not for ever."""
 
+import made
 import pytest
-from pulses import pulse_at
+from some import some
 
 from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.messages import AttitudeSample, PositionSample, Pulse
@@ -38,7 +39,7 @@ def fly(ring: PoseRing, start_s: float, end_s: float) -> None:
 
 def pulse(center_s: float, tag_id: int = 2) -> Pulse:
     center_ns = START_NS + round(center_s * SECOND_NS)
-    return pulse_at(
+    return made.pulse(
         center_ns - 10_000_000,
         tag_id=tag_id,
         end_time_ns=center_ns + 10_000_000,
@@ -70,8 +71,7 @@ def test_a_pulse_waits_for_the_pose_after_it(ring: PoseRing) -> None:
     assert attacher.next_deadline_ns() == at(4.05)
     fly(ring, 3.02, 3.04)
     (attached,) = attacher.ready(at(3.1))
-    assert attached.pose is not None
-    assert not attached.pose.extrapolated
+    assert not some(attached.pose).extrapolated
 
 
 def test_when_its_time_is_over_a_pulse_goes_with_a_marked_guess(ring: PoseRing) -> None:
@@ -80,8 +80,7 @@ def test_when_its_time_is_over_a_pulse_goes_with_a_marked_guess(ring: PoseRing) 
     attacher.add(pulse(3.5), at(3.6))
     assert attacher.ready(at(4.599)) == []
     (attached,) = attacher.ready(at(4.6))
-    assert attached.pose is not None
-    assert attached.pose.extrapolated
+    assert some(attached.pose).extrapolated
     assert attacher.extrapolated == 1
 
 

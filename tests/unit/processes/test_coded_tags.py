@@ -1,9 +1,10 @@
 """Coded tags in flight: a worker searches them beside others."""
 
+import made
 import numpy as np
 
 from uavrt.config import DetectionSettings
-from uavrt.messages import ChannelBlock, Pulse
+from uavrt.messages import Pulse
 from uavrt.processes.detector import DetectorBank
 from uavrt.tunnel import searched_text, tag_list_digest
 from uavrt_experiments.detection.coded import RATE_HZ, add_burst, some_codes
@@ -20,13 +21,12 @@ def test_a_worker_finds_coded_tags_beside_beeping_ones() -> None:
     bank = DetectorBank((*CODES, THESIS_TAG), DetectionSettings())
     found: list[Pulse] = []
     for first in range(0, len(samples), 655):
-        block = ChannelBlock(
-            channel=0,
+        block = made.channel_block(
+            samples[first : first + 655],
+            first,
+            RATE_HZ,
+            start_ns=START_NS,
             center_frequency_hz=tag.frequency_hz,
-            samples=samples[first : first + 655],
-            sample_index=first,
-            time_ns=START_NS + round(1e9 * first / RATE_HZ),
-            sample_rate_hz=RATE_HZ,
         )
         bank.put(block)
         found += bank.collect()

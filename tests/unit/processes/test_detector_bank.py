@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
@@ -15,14 +16,7 @@ CENTER_HZ = 148_710_000.0
 
 
 def tag(tag_id: int, frequency_hz: float) -> Tag:
-    return Tag(
-        tag_id=tag_id,
-        frequency_hz=frequency_hz,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.254,),
-        interval_uncertainty_s=0.06,
-        interval_jitter_s=0.01,
-    )
+    return made.tag(tag_id, frequency_hz, interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 
 
 def blocks(amplitude: float, *, bad_at_s: float | None = None) -> list[ChannelBlock]:
@@ -37,13 +31,11 @@ def blocks(amplitude: float, *, bad_at_s: float | None = None) -> list[ChannelBl
         samples[round(bad_at_s * RATE_HZ)] = np.nan
     size = round(0.1 * RATE_HZ)
     return [
-        ChannelBlock(
-            channel=0,
+        made.channel_block(
+            samples[start : start + size].astype(np.complex64),
+            start,
+            RATE_HZ,
             center_frequency_hz=CENTER_HZ,
-            samples=samples[start : start + size].astype(np.complex64),
-            sample_index=start,
-            time_ns=round(start * 1e9 / RATE_HZ),
-            sample_rate_hz=RATE_HZ,
         )
         for start in range(0, count, size)
     ]

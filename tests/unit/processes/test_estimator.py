@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import made
+
 from uavrt.config.settings import BearingSettings, Settings
 from uavrt.ipc import TOPICS
 from uavrt.messages import LiveBearing
@@ -13,8 +15,8 @@ SECOND = 1_000_000_000
 
 
 def bearing(tag_id: int = 2, pulses: int = 3) -> LiveBearing:
-    return LiveBearing(
-        tag_id=tag_id,
+    return made.live_bearing(
+        tag_id,
         start_time_ns=0,
         end_time_ns=SECOND,
         turned_deg=90.0,
@@ -23,11 +25,7 @@ def bearing(tag_id: int = 2, pulses: int = 3) -> LiveBearing:
         bearing_deg=10.0,
         sigma_deg=5.0,
         interval90_deg=(2.0, 18.0),
-        level_db=20.0,
         pulses=pulses,
-        accepted=True,
-        ambiguous=False,
-        multipath_suspected=False,
     )
 
 

@@ -19,12 +19,6 @@ CONTENT = random.Random(8).randbytes(9_003)
 ENTRY = RemoteEntry(path="/flight_log_1/flight.sqlite", size=len(CONTENT))
 
 
-@pytest.fixture(autouse=True)
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.REPLY_NS", 500_000_000)
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.QUIET_NS", 500_000_000)
-
-
 def put_flight(tmp_path: Path) -> Path:
     directory = tmp_path / "flight_log_1"
     directory.mkdir()

@@ -6,11 +6,12 @@ from collections.abc import Awaitable, Callable, Iterator
 from itertools import count, cycle
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import PulsePose, SystemState, SystemStatus
+from uavrt.messages import PulsePose, SystemStatus
 from uavrt.processes.crowd import (
     OTHERS_BURST,
     OTHERS_PER_S,
@@ -80,15 +81,7 @@ def flood_of_names_and_stores() -> Iterator[bytes]:
 
 
 def commanded_by(source: str) -> SystemStatus:
-    return SystemStatus(
-        time_ns=0,
-        state=SystemState.DETECTING,
-        flight_directory=None,
-        center_frequency_hz=None,
-        tags=(),
-        processes=(),
-        commander=source,
-    )
+    return made.system_status(commander=source)
 
 
 def pulses(events: list[Any]) -> set[float]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 
@@ -11,14 +12,14 @@ from uavrt.config import parse_settings
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import ConfigError
 from uavrt.ipc import Assignment
-from uavrt.messages import ChannelBlock, FlightInfo, IQBlock, Tag
+from uavrt.messages import ChannelBlock
 from uavrt.processes.decimator import BandReceiver
 from uavrt.processes.kept_channels import KeptChannels
 from uavrt.processes.receiver import Receiver
 
 RATE_HZ = 3e6
 TAGS = tuple(
-    Tag(tag_id=n, frequency_hz=hz, pulse_width_s=0.02, pulse_intervals_s=(1.3,))
+    made.tag(n, hz, 1.3)
     for n, hz in ((2, 148_710_000.0), (3, 148_710_300.0), (4, 148_760_000.0))
 )
 """The first two share a channel."""
@@ -41,13 +42,8 @@ class Frame:
 
     def __init__(self, directory: Path, recording: RecordingSettings) -> None:
         self.told: list[str] = []
-        self.flight = FlightInfo(
-            directory=str(directory),
-            start_time_ns=0,
-            clock_offset_ns=0,
-            center_frequency_hz=148.73e6,
-            sample_rate_hz=RATE_HZ,
-            tags=TAGS,
+        self.flight = made.flight_info(
+            directory, TAGS, center_frequency_hz=148.73e6, sample_rate_hz=RATE_HZ
         )
         self.assignment = Assignment(
             process="receiver",
@@ -71,11 +67,8 @@ def receive(receiver: Receiver) -> None:
     for number in range(6):
         numbers = rng.standard_normal(2 * 262_144).astype(np.float32) * np.float32(5e-3)
         receiver.process(
-            IQBlock(
-                samples=numbers.view(np.complex64),
-                sample_index=number * 262_144,
-                time_ns=10**18 + round(number * 262_144 / RATE_HZ * 1e9),
-                sample_rate_hz=RATE_HZ,
+            made.iq_block(
+                numbers.view(np.complex64), number * 262_144, RATE_HZ, start_ns=10**18
             )
         )
     receiver.close()
@@ -117,13 +110,12 @@ def test_a_process_that_leaves_the_channels_to_another_keeps_none(tmp_path: Path
 
 def channel_block(number: int) -> ChannelBlock:
     size = 60_000
-    return ChannelBlock(
-        channel=1,
-        center_frequency_hz=148.71e6,
-        samples=np.full(size, 0.1, np.complex64),
-        sample_index=number * size,
+    return made.channel_block(
+        np.full(size, 0.1, np.complex64),
+        number * size,
+        3750.0,
         time_ns=10**18 + number * size * 1_000_000_000 // 3750,
-        sample_rate_hz=3750.0,
+        channel=1,
     )
 
 

@@ -1,6 +1,6 @@
+import made
 from hypothesis import given
 from hypothesis import strategies as st
-from pulses import pulse_at
 
 from uavrt.messages import Pulse
 from uavrt.processes.missing_poses import AwaitedPoses
@@ -9,7 +9,7 @@ PATIENCE_S = 8.0
 
 
 def pulse(number: int, tag_id: int) -> Pulse:
-    return pulse_at(number * 1_000_000_000, tag_id=tag_id)
+    return made.pulse(number * 1_000_000_000, tag_id=tag_id)
 
 
 @given(

@@ -3,18 +3,18 @@
 from collections import Counter
 from dataclasses import replace
 
+import made
 from hypothesis import given
 from hypothesis import strategies as st
-from pulses import pulse_at
+from some import some
 
 from uavrt.mavlink.dialect import Heartbeat, MavAutopilot, MavState, MavType
 from uavrt.mavlink.discovery import Discovery, Peer, station_heartbeat
-from uavrt.messages import Tag
 from uavrt.processes.heard_tags import HeardTags
 from uavrt.processes.named_values import NamedValues
 
 S = 1_000_000_000
-SLOW = Tag(tag_id=7, frequency_hz=148.7e6, pulse_width_s=0.02, pulse_intervals_s=(8.0, 2.0))
+SLOW = made.tag(7, 148.7e6, 8.0, 2.0)
 
 
 def taken(values: NamedValues, until_ns: int, step_ns: int = S // 20) -> list[tuple[int, str]]:
@@ -38,7 +38,7 @@ class Source:
 
     def hear(self, now_ns: int, *tags: int) -> None:
         for tag_id in tags:
-            self.values.heard(pulse_at(now_ns, tag_id=tag_id), now_ns)
+            self.values.heard(made.pulse(now_ns, tag_id=tag_id), now_ns)
 
 
 def test_a_hundred_tags_send_four_values_a_second_and_take_turns() -> None:
@@ -67,8 +67,7 @@ def test_a_tag_is_told_once_a_second_with_its_newest_pulse_and_only_when_heard()
     assert source.values.wait_ns(10 * S) == 0
     source.values.take(10 * S, 1200.0)
     assert source.values.take(10 * S, 1200.0) is None  # the count comes a quarter later
-    count = source.values.take(10 * S + S // 4, 1200.0)
-    assert count is not None
+    count = some(source.values.take(10 * S + S // 4, 1200.0))
     assert count.value == 4
     source.hear(10 * S + S // 2, 2)
     assert source.values.wait_ns(10 * S + S // 2) == S // 2
@@ -106,8 +105,7 @@ def test_a_new_flight_counts_from_zero() -> None:
     assert taken(source.values, S) == []
     source.hear(2 * S, 2)
     source.values.take(2 * S, 1200.0)
-    count = source.values.take(3 * S, 1200.0)
-    assert count is not None
+    count = some(source.values.take(3 * S, 1200.0))
     assert (count.name, count.value) == ("CNT_2", 1.0)
 
 
@@ -115,7 +113,7 @@ def test_a_silence_is_thirty_seconds_or_ten_of_the_longest_interval() -> None:
     heard = HeardTags([SLOW])
 
     def text(tag_id: int, at_s: float) -> str | None:
-        answer = heard.text(pulse_at(round(at_s * S), tag_id=tag_id))
+        answer = heard.text(made.pulse(round(at_s * S), tag_id=tag_id))
         heard.told(tag_id)
         return answer
 
@@ -131,17 +129,17 @@ def test_a_silence_is_thirty_seconds_or_ten_of_the_longest_interval() -> None:
 
 def test_a_text_that_was_too_many_comes_with_the_next_pulse() -> None:
     heard = HeardTags()
-    first = pulse_at(0, snr_db=10.0)
+    first = made.pulse(0, snr_db=10.0)
     assert heard.text(first) == "Tag 2 heard: 10.0 dB"
-    assert heard.text(pulse_at(S, snr_db=11.0)) == "Tag 2 heard: 11.0 dB"
+    assert heard.text(made.pulse(S, snr_db=11.0)) == "Tag 2 heard: 11.0 dB"
     heard.told(2)
-    assert heard.text(pulse_at(2 * S)) is None
+    assert heard.text(made.pulse(2 * S)) is None
 
 
 def test_only_confirmed_pulses_make_a_text_and_doubt_is_told() -> None:
     heard = HeardTags([replace(SLOW, tag_id=2, name="lynx")])
-    assert heard.text(pulse_at(0, confirmed=False)) is None
-    doubtful = pulse_at(S, also_possible_tag_ids=(4,))
+    assert heard.text(made.pulse(0, confirmed=False)) is None
+    doubtful = made.pulse(S, also_possible_tag_ids=(4,))
     assert heard.text(doubtful) == "Tag 2 (lynx) or 4 heard: 20.0 dB"
 
 

@@ -5,10 +5,11 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.messages import FlightInfo, PulsePose, Recorded
+from uavrt.messages import PulsePose, Recorded
 from uavrt.recording import FlightRecorder
 
 Until = Callable[..., Awaitable[None]]
@@ -27,13 +28,8 @@ def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwar
 
     async def story() -> None:
         async with bay.running():
-            info = FlightInfo(
-                directory=str(directory),
-                start_time_ns=bay.clock.now_ns(),
-                clock_offset_ns=bay.clock.offset_ns,
-                center_frequency_hz=148.7e6,
-                sample_rate_hz=3e6,
-                tags=(),
+            info = made.flight_info(
+                directory, start_time_ns=bay.clock.now_ns(), clock_offset_ns=bay.clock.offset_ns
             )
             recorder = FlightRecorder.create(info)
             bay.tell("flight", info)

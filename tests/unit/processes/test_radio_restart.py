@@ -4,15 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 
-from uavrt.messages import FlightInfo, IQBlock, Tag
+from uavrt.messages import IQBlock
 from uavrt.processes.receiver import Receiver
 
 RATE_HZ = 3e6
 SIZE = 65_536
-TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 
 
 class Sink:
@@ -28,12 +29,8 @@ class Sink:
 
 
 def block_at(time_ns: int, lost: int = 0) -> IQBlock:
-    return IQBlock(
-        samples=np.zeros(SIZE, np.complex64),
-        sample_index=0,
-        time_ns=time_ns,
-        sample_rate_hz=RATE_HZ,
-        lost_before=lost,
+    return made.iq_block(
+        np.zeros(SIZE, np.complex64), 0, RATE_HZ, start_ns=time_ns, lost_before=lost
     )
 
 
@@ -41,14 +38,7 @@ def make_receiver(directory: Path) -> Receiver:
     from uavrt.config.settings import RecordingSettings, Settings
     from uavrt.ipc import Assignment
 
-    flight = FlightInfo(
-        directory=str(directory),
-        start_time_ns=0,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=RATE_HZ,
-        tags=(TAG,),
-    )
+    flight = made.flight_info(directory, (TAG,), sample_rate_hz=RATE_HZ)
     assignment = Assignment(
         process="receiver",
         settings=Settings(recording=RecordingSettings(directory=str(directory))),

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,24 +14,18 @@ from uavrt.config.settings import DetectionSettings, RecordingSettings, Settings
 from uavrt.ipc import Assignment
 from uavrt.ipc.sample_sockets import make_sample_sockets
 from uavrt.ipc.samples import ChannelReceiver, ChannelSender
-from uavrt.messages import FlightInfo, IQBlock, Pulse, Tag
+from uavrt.messages import Pulse, Tag
 from uavrt.processes.detector import DetectorBank
 from uavrt.processes.receiver import Receiver
 from uavrt.supervisor.mission.flight_opening import share_tags
-from uavrt_experiments.detection.signals import make_samples, pulse_train
+from uavrt_experiments.detection.signals import make_samples
 
 RATE_HZ = 96_000.0
 CENTER_HZ = 148_700_000.0
 START_NS = 1_700_000_000_000_000_000
 DURATION_S = 16.0
 TAGS = tuple(
-    Tag(
-        tag_id=tag_id,
-        frequency_hz=CENTER_HZ + offset_hz,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(interval_s,),
-        interval_uncertainty_s=0.06,
-    )
+    made.tag(tag_id, CENTER_HZ + offset_hz, interval_s, interval_uncertainty_s=0.06)
     for tag_id, offset_hz, interval_s in ((2, 20_300.0, 1.254), (4, 17_800.0, 1.6))
 )
 MIRROR = replace(TAGS[0], tag_id=6, frequency_hz=CENTER_HZ - 20_300.0)
@@ -42,12 +37,12 @@ def samples_of(enr_db: tuple[float, float]) -> NDArray[np.complex64]:
     pulses = [
         pulse
         for tag, level_db in zip(TAGS, enr_db, strict=True)
-        for pulse in pulse_train(
+        for pulse in made.train(
             rng,
-            duration_s=DURATION_S,
+            DURATION_S,
+            level_db,
             interval_s=tag.pulse_intervals_s[0],
             offset_hz=tag.frequency_hz - CENTER_HZ,
-            enr_db=level_db,
             jitter_s=0.001,
         )
     ]
@@ -61,13 +56,12 @@ def flown(
 ) -> dict[int, list[Pulse]]:
     """Pulses of each tag, found by workers by way of the receiver's sockets."""
     tags = tuple(tag for share in shares for tag in share)
-    flight = FlightInfo(
-        directory=str(directory),
+    flight = made.flight_info(
+        directory,
+        tags,
         start_time_ns=START_NS,
-        clock_offset_ns=0,
         center_frequency_hz=CENTER_HZ,
         sample_rate_hz=RATE_HZ,
-        tags=tags,
     )
 
     class Frame:
@@ -95,12 +89,7 @@ def flown(
     size = 8192
     for start in range(0, len(samples), size):
         receiver.process(
-            IQBlock(
-                samples=samples[start : start + size],
-                sample_index=start,
-                time_ns=START_NS + round(start * 1e9 / RATE_HZ),
-                sample_rate_hz=RATE_HZ,
-            )
+            made.iq_block(samples[start : start + size], start, RATE_HZ, start_ns=START_NS)
         )
         for end, bank in zip(ends, banks, strict=True):
             while blocks := end.receive():

@@ -1,6 +1,5 @@
 """The recorder in this program, with the test in the supervisor's place."""
 
-import math
 import socket
 import sqlite3
 from collections.abc import Iterator
@@ -8,8 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
+from some import some
+from virtual_time import VirtualClock
 
 from uavrt.config.settings import AntennaSettings, RecordingSettings, Settings
 from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
@@ -18,16 +19,13 @@ from uavrt.messages import (
     Command,
     CommandReply,
     Delivered,
-    FlightInfo,
     Health,
     Pose,
     Poses,
     Pulse,
     PulsePose,
     Recorded,
-    SearchReport,
     StatusText,
-    Tag,
     Taken,
 )
 from uavrt.pose.mounting import Mounting
@@ -43,14 +41,12 @@ ANTENNA = AntennaSettings(yaw_offset_deg=90.0, offset_forward_m=2.0)
 
 def vehicle(time_ns: int) -> Pose:
     """A vehicle that turns by 30° a second."""
-    half = math.radians(30.0 * (time_ns - START_NS) / S) / 2
-    return Pose(
-        time_ns=time_ns,
-        latitude_deg=47.0 + (time_ns - START_NS) / S * 1e-5,
-        longitude_deg=8.5,
+    return made.pose(
+        time_ns,
+        47.0 + (time_ns - START_NS) / S * 1e-5,
+        8.5,
         altitude_amsl_m=500.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
+        yaw_deg=30.0 * (time_ns - START_NS) / S,
     )
 
 
@@ -60,7 +56,7 @@ def poses(first_s: float, last_s: float) -> Poses:
 
 
 def pulse(at_s: float, tag_id: int = 2) -> Pulse:
-    return replace(pulse_at(START_NS + round(at_s * S)), tag_id=tag_id)
+    return replace(made.pulse(START_NS + round(at_s * S)), tag_id=tag_id)
 
 
 def posed(one: Pulse) -> PulsePose:
@@ -70,24 +66,11 @@ def posed(one: Pulse) -> PulsePose:
 class Drone:
     """An outbox that outlives recorders, and recorders that may be killed at any moment."""
 
-    def __init__(self, directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now_s = 1000.0
-        monkeypatch.setattr("uavrt.processes.recorder.monotonic_s", lambda: self.now_s)
+    def __init__(self, directory: Path, clock: VirtualClock) -> None:
+        self.clock = clock
         self.flights = directory
-        self.info = FlightInfo(
-            directory=str(directory / "flight_log_1"),
-            start_time_ns=START_NS,
-            clock_offset_ns=0,
-            center_frequency_hz=148.7e6,
-            sample_rate_hz=3e6,
-            tags=(
-                Tag(
-                    tag_id=2,
-                    frequency_hz=148.71e6,
-                    pulse_width_s=0.02,
-                    pulse_intervals_s=(1.0,),
-                ),
-            ),
+        self.info = made.flight_info(
+            directory / "flight_log_1", (made.tag(2, 148.71e6, 1.0),), start_time_ns=START_NS
         )
         self.last_flights: tuple[str, ...] = ()
         self.outbox = Outbox(keeps=True)
@@ -125,7 +108,7 @@ class Drone:
 
     def turn(self, after_s: float = 0.0) -> None:
         """Let the recorder work, `after_s` later."""
-        self.now_s += after_s
+        self.clock.now_s += after_s
         self.recorder.turn(self.frame.receive())
         self.frame.link.flush()
         self._listen()
@@ -173,8 +156,8 @@ class Drone:
 
 
 @pytest.fixture
-def drone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drone]:
-    flying = Drone(tmp_path, monkeypatch)
+def drone(tmp_path: Path, clock_of_test: VirtualClock) -> Iterator[Drone]:
+    flying = Drone(tmp_path, clock_of_test)
     yield flying
     flying.kill()
 
@@ -193,16 +176,13 @@ def test_a_pulse_is_said_to_be_recorded_when_a_power_cut_cannot_take_it_and_with
     drone.turn(0.3)
     assert drone.heard("recorded") == [Recorded(pulses=(one.key,))]
     assert list(drone.stored()) == [one]
-    flight = drone.recorder._flight
-    assert flight is not None
-    assert flight._database is not None
-    assert flight._database.execute("PRAGMA synchronous").fetchone() == (2,)
+    flight = some(drone.recorder._flight)
+    assert some(flight._database).execute("PRAGMA synchronous").fetchone() == (2,)
 
 
 def test_commits_for_pulses_are_3_s_apart_however_many_come(drone: Drone) -> None:
     drone.fly()
-    flight = drone.recorder._flight
-    assert flight is not None
+    flight = some(drone.recorder._flight)
     before = flight.syncs
     for step in range(300):
         one = pulse(step * 0.1)
@@ -454,13 +434,7 @@ def test_an_ordinary_flight_writes_less_than_its_bar(drone: Drone) -> None:
                 Health(process=name, time_ns=time_ns, status="ok", ok=True, counters=counters),
             )
         for tag_id in range(2, 18, 2):
-            report = SearchReport(
-                time_ns=START_NS + second * S,
-                tag_id=tag_id,
-                frequency_hz=148.7e6,
-                noise_psd=1e-12,
-                best_score=0.5,
-            )
+            report = made.search_report(tag_id, START_NS + second * S, frequency_hz=148.7e6)
             drone.send("search_report", report)
         for one in (pulse(second + 0.1, 2), pulse(second + 0.7, 10)):
             drone.send("pulse", one)
@@ -469,8 +443,7 @@ def test_an_ordinary_flight_writes_less_than_its_bar(drone: Drone) -> None:
             drone.send("delivered", Delivered(time_ns=1, store=7, pulses=key))
         for _ in range(4):
             drone.turn(0.25)
-    flight = drone.recorder._flight
-    assert flight is not None
+    flight = some(drone.recorder._flight)
     assert flight.syncs < 0.45 * seconds
     drone.end()
     megabytes_an_hour = (written_bytes() - before) / 1e6 * 3600 / seconds

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.ground.station import Station, StationSettings
@@ -16,11 +17,10 @@ from uavrt.tunnel.tag_lists import digest_in, searched_text, tag_list_digest
 Until = Callable[..., Awaitable[None]]
 
 TAGS = tuple(
-    Tag(
-        tag_id=2 * number,
-        frequency_hz=148.71e6 + 1e4 * number,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.254, 1.5)[: 1 + number % 2],
+    made.tag(
+        2 * number,
+        148.71e6 + 1e4 * number,
+        *(1.254, 1.5)[: 1 + number % 2],
         interval_uncertainty_s=0.06,
         interval_jitter_s=0.01,
         name=f"animal {number}",

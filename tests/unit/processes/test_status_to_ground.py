@@ -4,23 +4,17 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+import made
+
 from uavrt.ground.link.drone_link import DetectorAlive, DroneHeartbeat
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import Frame
-from uavrt.messages import SearchReport, StatusText, SystemState, SystemStatus, Tag
+from uavrt.messages import SearchReport, StatusText, SystemState, SystemStatus
 
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
 
-TAGS = tuple(
-    Tag(
-        tag_id=number,
-        frequency_hz=148.7e6 + 10_000.0 * number,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.254,),
-    )
-    for number in (2, 4)
-)
+TAGS = tuple(made.tag(number, 148.7e6 + 10_000.0 * number) for number in (2, 4))
 LONG = "Detector 1 gave up on tag 4: " + "its channel has been overloaded " * 5
 
 
@@ -62,21 +56,8 @@ def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
 
 
 def status(time_ns: int) -> SystemStatus:
-    return SystemStatus(
-        time_ns=time_ns,
-        state=SystemState.DETECTING,
-        flight_directory=None,
-        center_frequency_hz=148.7e6,
-        tags=TAGS,
-        processes=(),
-    )
+    return made.system_status(time_ns, center_frequency_hz=148.7e6, tags=TAGS)
 
 
 def report(tag_id: int, time_ns: int) -> SearchReport:
-    return SearchReport(
-        tag_id=tag_id,
-        time_ns=time_ns,
-        frequency_hz=148.74e6,
-        noise_psd=2.0**-40,
-        best_score=0.5,
-    )
+    return made.search_report(tag_id, time_ns, frequency_hz=148.74e6, noise_psd=2.0**-40)

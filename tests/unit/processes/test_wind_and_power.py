@@ -1,13 +1,13 @@
 """Wind and power on their way: from the autopilot to the guide, and into what it plans."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from flown import Flown
 from tests.unit.processes.test_guide import Hub
 from tests.unit.processes.test_motion_desk import Link
+from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import now_of
@@ -95,14 +95,13 @@ def test_an_order_is_judged_by_the_wind_that_is_told() -> None:
     assert "the wind is 12 m/s" in far(hub)
 
 
-def test_the_guide_learns_over_all_its_orders(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_guide_learns_over_all_its_orders(clock_of_test: VirtualClock) -> None:
     """Two minutes of reports of a drone that takes thrice what is believed."""
-    hub, clock = ready(), SimpleNamespace(now_s=1000.0)
+    hub = ready()
     offer = hub.ask("hold")
-    monkeypatch.setattr(guide, "monotonic_s", lambda: clock.now_s)
     flying = replace(hub.report(), standing="in command", order_id=offer.order_id, obeyed=True)
     for second in range(120):
-        clock.now_s = 1000.0 + second
+        clock_of_test.now_s += 1.0
         used = 100.0 * 1200.0 * second / 3600.0 / 120.0
         hub.guide.take("vehicle", replace(flying, battery_percent=round(90.0 - used)))
     assert hub.guide.counters()["lessons_of_power"] >= 3.0

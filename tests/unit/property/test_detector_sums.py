@@ -15,7 +15,7 @@ from uavrt.detection.signal.samples import SampleBuffer
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     seed=SEEDS,
     sample_rate_hz=st.sampled_from([3750.0, 7500.0, 10_000.0]),
@@ -54,7 +54,7 @@ def test_the_sliding_maximum_is_the_same_in_either_order_of_memory(
     assert np.array_equal(sliding_maximum(power, reach), sliding_maximum(side_by_side, reach))
 
 
-@settings(deadline=None, max_examples=6)
+@settings(max_examples=6)
 @given(
     seed=SEEDS, k=st.integers(9, 14), cuts=st.lists(st.integers(1, 40), min_size=3, max_size=9)
 )
@@ -139,7 +139,7 @@ def test_a_block_is_taken_at_once_where_it_continues_the_last_one_only(
         assert quick.time_ns(index) == slow.time_ns(index)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seed=SEEDS, sample_rate_hz=st.sampled_from([3750.0, 7500.0]))
 def test_many_times_have_the_indices_that_each_has(seed: int, sample_rate_hz: float) -> None:
     rng = np.random.default_rng(seed)

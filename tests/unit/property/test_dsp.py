@@ -1,5 +1,6 @@
+import made
 import numpy as np
-from hypothesis import assume, given, settings
+from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
 
 from uavrt.dsp import Channelizer, Decimator, FrontEnd, tune
@@ -26,16 +27,10 @@ def pieces(samples: Complex, at: list[int]) -> list[Complex]:
 
 
 def block(samples: Complex, index: int, lost: int = 0) -> IQBlock:
-    return IQBlock(
-        samples=samples,
-        sample_index=index,
-        time_ns=START_NS + round(index * 1e9 / RATE_HZ),
-        sample_rate_hz=RATE_HZ,
-        lost_before=lost,
-    )
+    return made.iq_block(samples, index, RATE_HZ, start_ns=START_NS, lost_before=lost)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(2, 24), modes, cuts, st.integers(0, 9))
 def test_a_decimator_does_not_care_how_its_input_is_cut(
     factor: int, mode: str, at: list[int], seed: int
@@ -50,7 +45,7 @@ def test_a_decimator_does_not_care_how_its_input_is_cut(
     np.testing.assert_allclose(parts, whole, atol=1e-5)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     st.integers(1, 60).map(lambda half: 2 * half),
     modes,
@@ -73,7 +68,7 @@ def test_a_channelizer_does_not_care_how_its_input_is_cut(
     np.testing.assert_allclose(np.concatenate(parts, axis=1), whole, atol=1e-5)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(modes, st.integers(0, 10_000), st.lists(st.integers(1, 60_000), max_size=12))
 def test_a_front_end_gives_the_same_samples_and_times_however_it_is_fed(
     mode: str, start: int, lengths: list[int]
@@ -106,7 +101,7 @@ def test_a_front_end_gives_the_same_samples_and_times_however_it_is_fed(
             next_index += channel.samples.size
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     first=st.integers(0, 5_000),
     before=st.integers(0, 120_000),
@@ -150,7 +145,7 @@ def test_a_pulse_after_a_gap_has_the_right_time(
     assert abs(time / power - expected) < 1_000
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 240_000), min_size=2, max_size=12))
 def test_the_tuner_keeps_its_guards_and_is_never_worse_than_the_original(
     offsets: list[int],
@@ -180,14 +175,14 @@ def test_the_tuner_keeps_its_guards_and_is_never_worse_than_the_original(
     )
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 251_000), min_size=1, max_size=12))
 def test_each_tag_is_where_the_tuner_says(offsets: list[int]) -> None:
     tags = [148.6e6 + offset for offset in offsets]
     try:
         plan = tune(tags)
     except TunerError:
-        return
+        reject()
     front_end = FrontEnd(
         sample_rate_hz=RATE_HZ,
         center_frequency_hz=plan.center_frequency_hz,

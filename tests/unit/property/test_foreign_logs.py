@@ -62,7 +62,7 @@ READERS: list[Callable[[Path], object]] = [
 @example(text="tag_id,frequency_hz,start_time_ns\n7,7,\r0\n7", tail=b"")
 @example(text="tag_id,frequency_hz\n" + "7" * 200_000, tail=b"\n")
 @example(text="\n-inf,7,7,7,7,7,7,7,7,7", tail=b"")
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_any_text_gives_records_or_a_format_error(
     reader: Callable[[Path], object], text: str, tail: bytes
 ) -> None:

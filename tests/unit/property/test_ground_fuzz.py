@@ -8,14 +8,15 @@ import asyncio
 import math
 import os
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from random import Random
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
+from until import until_async as until
 
 from uavrt.clock import Clock
 from uavrt.errors import UavrtError
@@ -162,32 +163,18 @@ def writers_of_all() -> list[FrameWriter]:
 
 
 def heartbeat() -> dialect.Heartbeat:
-    return dialect.Heartbeat(
-        type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-    )
+    return made.heartbeat()
 
 
 def genuine_pulse(start_ns: int) -> dialect.Tunnel:
-    pulse = pulse_at(start_ns, frequency_hz=148_700_000.0, snr_db=20.0, noise_psd=1e-9)
+    pulse = made.pulse(start_ns, frequency_hz=148_700_000.0, snr_db=20.0, noise_psd=1e-9)
     payload = pulse_to_wire(PulsePose(pulse=pulse, pose=None)).encode()
-    return dialect.Tunnel(
-        target_system=254,
-        target_component=190,
-        payload_type=0,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    return made.tunnel(0, payload)
 
 
 def is_among(start_ns: int, stored: Sequence[PulsePose]) -> bool:
     """Whether a pulse of that time is stored; the wire resolves 0.24 µs."""
     return any(abs(item.pulse.start_time_ns - start_ns) < 1000 for item in stored)
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(30.0):
-        while not condition():  # noqa: ASYNC110 - any condition
-            await asyncio.sleep(0.01)
 
 
 async def attack(links: list[MemoryLink], random: Random) -> None:

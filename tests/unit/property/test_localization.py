@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.localization import (
     PATTERNS,
@@ -35,7 +36,7 @@ def test_a_level_antenna_has_its_table_in_the_plane_of_its_elements(
     np.testing.assert_allclose(gain, PATTERNS[name].gain_db([angle]), atol=1e-5)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(angles, angles, st.integers(10, 24), st.floats(15.0, 60.0))
 @example(0.0, 0.0, 18, 52.0)
 def test_turning_the_world_turns_the_bearing(
@@ -49,7 +50,7 @@ def test_turning_the_world_turns_the_bearing(
     assert abs(difference_deg(turned.bearing_deg, plain.bearing_deg + turn)) < 0.3
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     st.lists(st.tuples(angles, st.floats(-20.0, 70.0) | st.just(float("nan"))), min_size=1),
     st.floats(0.0, 20.0),
@@ -63,14 +64,16 @@ def test_any_pulses_give_a_posterior_that_holds_together(
     assert np.all(found.posterior >= 0.0)
     assert abs(found.posterior.sum() - 1.0) < 1e-9
     assert 0.0 <= found.bearing_deg < 360.0
-    assert found.sigma_deg is not None
-    assert 0.0 < found.sigma_deg <= 25.1
-    assert found.second_lobe_probability is not None
-    assert -1e-12 <= found.second_lobe_probability <= 1.0
+    assert 0.0 < some(found.sigma_deg) <= 25.1
+    assert -1e-12 <= some(found.second_lobe_probability) <= 1.0
 
 
-@settings(deadline=None, max_examples=15)
-@given(st.floats(0.01, 1e4), st.integers(1, 20), st.sampled_from([0.5, 2.5, 6.5]))
+@settings(max_examples=15)
+@given(
+    st.floats(0.01, 0.5, exclude_max=True) | st.floats(10.0, 1e4, exclude_min=True),
+    st.integers(1, 20),
+    st.sampled_from([0.5, 2.5, 6.5]),
+)
 def test_the_power_law_is_greatest_near_the_measured_power(
     power: float, folds: int, fading_db: float
 ) -> None:
@@ -79,7 +82,7 @@ def test_the_power_law_is_greatest_near_the_measured_power(
     if power > 10.0:
         # Fading skews the law towards lower levels by up to some tenths of a decibel.
         assert abs(level - 10 * np.log10(power - 1.0)) < 1.5
-    if power < 0.5:
+    else:
         assert level < 0.0
 
 
@@ -99,7 +102,7 @@ def test_metres_and_degrees_go_to_and_fro(
     assert abs(float(back_north) - north) < 0.01
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(
     st.lists(
         st.tuples(st.floats(-500.0, 500.0), st.floats(-500.0, 500.0), angles),
@@ -121,11 +124,7 @@ def test_any_bearings_give_a_region_that_holds_together(
             sigma_deg=np.full(len(east), 5.0),
         )
     )
-    assert found.grid is not None
-    assert abs(found.grid.probability.sum() - 1.0) < 1e-9
-    assert found.radius50_m is not None
-    assert found.radius95_m is not None
-    assert 0.0 < found.radius50_m <= found.radius95_m
-    assert found.outlier_probabilities is not None
-    assert all(0.0 <= p <= 1.0 for p in found.outlier_probabilities)
+    assert abs(some(found.grid).probability.sum() - 1.0) < 1e-9
+    assert 0.0 < some(found.radius50_m) <= some(found.radius95_m)
+    assert all(0.0 <= p <= 1.0 for p in some(found.outlier_probabilities))
     assert abs(found.latitude_deg + 35.0) < 0.05

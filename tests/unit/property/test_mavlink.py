@@ -83,6 +83,11 @@ def test_any_bytes_are_parsed_without_a_fault(data: bytes) -> None:
     parser = FrameParser()
     for frame in parser.feed(data):
         frame.message()
+    whole = FrameWriter(1, 191).encode(tunnel_of(b"after it"))
+    # A false marker may claim up to 280 bytes of what follows.
+    after = parser.feed(bytes(300) + whole)
+    assert after[-1].message() == tunnel_of(b"after it")
+    assert parser.skipped_bytes >= 20
 
 
 @settings(max_examples=150)
@@ -115,7 +120,7 @@ def test_a_flipped_bit_is_counted_and_never_believed(
     jitter_s=st.floats(0, 0.005),
     seed=st.integers(0, 999),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_boot_time_is_mapped_within_the_jitter_whatever_offset_and_skew(
     offset_s: float, skew_ppm: float, jitter_s: float, seed: int
 ) -> None:
@@ -194,7 +199,7 @@ def test_a_text_of_any_length_comes_back_from_its_pieces(text: str) -> None:
     assert whole.replace(" ", "")[:300] == text.replace(" ", "")[:300]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(st.tuples(st.sampled_from(sorted(MESSAGES)), st.binary(max_size=255)), max_size=5),
     st.tuples(st.integers(0, 255), st.integers(0, 255)),

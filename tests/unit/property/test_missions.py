@@ -15,7 +15,9 @@ HEIGHT_ERROR_M = 1.0
 
 @pytest.fixture(scope="module")
 def missions() -> list[Mission]:
-    return [flown(seed) for seed in range(MISSIONS)]
+    flights = [flown(seed) for seed in range(MISSIONS)]
+    assert flights
+    return flights
 
 
 @pytest.mark.timeout(7200)

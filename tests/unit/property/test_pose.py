@@ -2,9 +2,9 @@
 
 import math
 
+import made
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from pulses import pulse_at
 
 from uavrt.attitude import Quaternion, from_euler_deg, normalised, product, rotated, slerp
 from uavrt.config import AntennaSettings
@@ -75,7 +75,7 @@ def test_the_sign_of_a_quaternion_changes_nothing(
     offset=st.floats(0.0, 1.0),
     flips=st.lists(st.booleans(), min_size=200, max_size=200),
 )
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_the_ring_gives_the_analytic_heading_of_a_steady_turn(
     rate_deg_s: float, interval_ns: int, offset: float, flips: list[bool]
 ) -> None:
@@ -116,7 +116,6 @@ def test_a_flight_over_the_date_line_stays_on_its_short_way(
 
 
 @given(attitudes, angles, st.floats(-90, 90), angles, st.tuples(*[st.floats(-20, 20)] * 3))
-@settings(deadline=None)
 def test_the_mounting_is_applied_once_and_loses_no_length(
     attitude: Quaternion,
     yaw: float,
@@ -169,7 +168,6 @@ events = st.lists(
 
 
 @given(events, st.floats(0.0, 2.0))
-@settings(deadline=None)
 def test_no_pulse_is_ever_lost_doubled_or_out_of_its_tags_order(
     steps: list[tuple[str, int]], wait_s: float
 ) -> None:
@@ -202,7 +200,6 @@ def test_no_pulse_is_ever_lost_doubled_or_out_of_its_tags_order(
 
 
 @given(st.lists(st.integers(-(10**10), 10**10), max_size=60))
-@settings(deadline=None)
 def test_times_in_any_order_never_break_the_ring(times_ns: list[int]) -> None:
     ring = PoseRing(capacity=10)
     for time_ns in times_ns:
@@ -214,10 +211,15 @@ def test_times_in_any_order_never_break_the_ring(times_ns: list[int]) -> None:
         except PoseUnavailable:
             continue
         assert abs(pose.latitude_deg - 47.4) < 1e-9
+    for time_ns in (10**12, 10**12 + 10**8):
+        ring.add_attitude(AttitudeSample(time_ns=time_ns, quaternion_wxyz=(1, 0, 0, 0)))
+        ring.add_position(position(time_ns))
+    pose = ring.antenna_pose(10**12 + 5 * 10**7, extrapolate=False)
+    assert abs(pose.latitude_deg - 47.4) < 1e-9
 
 
 def pulse(tag_id: int, start_time_ns: int, sequence: int) -> Pulse:
-    return pulse_at(
+    return made.pulse(
         start_time_ns,
         tag_id=tag_id,
         group_sequence=sequence,

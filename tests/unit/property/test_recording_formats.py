@@ -8,13 +8,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
-from uavrt.messages import FlightInfo, Pose, Pulse, PulsePose
+from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.recording import (
-    FlightRecorder,
     PulseFormat,
     PulseWriter,
     read_detector_config,
@@ -91,7 +91,6 @@ def test_a_line_of_the_log_keeps_times_exactly_and_places_to_a_millimetre(
 
 
 @given(st.lists(pulse_poses, max_size=5), st.sampled_from(["csv", "jsonl"]))
-@settings(deadline=None)
 def test_pulses_survive_json_lines_and_csv_bit_by_bit(
     written: list[PulsePose], form: PulseFormat
 ) -> None:
@@ -126,20 +125,13 @@ def test_pulses_survive_json_lines_and_csv_bit_by_bit(
         unique_by=lambda one: (one.pulse.tag_id, one.pulse.start_time_ns),
     )
 )
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_pulses_survive_the_database_bit_by_bit(written: list[PulsePose]) -> None:
     with tempfile.TemporaryDirectory() as directory:
-        info = FlightInfo(
-            directory=f"{directory}/flight",
-            start_time_ns=1,
-            clock_offset_ns=2,
-            center_frequency_hz=1.5e8,
-            sample_rate_hz=3e6,
-            tags=(),
+        info = made.flight_info(
+            f"{directory}/flight", start_time_ns=1, clock_offset_ns=2, center_frequency_hz=1.5e8
         )
-        recorder = FlightRecorder.create(info)
-        recorder.write_pulse_poses(written)
-        recorder.close()
+        made.flight(info, pulse_poses=written)
         read = read_flight(info.directory).pulse_poses
     key = lambda one: (one.pulse.start_time_ns, one.pulse.tag_id)  # noqa: E731
     assert list(read) == sorted(written, key=key)
@@ -155,7 +147,7 @@ SOUP = st.one_of(
 
 
 @given(SOUP, st.sampled_from([read_pulse_pose_log, read_pulse_file, read_detector_config]))
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_any_bytes_are_read_or_refused_by_name(
     content: bytes, read: Callable[[Path], object]
 ) -> None:

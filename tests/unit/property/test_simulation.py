@@ -1,6 +1,7 @@
 import itertools
 from dataclasses import replace
 
+import made
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,11 +23,11 @@ from uavrt.simulation import (
 )
 from uavrt.simulation.counter_random import stream_key, uniform
 
-TAG = SimulatedTag(
-    tag_id=1,
-    frequency_hz=150_001_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(0.7, 0.9),
+TAG = made.simulated_tag(
+    1,
+    150_001_000.0,
+    0.7,
+    0.9,
     north_m=100.0,
     erp_dbm=-50.0,
     jitter_s=0.03,
@@ -47,7 +48,7 @@ TOTAL = 400_000
 WHOLE = IQSynthesizer(SCENARIO).block(0, TOTAL)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     first=st.integers(0, TOTAL - 1),
     sizes=st.lists(st.integers(0, 90_000), min_size=1, max_size=6),
@@ -63,7 +64,7 @@ def test_blocks_of_any_size_from_anywhere_are_the_same_samples(
         first += count
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(order=st.permutations(range(7)))
 def test_chunks_asked_for_in_any_order_are_the_same_samples(order: list[int]) -> None:
     synthesizer = IQSynthesizer(SCENARIO)
@@ -72,7 +73,7 @@ def test_chunks_asked_for_in_any_order_are_the_same_samples(order: list[int]) ->
         np.testing.assert_array_equal(synthesizer.chunk(chunk)[: expected.size], expected)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(cuts=st.lists(st.integers(0, 30 * 10**9), max_size=5))
 def test_the_truth_of_parts_is_the_truth_of_the_whole(cuts: list[int]) -> None:
     start, end = SCENARIO.start_time_ns, SCENARIO.start_time_ns + 30 * 10**9
@@ -157,13 +158,13 @@ RECORDS = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(scenario=RECORDS)
 def test_any_scenario_survives_its_file(scenario: Scenario) -> None:
     assert parse_scenario(scenario_toml(scenario)) == scenario
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     durations=st.lists(st.floats(5.0, 60.0), min_size=1, max_size=5),
     turns=st.lists(st.floats(-360.0, 360.0), min_size=5, max_size=5),

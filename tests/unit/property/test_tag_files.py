@@ -5,6 +5,7 @@ import re
 import tempfile
 from pathlib import Path
 
+import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -33,7 +34,7 @@ SOUP = st.one_of(
     st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()),
     st.sampled_from(("toml", "txt", "yaml")),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_bytes_give_tags_or_faults_with_lines(content: bytes, ending: str) -> None:
     faults: tuple[str, ...] = ()
     tags: tuple[Tag, ...] = ()
@@ -46,7 +47,7 @@ def test_any_bytes_give_tags_or_faults_with_lines(content: bytes, ending: str) -
 
 
 @given(st.one_of(SOUP.map(lambda s: s.encode("utf-8", "replace")), st.binary()))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_bytes_give_settings_or_a_config_error(content: bytes) -> None:
     with contextlib.suppress(ConfigError):
         assert isinstance(parse_settings(content, name="uavrt.toml"), Settings)
@@ -62,11 +63,11 @@ def tags(draw: st.DrawFn, *, toml: bool) -> Tag:
         intervals.append(milliseconds(6000, 60000))
     name = st.text(st.characters(exclude_categories=["Cs"]))
     k = draw(st.integers(1, 100))
-    return Tag(
-        tag_id=draw(st.integers(1, 2**32 - 1)),
-        frequency_hz=draw(st.integers(20_000_000_000, 1_000_000_000_000)) / 1000,
+    return made.tag(
+        draw(st.integers(1, 2**32 - 1)),
+        draw(st.integers(20_000_000_000, 1_000_000_000_000)) / 1000,
+        *tuple(intervals),
         pulse_width_s=milliseconds(1, 50),
-        pulse_intervals_s=tuple(intervals),
         interval_uncertainty_s=milliseconds(0, min(149, 299 // max(1, k - 1))),
         interval_jitter_s=milliseconds(0, 149),
         k=k,
@@ -76,13 +77,11 @@ def tags(draw: st.DrawFn, *, toml: bool) -> Tag:
 
 
 @given(st.lists(tags(toml=True), min_size=1, max_size=5, unique_by=lambda tag: tag.tag_id))
-@settings(deadline=None)
 def test_tags_survive_a_round_trip_through_toml(written: list[Tag]) -> None:
     check_round_trip("tags.toml", written)
 
 
 @given(st.lists(tags(toml=False), min_size=1, max_size=5, unique_by=lambda tag: tag.tag_id))
-@settings(deadline=None)
 def test_tags_survive_a_round_trip_through_tag_info(written: list[Tag]) -> None:
     check_round_trip("TagInfo.txt", written)
 

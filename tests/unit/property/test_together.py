@@ -79,7 +79,9 @@ def flown(seed: int) -> Flight:
 
 @pytest.fixture(scope="module")
 def flights() -> list[Flight]:
-    return [flown(seed) for seed in range(1, 1 + FLIGHTS)]
+    all_flown = [flown(seed) for seed in range(1, 1 + FLIGHTS)]
+    assert all_flown
+    return all_flown
 
 
 @pytest.mark.timeout(7200)

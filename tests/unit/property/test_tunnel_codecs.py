@@ -4,13 +4,14 @@ import dataclasses
 import math
 import struct
 
+import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt import tunnel
 from uavrt.attitude import euler_deg, from_euler_deg
 from uavrt.errors import TunnelError
-from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.messages import PulsePose, Tag
 from uavrt.tunnel.codec import DECODERS
 
 U8, U16, U32 = (st.integers(0, 2**bits - 1) for bits in (8, 16, 32))
@@ -87,9 +88,11 @@ def test_any_content_of_a_right_length_is_read_and_converted_or_refused(
     message = tunnel.decode(struct.pack("<I", command) + body)
     try:
         if isinstance(message, tunnel.TagG0 | tunnel.TagG1):
-            tunnel.tag_from_wire(message)
+            assert tunnel.tag_from_wire(message).tag_id == message.tag_id
         if isinstance(message, tunnel.PulseG0 | tunnel.PulseG1):
-            tunnel.pulse_from_wire(message)
+            read = tunnel.pulse_from_wire(message)
+            pulse = read.pulse if isinstance(read, PulsePose) else read
+            assert pulse is None or pulse.tag_id == message.tag_id
     except TunnelError:
         pass
 
@@ -142,28 +145,22 @@ def test_a_pulse_keeps_its_time_status_and_heading(
     generation: tunnel.Generation,
     posed: bool,
 ) -> None:
-    pose = Pose(
-        time_ns=time_ns,
-        latitude_deg=35.1,
-        longitude_deg=-111.6,
-        altitude_amsl_m=2150.0,
+    pose = made.pose(
+        time_ns,
+        35.1,
+        -111.6,
         altitude_relative_m=50.0,
+        altitude_amsl_m=2150.0,
         quaternion_wxyz=from_euler_deg(*angles),
     )
-    pulse = Pulse(
-        tag_id=2,
+    pulse = made.pulse(
+        time_ns,
         frequency_hz=148_710_000.4,
-        start_time_ns=time_ns,
         end_time_ns=time_ns,
-        snr_db=20.0,
         group_snr_db=19.0,
-        score=2.0,
-        group_index=1,
         group_sequence=70_000,
-        noise_psd=1e-12,
-        detection_status=status,  # type: ignore[arg-type]
+        detection_status=status,
         confirmed=status == "confirmed",
-        rate=1,
         predicted_next_start_ns=time_ns + 10**9,
         predicted_next_end_ns=time_ns + 10**9,
     )

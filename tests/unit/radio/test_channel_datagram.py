@@ -48,7 +48,7 @@ def test_nanoseconds_that_are_a_denormal_float_survive() -> None:
     assert decode_channel_datagram(datagram)[0] == time_ns
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.integers(0, 4_294_967_295_999_999_999),
     arrays(np.uint32, st.tuples(st.integers(1, 40), st.just(2))),
@@ -64,7 +64,6 @@ def test_every_time_and_every_bit_of_the_samples_comes_back(
     assert encode_channel_datagram(read, read_ns) == datagram
 
 
-@settings(deadline=None)
 @given(st.integers(1_000_000_000_000, 2_900_000_000_000), st.sampled_from(STYLES))
 def test_whole_milliseconds_come_back_and_tell_their_style(
     time_ms: int, style: StampStyle

@@ -3,11 +3,12 @@
 import socket
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 
 from uavrt.config.settings import UdpChannelSettings
-from uavrt.messages import IQBlock, Tag
+from uavrt.messages import Tag
 from uavrt.radio.channel_datagram import decode_channel_datagram
 from uavrt.radio.channel_output import ChannelOutput
 from uavrt.radio.udp_address import listen
@@ -19,12 +20,7 @@ START_NS = 1_700_000_000_000_000_000
 
 
 def tag(offset_hz: float, *intervals_s: float) -> Tag:
-    return Tag(
-        tag_id=2,
-        frequency_hz=CENTER_HZ + offset_hz,
-        pulse_width_s=0.02,
-        pulse_intervals_s=intervals_s or (1.254,),
-    )
+    return made.tag(2, CENTER_HZ + offset_hz, *(intervals_s or (1.254,)))
 
 
 def frames_at(sock: socket.socket) -> list[tuple[int, np.ndarray]]:
@@ -53,12 +49,7 @@ def test_a_tone_leaves_at_the_port_and_frequency_of_its_channel() -> None:
     tone = (0.5 * np.exp(2j * np.pi * (-7100.0) / RATE_HZ * n)).astype(np.complex64)
     for first in range(0, n.size, 32_768):
         sent.process(
-            IQBlock(
-                samples=tone[first : first + 32_768],
-                sample_index=first,
-                time_ns=START_NS + round(first * 1e9 / RATE_HZ),
-                sample_rate_hz=RATE_HZ,
-            )
+            made.iq_block(tone[first : first + 32_768], first, RATE_HZ, start_ns=START_NS)
         )
     frames = frames_at(listener)
     listener.close()
@@ -89,14 +80,7 @@ def test_tags_beyond_the_originals_band_are_left_out_and_counted() -> None:
     sent.close()
     none = output(tag(250_000.0))
     assert dict(none.ports) == {}
-    none.process(
-        IQBlock(
-            samples=np.zeros(4000, np.complex64),
-            sample_index=0,
-            time_ns=START_NS,
-            sample_rate_hz=RATE_HZ,
-        )
-    )
+    none.process(made.iq_block(np.zeros(4000, np.complex64), 0, RATE_HZ, start_ns=START_NS))
     none.close()
 
 

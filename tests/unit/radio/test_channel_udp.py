@@ -3,10 +3,12 @@
 import socket
 from collections.abc import Iterator
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, RadioError
@@ -43,7 +45,7 @@ def test_frames_in_order_pass_at_once() -> None:
         assert taken(order) == [(number, 0)]
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.permutations(range(1, 1 + HELD_FRAMES)))
 def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) -> None:
     order = FrameOrder(RATE_HZ)
@@ -55,7 +57,7 @@ def test_frames_that_overtake_each_other_are_put_in_order(arrival: list[int]) ->
     assert order.late == 0
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.sets(st.integers(1, 30), max_size=20))
 def test_frames_that_never_come_are_gaps_of_their_length(missing: set[int]) -> None:
     order = FrameOrder(RATE_HZ)
@@ -119,13 +121,12 @@ def source_fixture() -> Iterator[ChannelDatagramSource]:
 
 def block(first: int, count: int, *, lost: int = 0, channel: int = 45) -> ChannelBlock:
     """Samples that say their index."""
-    return ChannelBlock(
+    return made.channel_block(
+        np.arange(first, first + count).astype(np.complex64),
+        first,
+        RATE_HZ,
+        start_ns=START_NS,
         channel=channel,
-        center_frequency_hz=148.71e6,
-        samples=np.arange(first, first + count).astype(np.complex64),
-        sample_index=first,
-        time_ns=START_NS + round(first * 1e9 / RATE_HZ),
-        sample_rate_hz=RATE_HZ,
         lost_before=lost,
     )
 
@@ -185,8 +186,7 @@ def test_what_is_no_frame_is_counted_and_passed_over(source: ChannelDatagramSour
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.sendto(b"hello", ("127.0.0.1", port))
         sock.sendto(encode_channel_datagram(frame(3)[1], START_NS), ("127.0.0.1", port))
-    got = source.read(5.0)
-    assert got is not None
+    got = some(source.read(5.0))
     assert got.time_ns == START_NS
     assert source.refused == 1
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
@@ -43,8 +44,7 @@ NAMES = [
 def test_a_name_tells_frequency_rate_and_start(
     name: str, frequency_hz: float, rate_hz: float | None, start: str | None
 ) -> None:
-    facts = read_name(Path("/data") / name)
-    assert facts is not None
+    facts = some(read_name(Path("/data") / name))
     assert facts.center_frequency_hz == frequency_hz
     assert facts.sample_rate_hz == rate_hz
     assert facts.start_time_ns == (None if start is None else parse_iso_utc(start))
@@ -60,8 +60,7 @@ def test_any_other_name_tells_nothing_and_breaks_nothing(text: str) -> None:
 @given(digits=st.integers(0, 10**14 - 1))
 def test_a_date_that_does_not_exist_is_no_time(digits: int) -> None:
     stamp = f"{digits:014d}"
-    facts = read_name(f"gqrx_{stamp[:8]}_{stamp[8:]}_145000000_1800000_fc.raw")
-    assert facts is not None
+    facts = some(read_name(f"gqrx_{stamp[:8]}_{stamp[8:]}_145000000_1800000_fc.raw"))
     if int(stamp[4:6]) > 12 or int(stamp[8:10]) > 23:
         assert facts.start_time_ns is None
 

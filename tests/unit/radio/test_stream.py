@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.errors import FormatError
 from uavrt.radio import CF32, CS16, StreamSource, open_stream
@@ -45,7 +46,7 @@ def drain(stream: StreamSource) -> np.ndarray:
     return np.concatenate(parts)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     sizes=st.lists(st.integers(1, 5000), min_size=1, max_size=30),
     repeat=st.integers(1, 40),
@@ -101,11 +102,9 @@ def test_a_start_time_given_rules_the_times(pipe: tuple[int, int]) -> None:
     reading, writing = pipe
     stream = source(reading, start_time_ns=5_000_000_000)
     os.write(writing, bytes(8 * 50_000))
-    first = stream.read()
-    assert first is not None
+    first = some(stream.read())
     count = len(first.samples)
-    second = stream.read()
-    assert second is not None
+    second = some(stream.read())
     assert first.time_ns == 5_000_000_000
     assert second.time_ns == 5_000_000_000 + round(count / RATE_HZ * 1e9)
 
@@ -115,9 +114,7 @@ def test_memory_of_a_block_is_used_again(pipe: tuple[int, int]) -> None:
     stream = source(reading, CS16)
     os.write(writing, bytes(4 * 60_000))
     first, second = stream.read(), stream.read()
-    assert first is not None
-    assert second is not None
-    assert np.shares_memory(first.samples, second.samples)
+    assert np.shares_memory(some(first).samples, some(second).samples)
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def run(
     return keeper, np.array(errors), gaps
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     ppm=st.floats(-50, 50),
     jitter_s=st.floats(0.0, 0.005),
@@ -66,7 +66,7 @@ def test_times_follow_the_radio_through_jitter_stalls_and_a_wrong_crystal(
     assert keeper.rate_error * 1e6 == pytest.approx(ppm, abs=8.0)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(ppm=st.floats(-50, 50), seed=st.integers(0, 1000))
 def test_time_never_jumps_nor_runs_backwards(ppm: float, seed: int) -> None:
     _, errors, _ = run(40, ppm=ppm, jitter_s=0.005, stalls=0.02, seed=seed)
@@ -74,7 +74,7 @@ def test_time_never_jumps_nor_runs_backwards(ppm: float, seed: int) -> None:
     assert np.abs(np.diff(errors)).max() <= (1000e-6 + 60e-6 + 50e-6) * block_s + 1e-8
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(lose=st.integers(100_000, 3_000_000), seed=st.integers(0, 1000))
 def test_samples_lost_silently_become_a_gap_of_the_right_size(lose: int, seed: int) -> None:
     _, errors, gaps = run(

@@ -3,21 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.errors import FormatError
-from uavrt.messages import Tag
 from uavrt.recording import detector_config, read_detector_config, write_detector_config
 
-TAG = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.020,
-    pulse_intervals_s=(1.254,),
-    interval_uncertainty_s=0.060,
-    interval_jitter_s=0.010,
-    k=3,
-    false_alarm_probability=0.005,
+TAG = made.tag(
+    interval_uncertainty_s=0.060, interval_jitter_s=0.010, false_alarm_probability=0.005
 )
 TIME_NS = 1_700_205_419_230_494_976
 
@@ -76,12 +69,8 @@ def test_a_tag_beyond_the_channels_has_no_port() -> None:
 
 
 def test_what_is_written_is_read_back_with_name_and_second_interval(tmp_path: Path) -> None:
-    tag = Tag(
-        tag_id=4,
-        frequency_hz=148_712_345.678,
-        pulse_width_s=0.015,
-        pulse_intervals_s=(1.333, 2.0),
-        name="Lüna of\nthe marsh",
+    tag = made.tag(
+        4, 148_712_345.678, 1.333, 2.0, pulse_width_s=0.015, name="Lüna of\nthe marsh"
     )
     path = tmp_path / "detectorConfig.txt"
     config = detector_config(tag, 148.7e6, "/logs")

@@ -4,8 +4,8 @@ import sqlite3
 from dataclasses import fields, make_dataclass, replace
 from typing import Any
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt.messages import Pulse, PulsePose, Tag
 from uavrt.recording import schema
@@ -13,7 +13,7 @@ from uavrt.recording.fields import fields_of
 from uavrt.recording.pulse_files import BURST_FIELDS, FIELDS, pulse_from_record, pulse_record
 
 FULL = replace(
-    pulse_at(5_000),
+    made.pulse(5_000),
     also_possible_tag_ids=(4, 6),
     ghost_of_tag_id=8,
     clipped=True,
@@ -29,7 +29,7 @@ def test_every_field_of_a_pulse_is_a_column_of_the_database_and_of_the_files() -
 
 
 def test_every_field_of_a_pulse_comes_back_from_the_database_and_from_the_files() -> None:
-    usual = pulse_at(5_000)
+    usual = made.pulse(5_000)
     changed = [one.name for one in fields_of(Pulse) if one.defaulted]
     assert all(getattr(FULL, name) != getattr(usual, name) for name in changed)
     database = sqlite3.connect(":memory:")
@@ -63,7 +63,7 @@ def test_a_type_that_no_column_holds_is_a_fault_of_the_program() -> None:
 
 def test_a_pulse_with_a_status_of_a_newer_version_does_not_bar_the_others() -> None:
     place = schema.PULSE_COLUMNS.split(", ").index("detection_status")
-    row = list(schema.pulse_row(pulse_at(0)))
+    row = list(schema.pulse_row(made.pulse(0)))
     row[place] = "of a newer version"
     found: str = schema.pulse_from_row(tuple(row)).detection_status
     assert found == "of a newer version"

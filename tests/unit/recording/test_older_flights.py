@@ -1,13 +1,15 @@
 """Flights that an older version recorded are read and gone on with."""
 
 import sqlite3
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
+import made
+import numbered
+
 from uavrt.ground.store.flights import PULSE_COLUMNS, FlightLibrary
-from uavrt.messages import FlightInfo, Pulse, PulsePose
+from uavrt.messages import FlightInfo, PulsePose
 from uavrt.recording import FlightLayout, FlightRecorder, read_flight
 from uavrt.recording.schema import VERSION
 from uavrt.recording.spool import undelivered
@@ -23,14 +25,10 @@ CREATE TABLE pulses (
 """
 
 
-def record_and_age(
-    info: FlightInfo, make_pulse_pose: Callable[..., PulsePose]
-) -> list[PulsePose]:
+def record_and_age(info: FlightInfo) -> list[PulsePose]:
     """Record a flight and make its database one of version 1."""
-    recorded = [make_pulse_pose(number) for number in range(5)]
-    recorder = FlightRecorder.create(info)
-    recorder.write_pulse_poses(recorded)
-    recorder.close()
+    recorded = [numbered.pulse_pose(number) for number in range(5)]
+    made.flight(info, pulse_poses=recorded)
     with closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as database:
         database.execute("ALTER TABLE pulses RENAME TO newer")
         database.execute(PULSES_OF_VERSION_1)
@@ -43,11 +41,9 @@ def record_and_age(
     return recorded
 
 
-def test_a_flight_of_version_1_is_read_by_all_that_read_flights(
-    make_info: Callable[..., FlightInfo], make_pulse_pose: Callable[..., PulsePose]
-) -> None:
-    info = make_info()
-    recorded = record_and_age(info, make_pulse_pose)
+def test_a_flight_of_version_1_is_read_by_all_that_read_flights(tmp_path: Path) -> None:
+    info = numbered.info(tmp_path / "flight")
+    recorded = record_and_age(info)
     assert read_flight(info.directory).pulse_poses == tuple(recorded)
     waiting, more = undelivered(info.directory, store=1, limit=10)
     assert (waiting, more) == (recorded[::-1], False)
@@ -61,12 +57,12 @@ def test_a_flight_of_version_1_is_read_by_all_that_read_flights(
 
 
 def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
-    make_info: Callable[..., FlightInfo], make_pulse_pose: Callable[..., PulsePose]
+    tmp_path: Path,
 ) -> None:
-    info = make_info()
-    recorded = record_and_age(info, make_pulse_pose)
+    info = numbered.info(tmp_path / "flight")
+    recorded = record_and_age(info)
     recorder = FlightRecorder.reopen(info.directory)
-    newer = make_pulse_pose(7)
+    newer = numbered.pulse_pose(7)
     doubtful = replace(
         newer,
         pulse=replace(
@@ -80,15 +76,15 @@ def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
         assert database.execute("PRAGMA user_version").fetchone() == (VERSION,)
 
 
-def test_what_is_in_doubt_of_a_pulse_is_read_back_before_it_has_a_pose(
-    make_info: Callable[..., FlightInfo], make_pulse: Callable[..., Pulse]
-) -> None:
-    info = make_info()
+def test_what_is_in_doubt_of_a_pulse_is_read_back_before_it_has_a_pose(tmp_path: Path) -> None:
+    info = numbered.info(tmp_path / "flight")
     pulses = [
-        make_pulse(0),
-        replace(make_pulse(1), also_possible_tag_ids=(4,)),
-        replace(make_pulse(2), ghost_of_tag_id=4, confirmed=False, detection_status="detected"),
-        replace(make_pulse(3), clipped=True),
+        numbered.pulse(0),
+        replace(numbered.pulse(1), also_possible_tag_ids=(4,)),
+        replace(
+            numbered.pulse(2), ghost_of_tag_id=4, confirmed=False, detection_status="detected"
+        ),
+        replace(numbered.pulse(3), clipped=True),
     ]
     recorder = FlightRecorder.create(info)
     recorder.write_pulses(pulses)

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import made
 from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.config import Settings
-from uavrt.messages import FlightInfo, Health
+from uavrt.messages import Health
 from uavrt.on_ground import EVER_NS, spans_on_ground
 from uavrt.recording import FlightRecorder, read_flight
 
@@ -17,14 +18,7 @@ States = list[tuple[int, bool]]
 
 def recorded(tmp_path: Path, counters: list[dict[str, float]]) -> tuple[tuple[int, int], ...]:
     """What a flight tells whose connection said so, once a second."""
-    info = FlightInfo(
-        directory=str(tmp_path / "flight"),
-        start_time_ns=START_NS,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(),
-    )
+    info = made.flight_info(tmp_path / "flight", start_time_ns=START_NS)
     recorder = FlightRecorder.create(info, Settings())
     for number, one in enumerate(counters):
         said = Health(

@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numbered
 import pytest
 
 from uavrt.analysis.tracks import read_track
@@ -15,7 +15,6 @@ from uavrt.recording import PulseWriter, pulse_format
 from uavrt.recording.formats import pulse_logs_in, read_pulse_log, write_tagtracker
 from uavrt.recording.pulse_pose_log import format_line
 
-MakePulsePose = Callable[..., PulsePose]
 NAMES = ("pulses.jsonl", "pulses.csv", "pulse_pose_log.txt", "Pulse-1.csv")
 
 
@@ -44,15 +43,10 @@ def moved(one: PulsePose, **changes: object) -> PulsePose:
     [(-111.6565, 35.1782, "swapped"), (351782410.0, -1116565870.0, "ten million")],
 )
 def test_a_log_of_places_off_the_globe_is_refused_with_what_it_may_be(
-    make_pulse_pose: MakePulsePose,
-    tmp_path: Path,
-    name: str,
-    latitude: float,
-    longitude: float,
-    remedy: str,
+    tmp_path: Path, name: str, latitude: float, longitude: float, remedy: str
 ) -> None:
     wrong = [
-        moved(make_pulse_pose(number), latitude_deg=latitude, longitude_deg=longitude)
+        moved(numbered.pulse_pose(number), latitude_deg=latitude, longitude_deg=longitude)
         for number in range(3)
     ]
     with pytest.raises(FormatError, match="is not a latitude") as refused:
@@ -63,12 +57,9 @@ def test_a_log_of_places_off_the_globe_is_refused_with_what_it_may_be(
 
 @pytest.mark.parametrize("name", NAMES[:3])
 def test_one_place_off_the_globe_is_passed_over_and_told_once(
-    make_pulse_pose: MakePulsePose,
-    tmp_path: Path,
-    name: str,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pulses = [make_pulse_pose(number) for number in range(4)]
+    pulses = [numbered.pulse_pose(number) for number in range(4)]
     wrong = [*pulses[:2], moved(pulses[2], longitude_deg=1116565870.0), pulses[3]]
     log = read_pulse_log(write(tmp_path / name, wrong))
     assert len(log.pulse_poses) == 3
@@ -81,10 +72,8 @@ def test_one_place_off_the_globe_is_passed_over_and_told_once(
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("field", ["latitude_deg", "longitude_deg", "quaternion_wxyz"])
-def test_what_is_not_a_number_is_absence(
-    make_pulse_pose: MakePulsePose, tmp_path: Path, name: str, field: str
-) -> None:
-    pulses = [make_pulse_pose(number) for number in range(4)]
+def test_what_is_not_a_number_is_absence(tmp_path: Path, name: str, field: str) -> None:
+    pulses = [numbered.pulse_pose(number) for number in range(4)]
     path = write(tmp_path / name, pulses)
     lines = path.read_text().splitlines()
     pose = pulses[2].pose
@@ -112,9 +101,9 @@ def test_what_is_not_a_number_is_absence(
 
 
 def test_a_frequency_that_is_not_known_is_written_for_tagtracker_as_none(
-    make_pulse_pose: MakePulsePose, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
-    one = make_pulse_pose()
+    one = numbered.pulse_pose()
     unknown = replace(one, pulse=replace(one.pulse, frequency_hz=math.nan))
     path = write(tmp_path / "Pulse-1.csv", [unknown, one])
     first, second = read_pulse_log(path).pulse_poses
@@ -124,19 +113,17 @@ def test_a_frequency_that_is_not_known_is_written_for_tagtracker_as_none(
 
 @pytest.mark.parametrize("name", NAMES[:3])
 def test_a_byte_order_mark_and_the_line_ends_of_a_spreadsheet_are_read(
-    make_pulse_pose: MakePulsePose, tmp_path: Path, name: str
+    tmp_path: Path, name: str
 ) -> None:
-    path = write(tmp_path / name, [make_pulse_pose(number) for number in range(3)])
+    path = write(tmp_path / name, [numbered.pulse_pose(number) for number in range(3)])
     plain = read_pulse_log(path).pulse_poses
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
     assert read_pulse_log(path).pulse_poses == plain
     assert len(plain) == 3
 
 
-def test_flights_and_logs_are_found_in_a_folder_at_any_depth(
-    make_pulse_pose: MakePulsePose, tmp_path: Path
-) -> None:
-    pulses = [make_pulse_pose()]
+def test_flights_and_logs_are_found_in_a_folder_at_any_depth(tmp_path: Path) -> None:
+    pulses = [numbered.pulse_pose()]
     logs = [
         write(tmp_path / "a/nan.csv", pulses),
         write(tmp_path / "a/placed0.jsonl", pulses),

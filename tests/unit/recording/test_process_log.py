@@ -49,5 +49,6 @@ def test_each_process_has_its_place(tmp_path: Path) -> None:
         "connection": "process_log/connection.log",
         "../../etc/x": "process_log/_.._etc_x.log",
     }
-    for process, place in places.items():
-        assert layout.process_log(process) == tmp_path / place
+    assert {one: layout.process_log(one) for one in places} == {
+        process: tmp_path / place for process, place in places.items()
+    }

@@ -4,17 +4,15 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numbered
 import pytest
 
 from uavrt.errors import FormatError
 from uavrt.messages import BurstInside, Pulse, PulsePose
 from uavrt.recording import PulseFormat, PulseWriter, pulse_format, read_pulse_file
-
-MakePulsePose = Callable[..., PulsePose]
 
 # Written a second time: programs outside rely on it, also on the
 # order: what came later is at the end.
@@ -34,26 +32,24 @@ def written(form: PulseFormat, pulses: list[PulsePose | Pulse]) -> str:
     return stream.getvalue()
 
 
-def test_a_json_line_has_exactly_the_promised_fields(make_pulse_pose: MakePulsePose) -> None:
-    record = json.loads(written("jsonl", [make_pulse_pose()]))
+def test_a_json_line_has_exactly_the_promised_fields() -> None:
+    record = json.loads(written("jsonl", [numbered.pulse_pose()]))
     assert list(record) == FIELDS
-    assert record["start_time_ns"] == make_pulse_pose().pulse.start_time_ns
+    assert record["start_time_ns"] == numbered.pulse_pose().pulse.start_time_ns
     assert record["confirmed"] is True
     assert record["quaternion_wxyz"] == [0.700764, 0.00189066, -0.00109068, 0.71339]
 
 
-def test_a_csv_row_has_exactly_the_promised_fields(make_pulse_pose: MakePulsePose) -> None:
-    (row,) = csv.DictReader(io.StringIO(written("csv", [make_pulse_pose()])))
+def test_a_csv_row_has_exactly_the_promised_fields() -> None:
+    (row,) = csv.DictReader(io.StringIO(written("csv", [numbered.pulse_pose()])))
     assert list(row) == FIELDS
     assert row["quaternion_wxyz"] == "0.700764 0.00189066 -0.00109068 0.71339"
     assert row["confirmed"] == "true"
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
-def test_pulses_survive_a_round_trip(
-    make_pulse_pose: MakePulsePose, tmp_path: Path, form: PulseFormat
-) -> None:
-    posed = [make_pulse_pose(n, tag) for n in range(3) for tag in (2, 4)]
+def test_pulses_survive_a_round_trip(tmp_path: Path, form: PulseFormat) -> None:
+    posed = [numbered.pulse_pose(n, tag) for n in range(3) for tag in (2, 4)]
     bare = PulsePose(
         pulse=replace(
             posed[0].pulse,
@@ -73,10 +69,8 @@ def test_pulses_survive_a_round_trip(
     assert pulse_format(path.name) == form
 
 
-def test_what_came_after_a_burst_is_read_into_it(
-    make_pulse_pose: MakePulsePose, tmp_path: Path
-) -> None:
-    burst, other = make_pulse_pose(0), make_pulse_pose(1)
+def test_what_came_after_a_burst_is_read_into_it(tmp_path: Path) -> None:
+    burst, other = numbered.pulse_pose(0), numbered.pulse_pose(1)
     inside = BurstInside(
         tag_id=burst.pulse.tag_id,
         start_time_ns=burst.pulse.start_time_ns,
@@ -96,10 +90,8 @@ def test_what_came_after_a_burst_is_read_into_it(
     )
 
 
-def test_files_of_older_versions_say_nothing_of_other_tags(
-    make_pulse_pose: MakePulsePose, tmp_path: Path
-) -> None:
-    item = make_pulse_pose()
+def test_files_of_older_versions_say_nothing_of_other_tags(tmp_path: Path) -> None:
+    item = numbered.pulse_pose()
     record = json.loads(written("jsonl", [item]))
     for name in ("also_possible_tag_ids", "ghost_of_tag_id", "clipped"):
         del record[name]
@@ -110,9 +102,9 @@ def test_files_of_older_versions_say_nothing_of_other_tags(
 
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
 def test_what_is_not_finite_is_unknown_and_the_file_stays_valid(
-    make_pulse_pose: MakePulsePose, tmp_path: Path, form: PulseFormat
+    tmp_path: Path, form: PulseFormat
 ) -> None:
-    odd = replace(make_pulse_pose().pulse, noise_psd=math.nan, snr_db=-math.inf)
+    odd = replace(numbered.pulse_pose().pulse, noise_psd=math.nan, snr_db=-math.inf)
     text = written(form, [odd])
     assert "NaN" not in text
     assert "inf" not in text.lower()
@@ -124,12 +116,10 @@ def test_what_is_not_finite_is_unknown_and_the_file_stays_valid(
 
 
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
-def test_an_unfinished_last_line_is_passed_over(
-    make_pulse_pose: MakePulsePose, tmp_path: Path, form: PulseFormat
-) -> None:
+def test_an_unfinished_last_line_is_passed_over(tmp_path: Path, form: PulseFormat) -> None:
     path = tmp_path / f"pulses.{form}"
-    path.write_text(written(form, [make_pulse_pose(0), make_pulse_pose(1)])[:-10])
-    assert read_pulse_file(path) == (make_pulse_pose(0),)
+    path.write_text(written(form, [numbered.pulse_pose(0), numbered.pulse_pose(1)])[:-10])
+    assert read_pulse_file(path) == (numbered.pulse_pose(0),)
 
 
 @pytest.mark.parametrize(
@@ -154,9 +144,9 @@ def test_what_is_no_pulse_is_told_with_its_line(tmp_path: Path, text: str, word:
     [("detection_status", "sure"), ("confirmed", "yes"), ("tag_id", None), ("rate", "one")],
 )
 def test_a_field_of_the_wrong_kind_is_refused(
-    make_pulse_pose: MakePulsePose, tmp_path: Path, field: str, value: object
+    tmp_path: Path, field: str, value: object
 ) -> None:
-    record = json.loads(written("jsonl", [make_pulse_pose()])) | {field: value}
+    record = json.loads(written("jsonl", [numbered.pulse_pose()])) | {field: value}
     path = tmp_path / "pulses.jsonl"
     path.write_text(json.dumps(record) + "\n")
     with pytest.raises(FormatError, match="line 1 is not a pulse"):
@@ -173,13 +163,9 @@ def test_a_recording_is_no_pulse_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("form", ["csv", "jsonl"])
 @pytest.mark.parametrize("damage", ["nonsense", "\xff\xfe", "", "{}", "2,3"])
 def test_damaged_lines_among_good_ones_are_read_around_and_counted(
-    make_pulse_pose: MakePulsePose,
-    tmp_path: Path,
-    form: PulseFormat,
-    damage: str,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, form: PulseFormat, damage: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pulses = [make_pulse_pose(number) for number in range(3)]
+    pulses = [numbered.pulse_pose(number) for number in range(3)]
     lines = written(form, [*pulses]).splitlines(keepends=True)
     path = tmp_path / f"pulses.{form}"
     content = [line.encode() for line in lines]

@@ -3,21 +3,16 @@
 import math
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.errors import FormatError
-from uavrt.messages import FlightInfo, Pose, Poses, SearchReport, Tag
+from uavrt.messages import Poses
 from uavrt.recording import FlightRecorder, read_quiet_noise_db, read_usual_noise_db
 
 SECOND = 1_000_000_000
 TAGS = tuple(
-    Tag(
-        tag_id=number,
-        frequency_hz=148.7e6 + 1e5 * number,
-        pulse_width_s=0.015,
-        pulse_intervals_s=(1.3,),
-    )
-    for number in (2, 4, 6)
+    made.tag(number, 148.7e6 + 1e5 * number, 1.3, pulse_width_s=0.015) for number in (2, 4, 6)
 )
 TAKE_OFF_S, END_S = 20, 60
 
@@ -32,34 +27,22 @@ def flight(
     posed: bool = True,
 ) -> Path:
     """Record a flight whose motors add to the noise from take-off on."""
-    info = FlightInfo(
-        directory=str(directory),
-        start_time_ns=0,
-        clock_offset_ns=0,
-        center_frequency_hz=math.nan,
-        sample_rate_hz=math.nan,
-        tags=TAGS,
+    info = made.flight_info(
+        directory, TAGS, center_frequency_hz=math.nan, sample_rate_hz=math.nan
     )
     directory.mkdir()
     recorder = FlightRecorder.open(info)
     for second in range(END_S):
         air = flies and second >= TAKE_OFF_S
-        pose = Pose(
-            time_ns=second * SECOND,
-            latitude_deg=46.5,
-            longitude_deg=8.0,
-            altitude_amsl_m=1000.0,
-            altitude_relative_m=40.0 if air else 0.3,
-            quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-        )
+        pose = made.pose(second * SECOND, 46.5, 8.0, altitude_relative_m=40.0 if air else 0.3)
         if posed:
             recorder.write_poses(Poses(poses=(pose,)))
         for tag in TAGS if second >= first_s else ():
             level_db = quiet_db + (motors_db if air else 0.0) + 0.5 * (tag.tag_id - 4)
             recorder.write_search_report(
-                SearchReport(
-                    tag_id=tag.tag_id,
-                    time_ns=second * SECOND + 1,
+                made.search_report(
+                    tag.tag_id,
+                    second * SECOND + 1,
                     frequency_hz=tag.frequency_hz,
                     noise_psd=10.0 ** (level_db / 10.0),
                     best_score=0.3,

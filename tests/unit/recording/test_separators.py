@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numbered
 import pytest
 
 from uavrt.messages import PulsePose
@@ -26,9 +27,9 @@ def saved(text: str, separator: str, decimal: str) -> str:
 
 @SAVED
 def test_pulses_of_tagtracker_are_read_with_any_separator(
-    tmp_path: Path, make_pulse_pose: object, separator: str, decimal: str
+    tmp_path: Path, separator: str, decimal: str
 ) -> None:
-    pulses: list[PulsePose] = [make_pulse_pose(n, 2) for n in range(12)]  # type: ignore[operator]
+    pulses: list[PulsePose] = [numbered.pulse_pose(n, 2) for n in range(12)]
     path = tmp_path / "Pulse-1.csv"
     with path.open("w", encoding="utf-8") as stream:
         write_tagtracker(stream, pulses)
@@ -53,10 +54,8 @@ def test_bearings_are_read_with_any_separator(
     assert read_bearing_file(path) == plain
 
 
-def test_a_pulse_pose_log_whose_lines_end_with_commas_is_read(
-    tmp_path: Path, make_pulse_pose: object
-) -> None:
-    pulses: list[PulsePose] = [make_pulse_pose(n, 2) for n in range(5)]  # type: ignore[operator]
+def test_a_pulse_pose_log_whose_lines_end_with_commas_is_read(tmp_path: Path) -> None:
+    pulses: list[PulsePose] = [numbered.pulse_pose(n, 2) for n in range(5)]
     lines = [format_line(one).rstrip("\n") for one in pulses]
     path = tmp_path / "pulse_pose_log.txt"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

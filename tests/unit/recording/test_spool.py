@@ -1,8 +1,8 @@
 """What was recorded and has not reached the ground."""
 
 from pathlib import Path
-from typing import Any
 
+import numbered
 import pytest
 
 from uavrt.errors import RecordingError
@@ -12,11 +12,11 @@ from uavrt.recording.spool import note_deliveries, undelivered
 
 
 def test_recorded_pulses_are_undelivered_until_it_is_noted_for_that_store(
-    make_info: Any, make_pulse_pose: Any
+    tmp_path: Path,
 ) -> None:
-    info = make_info()
+    info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
-    items = [make_pulse_pose(number) for number in range(5)]
+    items = [numbered.pulse_pose(number) for number in range(5)]
     recorder.write_pulse_poses(items)
     recorder.commit()
     assert undelivered(info.directory, 7, 10) == (items[::-1], False)
@@ -31,12 +31,10 @@ def test_recorded_pulses_are_undelivered_until_it_is_noted_for_that_store(
     recorder.close()
 
 
-def test_plain_ground_stations_are_owed_only_what_nobody_has(
-    make_info: Any, make_pulse_pose: Any
-) -> None:
-    info = make_info()
+def test_plain_ground_stations_are_owed_only_what_nobody_has(tmp_path: Path) -> None:
+    info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
-    items = [make_pulse_pose(number) for number in range(3)]
+    items = [numbered.pulse_pose(number) for number in range(3)]
     recorder.write_pulse_poses(items)
     for store, item in zip((7, 0), items, strict=False):
         key = (item.pulse.tag_id, item.pulse.start_time_ns)
@@ -46,12 +44,10 @@ def test_plain_ground_stations_are_owed_only_what_nobody_has(
     assert undelivered(info.directory, 7, 10) == ([items[2], items[1]], False)
 
 
-def test_a_delivery_is_noted_after_the_flights_end(
-    make_info: Any, make_pulse_pose: Any
-) -> None:
-    info = make_info()
+def test_a_delivery_is_noted_after_the_flights_end(tmp_path: Path) -> None:
+    info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
-    item = make_pulse_pose(1)
+    item = numbered.pulse_pose(1)
     recorder.write_pulse_poses([item])
     recorder.close()
     key = (item.pulse.tag_id, item.pulse.start_time_ns)
@@ -59,12 +55,12 @@ def test_a_delivery_is_noted_after_the_flights_end(
     assert undelivered(info.directory, 7, 10) == ([], False)
 
 
-def test_a_pulse_without_a_pose_is_delivered_too(make_info: Any, make_pulse_pose: Any) -> None:
+def test_a_pulse_without_a_pose_is_delivered_too(tmp_path: Path) -> None:
     from dataclasses import replace
 
-    info = make_info()
+    info = numbered.info(tmp_path / "flight")
     recorder = FlightRecorder.create(info)
-    item = replace(make_pulse_pose(1), pose=None)
+    item = replace(numbered.pulse_pose(1), pose=None)
     recorder.write_pulse_poses([item])
     recorder.close()
     assert undelivered(info.directory, 7, 10) == ([item], False)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from virtual_time import VirtualClock
 
 from uavrt import card as card_module
 from uavrt.computer import checks
@@ -56,9 +57,10 @@ def test_the_battery_of_the_clock_is_looked_at(
     says: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    clock_of_test: VirtualClock,
 ) -> None:
     monkeypatch.setattr(card_module, "SYSFS", tmp_path)
-    monkeypatch.setattr(card_module, "wall_ns", lambda: SPRING_NS)
+    clock_of_test.set_wall_ns(SPRING_NS)
     monkeypatch.setattr(checks, "_timedatectl", lambda: "yes")
     if ahead_s is not None:
         kept = tmp_path / "class/rtc/rtc0/since_epoch"
@@ -67,7 +69,7 @@ def test_the_battery_of_the_clock_is_looked_at(
     finding = checks.check_clock()
     assert finding.ok == ok
     assert says in finding.text
-    monkeypatch.setattr(card_module, "wall_ns", lambda: 86_400 * 10**9)
+    clock_of_test.set_wall_ns(86_400 * 10**9)
     lost = checks.check_clock()
     assert not lost.ok
     assert "fit a battery" in lost.remedy

@@ -77,7 +77,7 @@ def foreign(message: Any) -> Any:
 any_message = st.sampled_from(KINDS).flatmap(some)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(any_message)
 def test_a_message_has_the_bytes_that_an_independent_writer_gives_it(
     message: RosMessage,
@@ -86,7 +86,7 @@ def test_a_message_has_the_bytes_that_an_independent_writer_gives_it(
     assert encode(message) == bytes(theirs)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(any_message, st.booleans())
 def test_a_message_of_an_independent_writer_is_read_in_either_byte_order(
     message: RosMessage, little_endian: bool
@@ -96,7 +96,7 @@ def test_a_message_of_an_independent_writer_is_read_in_either_byte_order(
     assert decode(type(message), bytes(theirs)) == message
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.sampled_from(KINDS), st.binary(max_size=200), st.sampled_from([b"", b"\0\0", b"\0\1"])
 )
@@ -108,7 +108,7 @@ def test_bytes_from_anybody_are_a_message_or_are_refused(
         assert isinstance(decode(kind, beginning + data), kind)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(any_message, st.data())
 def test_a_message_that_is_cut_short_is_refused_or_lacks_only_padding(
     message: RosMessage, data: st.DataObject

@@ -1,30 +1,25 @@
 import math
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
-from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.messages import Pulse, PulsePose
 from uavrt.ros2 import convert
 from uavrt.ros2.messages import RosPulse, RosTag, Time
 
-PULSE = Pulse(
-    tag_id=2,
+PULSE = made.pulse(
+    1_700_205_419_019_828_320,
     frequency_hz=148_710_012.5,
-    start_time_ns=1_700_205_419_019_828_320,
-    end_time_ns=1_700_205_419_039_828_320,
     snr_db=20.5,
     group_snr_db=20.25,
     score=2.5,
     group_index=3,
     group_sequence=17,
     noise_psd=1e-9,
-    detection_status="confirmed",
-    confirmed=True,
-    rate=1,
     predicted_next_start_ns=1_700_205_420_204_828_320,
-    predicted_next_end_ns=None,
 )
 
 milliseconds = st.integers(1, 1000).map(float)
@@ -54,7 +49,7 @@ def test_a_time_keeps_every_nanosecond(time_ns: int) -> None:
 
 
 def test_a_tag_s_units_are_those_of_the_original() -> None:
-    tag = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+    tag = made.tag()
     message = convert.tag_to_ros(tag)
     assert (message.frequency, message.pulse_duration) == (148_710_000.0, 20.0)
     assert (message.interpulse_time_1, message.interpulse_time_2) == (1254.0, 0.0)
@@ -135,13 +130,8 @@ def test_a_pose_that_is_not_known_is_nan_and_never_zero() -> None:
 
 
 def test_a_pose_is_latitude_longitude_altitude_and_its_quaternion_ends_with_w() -> None:
-    pose = Pose(
-        time_ns=5_000_000_007,
-        latitude_deg=47.0,
-        longitude_deg=8.5,
-        altitude_amsl_m=500.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=(0.5, 0.5, -0.5, 0.5),
+    pose = made.pose(
+        5_000_000_007, 47.0, 8.5, altitude_amsl_m=500.0, quaternion_wxyz=(0.5, 0.5, -0.5, 0.5)
     )
     message = convert.pose_stamped(pose)
     assert message.header.stamp == Time(sec=5, nanosec=7)

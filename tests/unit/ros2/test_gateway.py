@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import made
 from ros_bench import (
     FLIGHT,
     NEIGHBOUR,
@@ -33,16 +34,7 @@ from uavrt.ros2.senders import Arrival, Sender
 
 
 def worker(name: str = "detector-1") -> ProcessStatus:
-    return ProcessStatus(
-        process=name,
-        running=True,
-        pid=1,
-        status="detecting",
-        ok=True,
-        restarts=0,
-        cpu_s=0.0,
-        memory_mb=0.0,
-    )
+    return made.process_status(name, "detecting")
 
 
 def test_status_is_told_twice_a_second_and_a_beat_once() -> None:

@@ -1,18 +1,18 @@
 """Pulses are as strong as they are where the drone has flown by commands."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
+from some import some
 
 from uavrt.mavlink import dialect
-from uavrt.simulation import Antenna, Flight, IQSynthesizer, Scenario, SimulatedTag, World
+from uavrt.simulation import Antenna, Flight, IQSynthesizer, Scenario, World
 from uavrt.simulation.flown import STEP_NS, Flown
 from uavrt.simulation.flown_path import FlownPath, PathWriter
 
-MakeScenario = Callable[..., Scenario]
 SECOND_NS = 10**9
 
 
@@ -44,10 +44,8 @@ def flown(scenario: Scenario, path: Path, seconds: float = 20.0) -> Flown:
     return vehicle
 
 
-def test_level_frequency_and_direction_are_those_of_where_it_flew(
-    make_scenario: MakeScenario, tmp_path: Path
-) -> None:
-    scenario = make_scenario(antenna=Antenna(pattern="RA-23K", polarization="any"))
+def test_level_frequency_and_direction_are_those_of_where_it_flew(tmp_path: Path) -> None:
+    scenario = made.still_scenario(antenna=Antenna(pattern="RA-23K", polarization="any"))
     vehicle = flown(scenario, tmp_path / "path").vehicle
     world = World(scenario, FlownPath(tmp_path / "path", scenario.plane))
     tag = scenario.tag[0]
@@ -72,10 +70,8 @@ def test_level_frequency_and_direction_are_those_of_where_it_flew(
     assert abs(world.pulse(tag, 4).frequency_hz - tag.frequency_hz) > abs(closing) + 0.5
 
 
-def test_samples_are_made_of_what_the_drone_has_reached(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag, tmp_path: Path
-) -> None:
-    scenario = make_scenario(tag=(replace(plain_tag, erp_dbm=-40.0),))
+def test_samples_are_made_of_what_the_drone_has_reached(tmp_path: Path) -> None:
+    scenario = made.still_scenario(tag=(replace(made.STILL_TAG, erp_dbm=-40.0),))
     flown(scenario, tmp_path / "path")
     path = FlownPath(tmp_path / "path", scenario.plane, keep_s=5.0)
     synthesizer = IQSynthesizer(scenario, path=path)
@@ -86,28 +82,22 @@ def test_samples_are_made_of_what_the_drone_has_reached(
     assert 20.0 * math.log10(hovering / there) == pytest.approx(1.33, abs=0.4)
 
 
-def test_motion_is_carried_on_for_half_a_second(
-    make_scenario: MakeScenario, tmp_path: Path
-) -> None:
-    scenario = make_scenario()
+def test_motion_is_carried_on_for_half_a_second(tmp_path: Path) -> None:
+    scenario = made.still_scenario()
     vehicle = flown(scenario, tmp_path / "path", seconds=5.0)
     path = FlownPath(tmp_path / "path", scenario.plane)
     end_ns = scenario.start_time_ns + 5 * SECOND_NS
-    last = path.state(end_ns)
-    assert last is not None
+    last = some(path.state(end_ns))
     speed = vehicle.vehicle.velocity_m_s[1]
     assert last.velocity_ned_m_s[1] == pytest.approx(speed, abs=0.5)
     for later_s, carried_s in ((0.1, 0.1), (3.0, 0.5)):
-        state = path.state(end_ns + round(later_s * SECOND_NS))
-        assert state is not None
+        state = some(path.state(end_ns + round(later_s * SECOND_NS)))
         moved = state.position_ned_m[1] - last.position_ned_m[1]
         assert moved == pytest.approx(carried_s * speed, abs=0.3)
 
 
-def test_it_is_read_while_it_is_written_and_half_a_record_waits(
-    make_scenario: MakeScenario, tmp_path: Path
-) -> None:
-    scenario = make_scenario()
+def test_it_is_read_while_it_is_written_and_half_a_record_waits(tmp_path: Path) -> None:
+    scenario = made.still_scenario()
     file = tmp_path / "path"
     path = FlownPath(file, scenario.plane)
     start_ns = scenario.start_time_ns
@@ -120,10 +110,8 @@ def test_it_is_read_while_it_is_written_and_half_a_record_waits(
     writer.add((pose, 10.0 * step) for step, pose in enumerate(poses))
     whole = file.read_bytes()
     file.write_bytes(whole[:-7])
-    state = path.state(start_ns + STEP_NS)
-    assert state is not None
+    state = some(path.state(start_ns + STEP_NS))
     assert state.heading_deg == pytest.approx(10.0)
     file.write_bytes(whole)
-    state = path.state(start_ns + 2 * STEP_NS)
-    assert state is not None
+    state = some(path.state(start_ns + 2 * STEP_NS))
     assert state.heading_deg == pytest.approx(20.0)

@@ -1,17 +1,14 @@
-from collections.abc import Callable
-
+import made
 import numpy as np
 import pytest
 
 from uavrt.radio.source import SampleSource
-from uavrt.simulation import IQSynthesizer, Scenario
+from uavrt.simulation import IQSynthesizer
 from uavrt.simulation.source import SimulatedSource
 
-MakeScenario = Callable[..., Scenario]
 
-
-def test_blocks_follow_one_another_to_the_end(make_scenario: MakeScenario) -> None:
-    scenario = make_scenario()
+def test_blocks_follow_one_another_to_the_end() -> None:
+    scenario = made.still_scenario()
     source: SampleSource = SimulatedSource(scenario, duration_s=2.5, block_samples=7000)
     assert source.total_samples == 120_000
     assert (source.sample_rate_hz, source.center_frequency_hz) == (48_000.0, 150e6)
@@ -29,8 +26,8 @@ def test_blocks_follow_one_another_to_the_end(make_scenario: MakeScenario) -> No
     )
 
 
-def test_a_closed_source_has_ended(make_scenario: MakeScenario) -> None:
-    source = SimulatedSource(make_scenario())
+def test_a_closed_source_has_ended() -> None:
+    source = SimulatedSource(made.still_scenario())
     source.close()
     source.close()
     with pytest.raises(EOFError):

@@ -1,6 +1,6 @@
-from collections.abc import Callable
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
@@ -8,14 +8,11 @@ from uavrt.simulation import (
     Interferer,
     IQSynthesizer,
     Radio,
-    Scenario,
-    SimulatedTag,
     World,
     demo_scenario,
 )
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, encode, phasor
 
-MakeScenario = Callable[..., Scenario]
 SECOND_NS = 10**9
 RATE_HZ = 48_000.0
 
@@ -26,11 +23,9 @@ def power_spectrum(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.fft.fftfreq(samples.size, 1 / RATE_HZ), spectrum
 
 
-def test_the_energy_of_pulses_in_the_samples_is_the_true_one(
-    make_scenario: MakeScenario,
-) -> None:
+def test_the_energy_of_pulses_in_the_samples_is_the_true_one() -> None:
     """Measured by correlation with the true carrier, over noise measured between the pulses."""
-    scenario = make_scenario()
+    scenario = made.still_scenario()
     start_ns = scenario.start_time_ns
     pulses = World(scenario).truth(start_ns, start_ns + 100 * SECOND_NS)
     samples = IQSynthesizer(scenario).block(0, 100 * int(RATE_HZ))
@@ -56,11 +51,9 @@ def _starts(pulses: list, start_ns: int) -> list[int]:  # type: ignore[type-arg]
     return [int(np.ceil((p.start_time_ns - start_ns) * 1e-9 * RATE_HZ)) for p in pulses]
 
 
-def test_time_frequency_and_amplitude_of_a_strong_pulse_are_the_true_ones(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    tag = replace(plain_tag, erp_dbm=-20.0, frequency_offset_hz=-2345.0)
-    scenario = make_scenario(tag=(tag,))
+def test_time_frequency_and_amplitude_of_a_strong_pulse_are_the_true_ones() -> None:
+    tag = replace(made.STILL_TAG, erp_dbm=-20.0, frequency_offset_hz=-2345.0)
+    scenario = made.still_scenario(tag=(tag,))
     pulse = World(scenario).truth(scenario.start_time_ns, scenario.start_time_ns + SECOND_NS)[0]
     samples = IQSynthesizer(scenario).block(0, int(RATE_HZ))
     loud = np.flatnonzero(np.abs(samples) > pulse.amplitude / 2)
@@ -73,41 +66,39 @@ def test_time_frequency_and_amplitude_of_a_strong_pulse_are_the_true_ones(
     assert np.abs(inside).mean() == pytest.approx(pulse.amplitude, rel=0.01)
 
 
-def test_every_pulse_has_its_own_phase(make_scenario: MakeScenario) -> None:
-    scenario = make_scenario()
+def test_every_pulse_has_its_own_phase() -> None:
+    scenario = made.still_scenario()
     start = scenario.start_time_ns
     phases = [p.phase_rad for p in World(scenario).truth(start, start + 400 * SECOND_NS)]
     assert abs(np.exp(1j * np.array(phases)).mean()) < 0.15
 
 
-def test_noise_is_white_gaussian_and_as_strong_as_asked(make_scenario: MakeScenario) -> None:
-    samples = IQSynthesizer(make_scenario(tag=())).block(0, 200_000)
+def test_noise_is_white_gaussian_and_as_strong_as_asked() -> None:
+    samples = IQSynthesizer(made.still_scenario(tag=())).block(0, 200_000)
     assert np.sqrt(np.mean(np.abs(samples) ** 2)) == pytest.approx(5e-3, rel=0.01)
     assert abs(np.mean(samples**2)) < 0.02 * 25e-6
     assert abs(np.vdot(samples[1:], samples[:-1])) / 200_000 < 0.02 * 25e-6
     assert np.mean((samples.real / samples.real.std()) ** 4) == pytest.approx(3.0, abs=0.1)
 
 
-def test_noise_power_goes_with_the_bandwidth(make_scenario: MakeScenario) -> None:
-    narrow = IQSynthesizer(make_scenario(tag=()), sample_rate_hz=RATE_HZ / 16)
+def test_noise_power_goes_with_the_bandwidth() -> None:
+    narrow = IQSynthesizer(made.still_scenario(tag=()), sample_rate_hz=RATE_HZ / 16)
     rms = np.sqrt(np.mean(np.abs(narrow.block(0, 100_000)) ** 2))
     assert rms == pytest.approx(5e-3 / 4, rel=0.02)
 
 
-def test_gain_changes_signal_and_noise_alike(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    scenario = make_scenario(tag=(replace(plain_tag, erp_dbm=-30.0),))
+def test_gain_changes_signal_and_noise_alike() -> None:
+    scenario = made.still_scenario(tag=(replace(made.STILL_TAG, erp_dbm=-30.0),))
     full = IQSynthesizer(scenario, gain=21).block(0, 30_000)
     less = IQSynthesizer(scenario, gain=11).block(0, 30_000)
     # Ten steps of 2 dB.
     np.testing.assert_allclose(less * 10.0, full, rtol=1e-4, atol=1e-8)
 
 
-def test_another_noise_for_every_chunk_and_seed(make_scenario: MakeScenario) -> None:
-    synthesizer = IQSynthesizer(make_scenario(tag=()))
+def test_another_noise_for_every_chunk_and_seed() -> None:
+    synthesizer = IQSynthesizer(made.still_scenario(tag=()))
     first, second = synthesizer.chunk(0).copy(), synthesizer.chunk(1).copy()
-    other = IQSynthesizer(make_scenario(tag=(), seed=6)).chunk(0)
+    other = IQSynthesizer(made.still_scenario(tag=(), seed=6)).chunk(0)
     for samples in (second, other):
         assert abs(np.vdot(first, samples)) < 5 * 25e-6 * np.sqrt(CHUNK_SAMPLES)
 
@@ -121,11 +112,9 @@ def test_a_restarted_radio_continues_the_same_world() -> None:
     np.testing.assert_array_equal(early, restarted)
 
 
-def test_a_carrier_has_its_frequency_and_power_and_no_seams(
-    make_scenario: MakeScenario,
-) -> None:
+def test_a_carrier_has_its_frequency_and_power_and_no_seams() -> None:
     carrier = Interferer(kind="carrier", frequency_hz=150_004_321.0, power_dbm=-90.0)
-    synthesizer = IQSynthesizer(make_scenario(tag=(), interferer=(carrier,)))
+    synthesizer = IQSynthesizer(made.still_scenario(tag=(), interferer=(carrier,)))
     samples = synthesizer.block(CHUNK_SAMPLES - 24_000, 48_000)
     frequencies, spectrum = power_spectrum(samples)
     assert frequencies[spectrum.argmax()] == pytest.approx(4321.0, abs=1.0)
@@ -135,40 +124,36 @@ def test_a_carrier_has_its_frequency_and_power_and_no_seams(
     assert 10 * np.log10(ratio) == pytest.approx(29.16, abs=0.2)
 
 
-def test_the_radio_has_an_offset_at_its_centre(make_scenario: MakeScenario) -> None:
-    scenario = make_scenario(
+def test_the_radio_has_an_offset_at_its_centre() -> None:
+    scenario = made.still_scenario(
         tag=(), radio=Radio(sample_rate_hz=RATE_HZ, center_frequency_hz=150e6, dc_offset=0.01)
     )
     mean = IQSynthesizer(scenario).block(0, 50_000).mean()
     assert mean == pytest.approx(0.01 + 0.01j, abs=3e-4)
 
 
-def test_a_mistuned_radio_hears_everything_shifted(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
+def test_a_mistuned_radio_hears_everything_shifted() -> None:
     radio = Radio(sample_rate_hz=RATE_HZ, center_frequency_hz=150e6, tuning_error_ppm=2.0)
-    tag = replace(plain_tag, erp_dbm=-20.0)
-    synthesizer = IQSynthesizer(make_scenario(tag=(tag,), radio=radio))
+    tag = replace(made.STILL_TAG, erp_dbm=-20.0)
+    synthesizer = IQSynthesizer(made.still_scenario(tag=(tag,), radio=radio))
     frequencies, spectrum = power_spectrum(synthesizer.block(24_000, 960))
     assert frequencies[spectrum.argmax()] == pytest.approx(1000.0 - 300.0, abs=50.0)
 
 
-def test_a_fast_sample_clock_takes_more_samples_in_a_second(
-    make_scenario: MakeScenario,
-) -> None:
+def test_a_fast_sample_clock_takes_more_samples_in_a_second() -> None:
     radio = Radio(
         sample_rate_hz=RATE_HZ, center_frequency_hz=150e6, sample_rate_error_ppm=100.0
     )
-    scenario = make_scenario(radio=radio)
+    scenario = made.still_scenario(radio=radio)
     index = IQSynthesizer(scenario).index_at(scenario.start_time_ns + 1000 * SECOND_NS)
     assert index == pytest.approx(48_000_000 + 4_800, abs=1)
 
 
-def test_impulses_come_at_their_rate_and_are_loud(make_scenario: MakeScenario) -> None:
+def test_impulses_come_at_their_rate_and_are_loud() -> None:
     clicks = Interferer(
         kind="impulses", power_dbm=-70.0, impulses_per_s=5.0, impulse_width_s=2e-5
     )
-    scenario = make_scenario(tag=(), interferer=(clicks,))
+    scenario = made.still_scenario(tag=(), interferer=(clicks,))
     samples = IQSynthesizer(scenario).block(0, 40 * int(RATE_HZ))
     loud = np.flatnonzero(np.abs(samples) > 0.05)
     events = 1 + np.count_nonzero(np.diff(loud) > 10)
@@ -176,25 +161,21 @@ def test_impulses_come_at_their_rate_and_are_loud(make_scenario: MakeScenario) -
     assert 150 < events < 245
 
 
-def test_what_is_too_strong_is_clipped(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    scenario = make_scenario(tag=(replace(plain_tag, erp_dbm=20.0),))
+def test_what_is_too_strong_is_clipped() -> None:
+    scenario = made.still_scenario(tag=(replace(made.STILL_TAG, erp_dbm=20.0),))
     parts = IQSynthesizer(scenario).block(0, 48_000).view(np.float32)
     assert parts.max() == 1.0
     assert parts.min() == -1.0
 
 
-def test_a_tag_outside_the_band_does_not_fold_into_it(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    far = replace(plain_tag, erp_dbm=0.0, frequency_hz=150e6 + RATE_HZ)
-    samples = IQSynthesizer(make_scenario(tag=(far,))).block(0, 48_000)
+def test_a_tag_outside_the_band_does_not_fold_into_it() -> None:
+    far = replace(made.STILL_TAG, erp_dbm=0.0, frequency_hz=150e6 + RATE_HZ)
+    samples = IQSynthesizer(made.still_scenario(tag=(far,))).block(0, 48_000)
     assert np.abs(samples).max() < 0.05
 
 
-def test_before_its_start_the_world_is_only_noise(make_scenario: MakeScenario) -> None:
-    synthesizer = IQSynthesizer(make_scenario())
+def test_before_its_start_the_world_is_only_noise() -> None:
+    synthesizer = IQSynthesizer(made.still_scenario())
     samples = synthesizer.block(-100_000, 90_000)
     assert np.sqrt(np.mean(np.abs(samples) ** 2)) == pytest.approx(5e-3, rel=0.02)
 

@@ -1,6 +1,6 @@
-from collections.abc import Callable
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
@@ -9,13 +9,11 @@ from uavrt.simulation import (
     Leg,
     Propagation,
     Scenario,
-    SimulatedTag,
     World,
     demo_scenario,
 )
 from uavrt.simulation.propagation import SPEED_OF_LIGHT_M_S
 
-MakeScenario = Callable[..., Scenario]
 SECOND_NS = 10**9
 
 
@@ -24,10 +22,8 @@ def truth(scenario: Scenario, duration_s: float = 60.0) -> list:  # type: ignore
     return World(scenario).truth(start_ns, start_ns + round(duration_s * SECOND_NS))
 
 
-def test_pulses_come_at_the_interval_and_arrive_by_the_speed_of_light(
-    make_scenario: MakeScenario,
-) -> None:
-    scenario = make_scenario()
+def test_pulses_come_at_the_interval_and_arrive_by_the_speed_of_light() -> None:
+    scenario = made.still_scenario()
     pulses = truth(scenario, 10.0)
     assert [pulse.pulse_index for pulse in pulses] == list(range(10))
     for pulse in pulses:
@@ -40,18 +36,16 @@ def test_pulses_come_at_the_interval_and_arrive_by_the_speed_of_light(
         assert pulse.end_time_ns - pulse.start_time_ns == 20_000_000
 
 
-def test_the_level_is_the_link_budget(make_scenario: MakeScenario) -> None:
-    pulse = truth(make_scenario(), 1.0)[0]
+def test_the_level_is_the_link_budget() -> None:
+    pulse = truth(made.still_scenario(), 1.0)[0]
     # -80 dBm - 20 log10(4π·100·f/c) = -135.97 dBm; the noise is -173.975 + 8 dBm/Hz; 20 ms.
     assert pulse.received_power_dbm == pytest.approx(-135.966, abs=0.01)
     assert pulse.enr_db == pytest.approx(-135.966 + 165.975 - 16.990, abs=0.01)
 
 
-def test_interval_error_accumulates_and_jitter_does_not(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    tag = replace(plain_tag, interval_error_s=0.03, jitter_s=0.02)
-    pulses = truth(make_scenario(tag=(tag,)), 600.0)
+def test_interval_error_accumulates_and_jitter_does_not() -> None:
+    tag = replace(made.STILL_TAG, interval_error_s=0.03, jitter_s=0.02)
+    pulses = truth(made.still_scenario(tag=(tag,)), 600.0)
     starts_s = np.array([p.transmit_time_ns - pulses[0].transmit_time_ns for p in pulses]) / 1e9
     off_s = starts_s - 1.03 * np.arange(len(pulses))
     off_s -= off_s.mean()
@@ -59,77 +53,67 @@ def test_interval_error_accumulates_and_jitter_does_not(
     assert off_s.std() == pytest.approx(0.02 / np.sqrt(3.0), rel=0.1)
 
 
-def test_a_tag_goes_over_to_its_other_rate_and_back(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
+def test_a_tag_goes_over_to_its_other_rate_and_back() -> None:
     tag = replace(
-        plain_tag,
+        made.STILL_TAG,
         pulse_intervals_s=(1.0, 2.0),
         first_pulse_s=0.0,
         rate_switches_s=(3.0, 7.0),
     )
-    pulses = truth(make_scenario(tag=(tag,)), 9.5)
+    pulses = truth(made.still_scenario(tag=(tag,)), 9.5)
     assert [p.rate for p in pulses] == [1, 1, 1, 2, 2, 1, 1, 1]
     seconds = [(p.transmit_time_ns - pulses[0].transmit_time_ns) / 1e9 for p in pulses]
     assert seconds == pytest.approx([0, 1, 2, 3, 5, 7, 8, 9])
 
 
-def test_a_tag_repeats_its_pattern_of_rates(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    tag = replace(plain_tag, pulse_intervals_s=(1.0, 1.5), rate_pattern=(1, 1, 2))
-    pulses = truth(make_scenario(tag=(tag,)), 12.0)
+def test_a_tag_repeats_its_pattern_of_rates() -> None:
+    tag = replace(made.STILL_TAG, pulse_intervals_s=(1.0, 1.5), rate_pattern=(1, 1, 2))
+    pulses = truth(made.still_scenario(tag=(tag,)), 12.0)
     gaps = np.diff([p.transmit_time_ns for p in pulses]) / 1e9
     assert list(gaps[:7]) == pytest.approx([1.0, 1.0, 1.5, 1.0, 1.0, 1.5, 1.0])
 
 
-def test_the_crystal_is_off_and_drifts(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
+def test_the_crystal_is_off_and_drifts() -> None:
     tag = replace(
-        plain_tag,
+        made.STILL_TAG,
         frequency_offset_hz=100.0,
         frequency_offset_ppm=2.0,
         frequency_drift_hz_s=0.5,
     )
-    first, *_, last = truth(make_scenario(tag=(tag,)), 60.0)
-    expected_hz = plain_tag.frequency_hz * (1 + 2e-6) + 100.0 + 0.5 * 0.5
+    first, *_, last = truth(made.still_scenario(tag=(tag,)), 60.0)
+    expected_hz = made.STILL_TAG.frequency_hz * (1 + 2e-6) + 100.0 + 0.5 * 0.5
     assert first.frequency_hz == pytest.approx(expected_hz, abs=1e-3)
     assert last.frequency_hz - first.frequency_hz == pytest.approx(0.5 * 59.0, abs=1e-3)
 
 
-def test_an_approaching_drone_hears_the_carrier_higher(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
+def test_an_approaching_drone_hears_the_carrier_higher() -> None:
     flight = Flight(
         height_m=30.0,
         north_m=-500.0,
         wobble_deg=0.0,
         leg=(Leg(duration_s=50.0, north_m=-100.0),),
     )
-    scenario = make_scenario(flight=flight)
-    still = make_scenario(flight=flight, propagation=Propagation(doppler=False))
+    scenario = made.still_scenario(flight=flight)
+    still = made.still_scenario(flight=flight, propagation=Propagation(doppler=False))
     middle, quiet = truth(scenario)[25], truth(still)[25]
     # 8 m/s in the mean, 12.3 m/s in the middle: 150 MHz · 12.3 / c = 6.16 Hz.
-    assert middle.frequency_hz - plain_tag.frequency_hz == pytest.approx(6.16, abs=0.01)
-    assert quiet.frequency_hz == plain_tag.frequency_hz
+    assert middle.frequency_hz - made.STILL_TAG.frequency_hz == pytest.approx(6.16, abs=0.01)
+    assert quiet.frequency_hz == made.STILL_TAG.frequency_hz
 
 
-def test_an_animal_walks_straight_on(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    scenario = make_scenario(tag=(replace(plain_tag, speed_m_s=2.0, heading_deg=90.0),))
+def test_an_animal_walks_straight_on() -> None:
+    scenario = made.still_scenario(
+        tag=(replace(made.STILL_TAG, speed_m_s=2.0, heading_deg=90.0),)
+    )
     time_ns = scenario.start_time_ns + 50 * SECOND_NS
     place = scenario.plane.to_local(*scenario.tag_position(1, time_ns))
     assert place == pytest.approx((100.0, 100.0), abs=1e-3)
     assert truth(scenario, 51.0)[-1].bearing_deg == pytest.approx(45.0, abs=0.5)
 
 
-def test_a_neighbour_tag_is_heard_but_not_listed(
-    make_scenario: MakeScenario, plain_tag: SimulatedTag
-) -> None:
-    neighbour = replace(plain_tag, tag_id=9, listed=False, first_pulse_s=0.7)
-    scenario = make_scenario(tag=(plain_tag, neighbour))
+def test_a_neighbour_tag_is_heard_but_not_listed() -> None:
+    neighbour = replace(made.STILL_TAG, tag_id=9, listed=False, first_pulse_s=0.7)
+    scenario = made.still_scenario(tag=(made.STILL_TAG, neighbour))
     assert [tag.tag_id for tag in scenario.tags] == [1]
     assert {(p.tag_id, p.listed) for p in truth(scenario)} == {(1, True), (9, False)}
 
@@ -158,11 +142,11 @@ def test_the_demo_fits_into_the_usable_span_of_the_decimator() -> None:
 
 @pytest.mark.parametrize("error_ppm", [40.0, -25.0])
 def test_a_crystals_error_stretches_gaps_and_burst_intervals_alike(error_ppm: float) -> None:
-    tag = SimulatedTag(
-        tag_id=12,
-        frequency_hz=166_370_000.0,
+    tag = made.simulated_tag(
+        12,
+        166_370_000.0,
+        2.3,
         pulse_width_s=0.0025,
-        pulse_intervals_s=(2.3,),
         gaps_s=(0.022, 0.0488, 0.0366),
         crystal_error_ppm=error_ppm,
         north_m=100.0,

@@ -4,28 +4,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.config.tag_files import faults_of_tags, read_tags, write_tags
-from uavrt.detection import PulseDetector
 from uavrt.errors import TagFileError
-from uavrt.messages import Command, CommandReply, Tag
+from uavrt.messages import Command, CommandReply
 from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt.tunnel import FAILURE, AckG1, decode, tag_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
 
-TAG = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.254,),
-    interval_uncertainty_s=0.06,
-    interval_jitter_s=0.01,
-)
+TAG = made.tag(interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"pulse_width_s": 0.7}, "pulse_width_ms 700 must be under half of the interval"),
     ({"interval_uncertainty_s": 60.0}, "interval_uncertainty_ms 60000 must be under half"),
@@ -41,16 +33,13 @@ BAD: list[tuple[dict[str, Any], str]] = [
 
 
 def mission_in(directory: Path, **detection: Any) -> Mission:
-    return Mission(
+    return made.mission(
         Settings(
             recording=RecordingSettings(directory=str(directory)),
             radio=RadioSettings(center_frequency_hz=148.7e6),
             detection=DetectionSettings(**detection),
         ),
-        StateStore(directory),
-        tell=lambda _severity, _text: None,
-        on_start=lambda _flight: None,
-        on_stop=lambda: None,
+        directory,
     )
 
 
@@ -125,7 +114,7 @@ def test_a_setting_for_all_tags_that_makes_them_unsearchable_is_told_at_the_star
     k=st.integers(0, 9),
     false_alarm=st.floats(0.0, 1.0),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=15, suppress_health_check=[HealthCheck.filter_too_much])
 def test_whatever_the_rules_take_a_detector_takes(
     width_ms: int,
     intervals_ms: list[int],
@@ -134,25 +123,25 @@ def test_whatever_the_rules_take_a_detector_takes(
     k: int,
     false_alarm: float,
 ) -> None:
-    tag = Tag(
-        tag_id=1,
-        frequency_hz=148.7e6,
+    tag = made.tag(
+        1,
+        148.7e6,
+        *tuple(interval / 1e3 for interval in intervals_ms),
         pulse_width_s=width_ms / 1e3,
-        pulse_intervals_s=tuple(interval / 1e3 for interval in intervals_ms),
         interval_uncertainty_s=uncertainty_ms / 1e3,
         interval_jitter_s=jitter_ms / 1e3,
         k=k,
         false_alarm_probability=false_alarm,
     )
-    if not faults_of_tags([tag]):
-        PulseDetector(tag, sample_rate_hz=7500.0, center_frequency_hz=148.7e6)
+    assume(not faults_of_tags([tag]))
+    assert made.detector(tag, 7500.0, center_frequency_hz=148.7e6).flush() == []
 
 
 @pytest.mark.parametrize("jitter_s", [0.0, 0.001])
 def test_a_hundred_pulses_for_a_decision_are_searched(jitter_s: float) -> None:
     tag = replace(TAG, k=100, interval_uncertainty_s=0.001, interval_jitter_s=jitter_s)
     assert not faults_of_tags([tag])
-    PulseDetector(tag, sample_rate_hz=7500.0, center_frequency_hz=148.71e6)
+    made.detector(tag, 7500.0, center_frequency_hz=148.71e6)
 
 
 def test_a_start_with_fewer_tags_than_were_sent_is_refused(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.config.settings import (
@@ -12,17 +13,15 @@ from uavrt.config.settings import (
     RecordingSettings,
     Settings,
 )
-from uavrt.messages import Command, CommandReply, SystemState, Tag
+from uavrt.messages import Command, CommandReply, SystemState
 from uavrt.recording import flights_in_order, note_flight
 from uavrt.recording.layout import FlightLayout
 from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.mission.flight_removal import SecondStep, removable
 from uavrt.supervisor.mission.operations import Operations
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt.supervisor.mission.who_commands import SILENCE_S, Commander
 
-TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 FIRST, STRANGER, ROS = "mavlink 255/190", "mavlink 254/190", "ros2"
 
 
@@ -99,14 +98,7 @@ class Drone:
             tell=lambda _severity, _text: None,
             clock_s=self.watch,
         )
-        self.mission = Mission(
-            settings,
-            StateStore(directory),
-            tell=lambda _severity, _text: None,
-            on_start=lambda _flight: None,
-            on_stop=lambda: None,
-            operations=self.operations,
-        )
+        self.mission = made.mission(settings, directory, operations=self.operations)
         self._number = 0
 
     def say(self, source: str, name: Any, **details: Any) -> CommandReply:

@@ -6,19 +6,12 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 
 import pytest
+from until import until_async as until
 
 from uavrt.supervisor.tree.child_records import Intake
 
 LONG_S = 3600.0
 """A period that does not end while a test runs."""
-
-
-async def until(condition: Callable[[], object]) -> None:
-    for _ in range(30_000):
-        if condition():
-            return
-        await asyncio.sleep(0.001)
-    raise TimeoutError
 
 
 class Sources:

@@ -2,32 +2,30 @@
 
 from pathlib import Path
 
+import made
+
 from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, Tag
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.messages import Command
 
 
 def _told(directory: Path, gaps_ms: list[float]) -> list[str]:
     """What a drone says when it begins to search for codes that differ in their first gap."""
     told: list[str] = []
-    mission = Mission(
+    mission = made.mission(
         Settings(
             recording=RecordingSettings(directory=str(directory)),
             radio=RadioSettings(center_frequency_hz=166.38e6),
             detection=DetectionSettings(maximum_tags=10),
         ),
-        StateStore(directory),
+        directory,
         tell=lambda _severity, text: told.append(text),
-        on_start=lambda _flight: None,
-        on_stop=lambda: None,
     )
     tags = [
-        Tag(
-            tag_id=4_000_000_000 + place,
-            frequency_hz=166_380_000.0,
+        made.tag(
+            4_000_000_000 + place,
+            166_380_000.0,
+            5.3,
             pulse_width_s=0.0025,
-            pulse_intervals_s=(5.3,),
             interval_uncertainty_s=0.004,
             k=10,
             gaps_s=(1e-3 * gap_ms, 0.0488, 0.0366),

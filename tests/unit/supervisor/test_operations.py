@@ -5,17 +5,15 @@ import os
 import shutil
 from pathlib import Path
 
+import made
 import pytest
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation, SystemState
-from uavrt.supervisor.mission import operations as operations_module
 from uavrt.supervisor.mission.copying import save_flights
 from uavrt.supervisor.mission.operations import Operations, removable_drives
-from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.progress import FlightProgress
-from uavrt.supervisor.mission.saved_state import StateStore
 
 
 class Drone:
@@ -33,12 +31,11 @@ class Drone:
         tell = lambda _severity, text: self.texts.append(text)  # noqa: E731
         self.now_s = 0.0
         self.operations = Operations(settings, self.steps.append, tell, lambda: self.now_s)
-        self.mission = Mission(
+        self.mission = made.mission(
             Settings(recording=settings, radio=RadioSettings()),
-            StateStore(directory),
+            directory,
             tell=tell,
             on_start=self.started.append,
-            on_stop=lambda: None,
             operations=self.operations,
         )
         self._number = 0
@@ -139,10 +136,7 @@ def test_a_save_broken_off_leaves_whole_files_only_and_can_be_repeated(tmp_path:
     assert tree(tmp_path / "flights") == before
 
 
-def test_the_system_ends_though_the_drive_does_not_answer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(operations_module, "END_S", 0.05)
+def test_the_system_ends_though_the_drive_does_not_answer(tmp_path: Path) -> None:
     make_flights(tmp_path / "flights")
     hanging = tmp_path / "drive" / "flight_log_2026-01-01" / "flight.sqlite.part"
     hanging.parent.mkdir(parents=True)
@@ -234,15 +228,7 @@ def health(status: str, process: str = "receiver") -> Health:
 
 
 def flight(capture_s: float | None) -> FlightInfo:
-    return FlightInfo(
-        directory="flight_log_x",
-        start_time_ns=0,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(),
-        capture_s=capture_s,
-    )
+    return made.flight_info("flight_log_x", capture_s=capture_s)
 
 
 def test_a_start_is_complete_when_samples_flow() -> None:

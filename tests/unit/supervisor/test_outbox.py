@@ -1,8 +1,8 @@
 import socket
 
+import made
 from hypothesis import given
 from hypothesis import strategies as st
-from pulses import pulse_at
 
 from uavrt.ipc import TOPICS, decode_record, encode_record
 from uavrt.messages import FlightInfo, PulsePose, StatusText
@@ -14,7 +14,7 @@ def status(number: int) -> bytes:
 
 
 def pulse(number: int) -> bytes:
-    record = pulse_at(
+    record = made.pulse(
         number,
         end_time_ns=number + 1,
         group_sequence=number,
@@ -90,14 +90,7 @@ def begun(number: int) -> bytes:
 
 
 def flight(number: int) -> FlightInfo:
-    return FlightInfo(
-        directory=str(number),
-        start_time_ns=number,
-        clock_offset_ns=0,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(),
-    )
+    return made.flight_info(str(number), start_time_ns=number)
 
 
 @given(

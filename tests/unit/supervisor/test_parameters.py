@@ -4,17 +4,16 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import msgspec
 import pytest
 
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, CommandReply, FlightInfo, SystemState, Tag
+from uavrt.messages import Command, CommandReply, FlightInfo, SystemState
 from uavrt.supervisor.mission.kept_parameters import PARAMETERS_NAME
 from uavrt.supervisor.mission.last_tags import LAST_TAGS_NAME
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
 
-TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 
 
 class Operator:
@@ -23,12 +22,10 @@ class Operator:
     def __init__(self, directory: Path, radio: RadioSettings) -> None:
         self.flights: list[FlightInfo] = []
         self.changes: list[Settings] = []
-        self.mission = Mission(
+        self.mission = made.mission(
             Settings(recording=RecordingSettings(directory=str(directory)), radio=radio),
-            StateStore(directory),
-            tell=lambda _severity, _text: None,
+            directory,
             on_start=self.flights.append,
-            on_stop=lambda: None,
             on_settings=self.changes.append,
         )
         self._number = 0

@@ -2,25 +2,22 @@
 
 from pathlib import Path
 
+import made
+
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, CommandReply, Tag
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.messages import Command, CommandReply
 from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
 
-TAG = Tag(tag_id=2, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 
 
 def test_new_tags_are_refused_with_those_that_are_searched(tmp_path: Path) -> None:
-    mission = Mission(
+    mission = made.mission(
         Settings(
             recording=RecordingSettings(directory=str(tmp_path)),
             radio=RadioSettings(center_frequency_hz=148.7e6),
         ),
-        StateStore(tmp_path),
-        tell=lambda _severity, _text: None,
-        on_start=lambda _flight: None,
-        on_stop=lambda: None,
+        tmp_path,
         on_settings=lambda _settings: None,
     )
 

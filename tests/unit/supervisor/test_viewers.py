@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from some import some
 
 from uavrt.errors import ConfigError
 from uavrt.supervisor.viewers import Viewers
@@ -25,8 +26,7 @@ def test_two_systems_cannot_share_a_socket(tmp_path: Path) -> None:
         _, writer = await asyncio.open_unix_connection(path)
         writer.close()
         await writer.wait_closed()
-        assert server is not None
-        server.close()
+        some(server).close()
         await asyncio.sleep(0.05)  # the connections end
 
     asyncio.run(main())
@@ -61,7 +61,6 @@ def test_a_socket_that_a_killed_system_left_is_taken_over(tmp_path: Path) -> Non
     async def main() -> None:
         server = await Viewers().serve(str(path))
         assert stat.S_IMODE(path.stat().st_mode) & 0o007 == 0  # closed to everybody else
-        assert server is not None
-        server.close()
+        some(server).close()
 
     asyncio.run(main())

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from some import some
 
 from uavrt.errors import TunnelError
 from uavrt.messages import BurstInside, Delivered, Pulse, PulsePose
@@ -54,8 +55,7 @@ def burst_of(tag_id: int = 7, start_ns: int = START_NS, **fields: Any) -> Pulse:
 
 def test_the_bytes_are_those_of_the_manual() -> None:
     pulse = burst_of(start_ns=1_795_000_000 * SECOND)
-    payload = encode_burst(pulse)
-    assert payload is not None
+    payload = some(encode_burst(pulse))
     assert payload.hex(" ", -4) == (
         "01040100 07000000 000000b0 61bfda41 00000000 90d00300 00350c00 f0ef1000 65041a04"
         " b004b5ff 09000000"
@@ -75,8 +75,7 @@ def test_the_longest_burst_fits_a_message() -> None:
     pulse = burst_of(
         burst_starts_ns=starts_ns, burst_snrs_db=(999.0,) * 8, also_possible_tag_ids=(1,) * 20
     )
-    payload = encode_burst(pulse)
-    assert payload is not None
+    payload = some(encode_burst(pulse))
     assert len(payload) <= MAX_PAYLOAD
     found = decode_burst(payload)
     assert len(found.also_possible_tag_ids) == 7
@@ -184,13 +183,11 @@ def test_a_burst_is_delivered_with_its_inside_and_not_before() -> None:
     sender.station_present(True, 0)
     outlet.receipt(Receipt(store=77).encode(), GROUND, 0)
     outlet.add(PulsePose(pulse=pulses[0], pose=None))
-    first = sender.take(SECOND, 1200.0)
-    assert first is not None
+    first = some(sender.take(SECOND, 1200.0))
     assert (first.payload_type, first.place) == (0, None), "as ever, to all"
     assert sender.take(SECOND, 1200.0) is None
     assert sender.receipt(77, [payload_hash(first.payload)], GROUND, SECOND) == []
-    second = sender.take(SECOND, 1200.0)
-    assert second is not None
+    second = some(sender.take(SECOND, 1200.0))
     assert (second.payload_type, second.place) == (BURST_TYPE, GROUND)
     assert sender.keys(77) == {pulses[0].key}, "it is not fetched from the disk meanwhile"
     station.take(second.payload_type, second.payload)

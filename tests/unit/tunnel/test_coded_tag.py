@@ -3,13 +3,14 @@
 import struct
 from dataclasses import replace
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.errors import LinkError, TunnelError
 from uavrt.ground.link.command_payloads import Writing
-from uavrt.messages import Command, CommandReply, Tag
+from uavrt.messages import Command
 from uavrt.tunnel import (
     MAX_PAYLOAD,
     AckG1,
@@ -24,23 +25,20 @@ from uavrt.tunnel.exchange import Answer
 from uavrt.tunnel.seal import MAX_INSIDE
 
 GROUND = (255, 190)
-TAG = Tag(
-    tag_id=30,
-    frequency_hz=148_690_000.0,
+TAG = made.tag(
+    30,
+    148_690_000.0,
+    4.7,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(4.7,),
     interval_uncertainty_s=0.004,
     k=10,
-    false_alarm_probability=0.01,
     gaps_s=(0.022, 0.0488, 0.0366),
 )
 
 
 def accept(exchange: Exchange, result: object) -> tuple[Command, bytes]:
     assert isinstance(result, Command)
-    reply = CommandReply(
-        request_id=result.request_id, name=result.name, accepted=True, message=""
-    )
+    reply = made.reply(result)
     answer = exchange.reply(reply)
     assert answer is not None
     return result, answer.payload

@@ -1,10 +1,12 @@
 import math
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from some import some
 
-from uavrt.messages import Command, CommandReply, Pulse, PulsePose, SystemState, Tag
+from uavrt.messages import Command, CommandReply, PulsePose, SystemState
 from uavrt.tunnel import AckG0, AckG1, CommandId, PulseG0, PulseG1, decode, tag_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.g0 import HeaderMessage
@@ -12,33 +14,12 @@ from uavrt.tunnel.g1 import StartDetection
 
 QGC = (255, 190)
 MAVSDK = (245, 190)
-TAG = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.254,),
-    interval_uncertainty_s=0.06,
-    interval_jitter_s=0.01,
-    k=3,
-    false_alarm_probability=0.005,
+TAG = made.tag(
+    interval_uncertainty_s=0.06, interval_jitter_s=0.01, false_alarm_probability=0.005
 )
 PULSE = PulsePose(
-    pulse=Pulse(
-        tag_id=2,
-        frequency_hz=148_710_123.4,
-        start_time_ns=1_700_205_419_230_494_976,
-        end_time_ns=1_700_205_419_250_494_976,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
-        group_index=1,
-        group_sequence=7,
-        noise_psd=1e-9,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
+    pulse=made.pulse(
+        1_700_205_419_230_494_976, frequency_hz=148_710_123.4, group_sequence=7, noise_psd=1e-9
     ),
     pose=None,
 )
@@ -49,9 +30,7 @@ def header(command: CommandId) -> bytes:
 
 
 def reply_to(command: Command, *, accepted: bool = True, message: str = "") -> CommandReply:
-    return CommandReply(
-        request_id=command.request_id, name=command.name, accepted=accepted, message=message
-    )
+    return made.reply(command, message=message, accepted=accepted)
 
 
 def test_the_acknowledgement_goes_to_whoever_asked() -> None:
@@ -60,12 +39,10 @@ def test_the_acknowledgement_goes_to_whoever_asked() -> None:
     second = exchange.receive(header(CommandId.END_TAGS), MAVSDK)
     assert isinstance(first, Command)
     assert isinstance(second, Command)
-    answer = exchange.reply(reply_to(second, accepted=False, message="no upload"))
-    assert answer is not None
+    answer = some(exchange.reply(reply_to(second, accepted=False, message="no upload")))
     assert answer.asker == MAVSDK
     assert decode(answer.payload) == AckG1(acked_command=3, result=0, message="no upload")
-    answer = exchange.reply(reply_to(first))
-    assert answer is not None
+    answer = some(exchange.reply(reply_to(first)))
     assert answer.asker == QGC
 
 
@@ -80,8 +57,7 @@ def test_the_ground_is_answered_in_its_own_generation(
     command = exchange.receive(wire.encode(), QGC)
     assert isinstance(command, Command)
     assert command.tag == TAG
-    answer = exchange.reply(reply_to(command))
-    assert answer is not None
+    answer = some(exchange.reply(reply_to(command)))
     assert isinstance(decode(answer.payload), ack)
     assert isinstance(decode(exchange.pulse(PULSE)), pulse)
 

@@ -3,6 +3,7 @@
 import math
 import struct
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,8 +62,8 @@ def test_a_bearing_from_nowhere_is_refused(
 
 def test_the_bytes_are_those_of_the_manual() -> None:
     payload = encode_bearing(
-        LiveBearing(
-            tag_id=2,
+        made.live_bearing(
+            2,
             start_time_ns=1,
             end_time_ns=2,
             turned_deg=-90.0,
@@ -73,9 +74,7 @@ def test_the_bytes_are_those_of_the_manual() -> None:
             interval90_deg=(117.0, 130.0),
             level_db=None,
             pulses=7,
-            accepted=True,
             ambiguous=True,
-            multipath_suspected=False,
         )
     )
     assert payload[:8] == bytes([1, 3, 7, 0, 2, 0, 0, 0])

@@ -3,22 +3,20 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from some import some
 
 from uavrt import tunnel
 from uavrt.errors import ConfigError
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import (
     Command,
-    CommandReply,
     Operation,
-    Pulse,
     PulsePose,
-    SearchReport,
     SystemState,
-    Tag,
 )
 from uavrt.tunnel import CommandId
 from uavrt.tunnel.exchange import Answer, Exchange
@@ -41,11 +39,8 @@ class Drone:
         if isinstance(result, Command):
             self.commands.append(result)
             result = self.exchange.reply(
-                CommandReply(
-                    request_id=result.request_id,
-                    name=result.name,
-                    accepted=not self.refuse,
-                    message=self.refuse or "flight_log_x",
+                made.reply(
+                    result, message=self.refuse or "flight_log_x", accepted=not self.refuse
                 )
             )
         if result is None:
@@ -63,10 +58,7 @@ def drone(**settings: Any) -> Drone:
     return made
 
 
-TAGS = [
-    Tag(tag_id=number, frequency_hz=148_710_000.0, pulse_width_s=0.02, pulse_intervals_s=(1.3,))
-    for number in (2, 4, 6)
-]
+TAGS = [made.tag(number, 148_710_000.0, 1.3) for number in (2, 4, 6)]
 
 
 def stop(request_id: int) -> bytes:
@@ -77,8 +69,7 @@ def test_a_repeated_request_gets_the_same_acknowledgement_and_is_done_once() -> 
     for refusal in ("", "detecting: send stop first"):
         one = drone()
         one.refuse = refusal
-        first = one.hear(stop(77))
-        assert first is not None
+        first = some(one.hear(stop(77)))
         assert (first.request_id, first.result) == (77, 0 if refusal else 1)
         one.refuse = "something else by now"
         assert one.hear(stop(77)) == first
@@ -96,12 +87,10 @@ def test_a_request_id_used_for_something_else_is_refused() -> None:
     one = drone()
     one.hear(stop(5))
     other = tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=5).encode()
-    answer = one.hear(other)
-    assert answer is not None
+    answer = some(one.hear(other))
     assert answer.result == tunnel.FAILURE
     assert "request_id reuse" in answer.message
-    again = one.hear(stop(5))
-    assert again is not None
+    again = some(one.hear(stop(5)))
     assert again.result == tunnel.SUCCESS  # the first one's is still kept
     assert one.hear(other, (254, 190)) is not None  # another station's ids are its own
     assert [command.name for command in one.commands] == ["stop_detection", "save_logs"]
@@ -127,8 +116,7 @@ def test_an_upload_is_complete_only_with_every_tag() -> None:
     first, *inside, last = Writing("G2").upload(TAGS)
     assert one.hear(first).result == tunnel.SUCCESS  # type: ignore[union-attr]
     assert one.hear(inside[0]).result == tunnel.SUCCESS  # type: ignore[union-attr]
-    incomplete = one.hear(last)
-    assert incomplete is not None
+    incomplete = some(one.hear(last))
     assert incomplete.message == "incomplete: missing 1,2"
     one.refuse = "tag 4 was already sent with other values"
     assert one.hear(inside[1]).result == tunnel.FAILURE  # type: ignore[union-attr]
@@ -154,8 +142,7 @@ def test_an_upload_is_complete_only_with_every_tag() -> None:
 def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> None:
     one = drone()
     first, tag, _ = Writing("G2").upload(TAGS[:1])
-    no_upload = one.hear(tag)
-    assert no_upload is not None
+    no_upload = some(one.hear(tag))
     assert "no upload is open" in no_upload.message
     one.hear(first)
     upload_id = int.from_bytes(first[8:12], "little")
@@ -164,8 +151,7 @@ def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> 
         message = tunnel.UploadG2(
             command=command, request_id=request_id, upload_id=upload, tag_count=count
         )
-        answer = one.hear(message.encode())
-        assert answer is not None
+        answer = some(one.hear(message.encode()))
         assert answer.result == tunnel.FAILURE
         return answer.message
 
@@ -178,8 +164,7 @@ def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> 
         message = tunnel.TagG2(
             request_id=50 + index, upload_id=upload, tag_index=index, tag=wire.tag
         )
-        answer = one.hear(message.encode())
-        assert answer is not None
+        answer = some(one.hear(message.encode()))
         assert word in answer.message
 
 
@@ -196,8 +181,9 @@ def test_progress_goes_to_who_asked_until_it_is_complete() -> None:
     assert read == tunnel.OperationProgress(
         operation=12, request_id=9, state=0, step=1, step_count=4, message="one"
     )
-    last = one.exchange.progress(Operation(name="save_logs", state="failed", message="full"))
-    assert last is not None
+    last = some(
+        one.exchange.progress(Operation(name="save_logs", state="failed", message="full"))
+    )
     ended = tunnel.decode(last.payload, "G2")
     assert isinstance(ended, tunnel.OperationProgress)
     assert (ended.state, ended.message) == (2, "full")
@@ -208,13 +194,11 @@ def test_version_4_has_no_progress_and_tells_its_number() -> None:
     one = drone(version=4)
     one.hear(tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode())
     assert one.exchange.progress(Operation(name="save_logs", state="running")) is None
-    beat = one.exchange.heartbeat(SystemState.HAS_TAGS, None)
-    assert beat is not None
+    beat = some(one.exchange.heartbeat(SystemState.HAS_TAGS, None))
     read = tunnel.decode(beat, "G2")
     assert isinstance(read, tunnel.HeartbeatG2)
     assert (read.protocol_version, read.status) == (4, 2)
-    alive = one.exchange.detector_heartbeat(2, 10**18)
-    assert alive is not None
+    alive = some(one.exchange.detector_heartbeat(2, 10**18))
     assert isinstance(tunnel.decode(alive, "G2"), tunnel.PulseG2)
     assert isinstance(
         tunnel.decode(drone().exchange.detector_heartbeat(2, 0) or b"", "G2"),
@@ -228,8 +212,7 @@ def test_inferred_layouts_are_used_only_where_the_settings_say_so() -> None:
     one = drone(generation="auto", experimental=False)
     first, tag, last = Writing("G2").upload(TAGS[:1])
     assert one.hear(first).result == tunnel.SUCCESS  # type: ignore[union-attr]
-    refused = one.hear(tag)
-    assert refused is not None
+    refused = some(one.hear(tag))
     assert "never seen" in refused.message
     assert one.hear(last).message == "incomplete: missing 0"  # type: ignore[union-attr]
     assert one.exchange.generation == "G1"  # pulses are not sent in it
@@ -237,14 +220,10 @@ def test_inferred_layouts_are_used_only_where_the_settings_say_so() -> None:
 
 def test_version_1_speaks_as_g1_with_a_number_and_a_longer_pulse() -> None:
     exchange = Exchange("G2v1")
-    beat = exchange.heartbeat(SystemState.DETECTING, 40.0)
-    assert beat is not None
+    beat = some(exchange.heartbeat(SystemState.DETECTING, 40.0))
     assert len(beat) == 16
-    report = SearchReport(
-        tag_id=2, time_ns=10**18, frequency_hz=148.71e6, noise_psd=1e-12, best_score=0.5
-    )
-    payload = exchange.search_report(report)
-    assert payload is not None
+    report = made.search_report(2, 10**18)
+    payload = some(exchange.search_report(report))
     read = tunnel.decode(payload, "G2v1")
     assert isinstance(read, tunnel.PulseG2v1)
     assert (read.collection_id, read.pulse.detection_status) == (0, 3)
@@ -257,8 +236,7 @@ def test_version_1_speaks_as_g1_with_a_number_and_a_longer_pulse() -> None:
 
 
 def test_a_payload_of_a_wrong_length_is_refused_under_its_request_id() -> None:
-    answer = drone().hear(stop(123) + b"\0")
-    assert answer is not None
+    answer = some(drone().hear(stop(123) + b"\0"))
     assert (answer.request_id, answer.result) == (123, tunnel.FAILURE)
     assert "9 bytes" in answer.message
 
@@ -287,23 +265,7 @@ def test_no_payload_stops_the_conversation(payloads: list[bytes]) -> None:
 
 
 def test_a_pulse_survives_every_generation() -> None:
-    pulse = Pulse(
-        tag_id=2,
-        frequency_hz=148_710_000.0,
-        start_time_ns=1_700_206_353_000_000_000,
-        end_time_ns=1_700_206_353_020_000_000,
-        snr_db=20.0,
-        group_snr_db=20.0,
-        score=2.0,
-        group_index=1,
-        group_sequence=3,
-        noise_psd=1e-12,
-        detection_status="confirmed",
-        confirmed=True,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
-    )
+    pulse = made.pulse(1_700_206_353_000_000_000, group_sequence=3)
     generations: tuple[tunnel.Generation, ...] = ("G1", "G2v1", "G2")
     inner = []
     for generation in generations:

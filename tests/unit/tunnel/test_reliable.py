@@ -5,6 +5,7 @@ from random import Random
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
+from some import some
 
 from uavrt.errors import TunnelError
 from uavrt.tunnel.private import Receipt, payload_hash
@@ -91,12 +92,10 @@ def test_two_ground_stations_each_get_every_pulse() -> None:
     assert sender.receipt(8, known, OTHER, SECOND // 2) == [(2, 0)], "though it comes second"
     assert sender.proven == {7, 8}
     sender.add((2, 1), 1)
-    first = sender.take(SECOND, 1200.0)
-    assert first is not None
+    first = some(sender.take(SECOND, 1200.0))
     assert first.place is None  # both
     acknowledge(sender, 7, SECOND, 1)
-    again = sender.take(3 * SECOND, 1200.0)
-    assert again is not None
+    again = some(sender.take(3 * SECOND, 1200.0))
     assert again.place == OTHER  # only who lacks it
     sender.receipt(8, [payload_hash(payload_of(1))], OTHER, 3 * SECOND)
     assert len(sender) == 0
@@ -176,7 +175,7 @@ def test_a_backlog_goes_the_newest_first() -> None:
     assert sorted(order) == list(range(1, 61))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.data())
 def test_whatever_is_lost_every_pulse_arrives_once_acknowledged(data: st.DataObject) -> None:
     sender = make_sender()

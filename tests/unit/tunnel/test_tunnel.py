@@ -1,12 +1,12 @@
 import dataclasses
 import math
 
+import made
 import pytest
-from pulses import pulse_at
 
 from uavrt import tunnel
 from uavrt.errors import TunnelError
-from uavrt.messages import Pose, PulsePose, SearchReport, SystemState, Tag
+from uavrt.messages import PulsePose, SystemState
 from uavrt.units import ns_from_s
 
 TAG = tunnel.TagG1(
@@ -21,14 +21,7 @@ TAG = tunnel.TagG1(
     false_alarm_probability=0.005,
 )
 
-POSE = Pose(
-    time_ns=10**18,
-    latitude_deg=46.5,
-    longitude_deg=7.5,
-    altitude_amsl_m=900.0,
-    altitude_relative_m=40.0,
-    quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-)
+POSE = made.pose(10**18, 46.5, 7.5, altitude_amsl_m=900.0)
 
 
 def changed(**fields: float) -> tunnel.TagG1:
@@ -88,9 +81,7 @@ def test_a_second_interval_makes_a_tag_of_two_rates() -> None:
 
 
 def test_three_rates_do_not_fit_the_wire() -> None:
-    tag = Tag(
-        tag_id=2, frequency_hz=1.5e8, pulse_width_s=0.02, pulse_intervals_s=(1.0, 1.2, 1.4)
-    )
+    tag = made.tag(2, 1.5e8, 1.0, 1.2, 1.4)
     with pytest.raises(TunnelError, match="one or two"):
         tunnel.tag_to_wire(tag)
 
@@ -133,13 +124,7 @@ def test_a_detector_heartbeat_is_a_pulse_at_frequency_zero() -> None:
 
 
 def test_nothing_found_comes_back_with_its_noise_and_score() -> None:
-    report = SearchReport(
-        tag_id=3,
-        time_ns=1_700_000_000 * 10**9,
-        frequency_hz=148_710_000.0,
-        noise_psd=2e-13,
-        best_score=0.7,
-    )
+    report = made.search_report(3, 1_700_000_000 * 10**9, noise_psd=2e-13, best_score=0.7)
     wire = tunnel.search_report_to_wire(report)
     assert (wire.detection_status, wire.snr_db, wire.group_index) == (3, 0.0, 0)
     assert tunnel.pulse_from_wire(wire) == report
@@ -148,9 +133,7 @@ def test_nothing_found_comes_back_with_its_noise_and_score() -> None:
 def test_a_known_tag_gives_a_received_pulse_its_width() -> None:
     tag = tunnel.tag_from_wire(TAG)
     wire = tunnel.search_report_to_wire(
-        SearchReport(
-            tag_id=2, time_ns=10**18, frequency_hz=1.5e8, noise_psd=1.0, best_score=2.0
-        )
+        made.search_report(2, 10**18, frequency_hz=1.5e8, noise_psd=1.0, best_score=2.0)
     )
 
     found = tunnel.pulse_from_wire(dataclasses.replace(wire, detection_status=1), tag)
@@ -174,9 +157,7 @@ def test_an_unknown_state_number_is_no_state() -> None:
 def test_an_unknown_pulse_status_is_refused() -> None:
 
     wire = tunnel.search_report_to_wire(
-        SearchReport(
-            tag_id=2, time_ns=10**18, frequency_hz=1.5e8, noise_psd=1.0, best_score=2.0
-        )
+        made.search_report(2, 10**18, frequency_hz=1.5e8, noise_psd=1.0, best_score=2.0)
     )
     with pytest.raises(TunnelError, match="unknown status 9"):
         tunnel.pulse_from_wire(dataclasses.replace(wire, detection_status=9))
@@ -186,7 +167,7 @@ def test_an_unknown_pulse_status_is_refused() -> None:
 def test_a_pulse_whose_time_does_not_fit_64_bits_of_nanoseconds_is_refused(
     time_s: float,
 ) -> None:
-    good = tunnel.pulse_to_wire(PulsePose(pulse=pulse_at(10**18), pose=None))
+    good = tunnel.pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=None))
     assert isinstance(good, tunnel.PulseG1)
     assert tunnel.pulse_from_wire(good) is not None
     for name in ("start_time_s", "predict_next_start_s"):
@@ -215,7 +196,7 @@ def sent_of_rate(rate: int, half_s: float, generation: tunnel.Generation) -> Pul
     interval_s = TWO_RATES.pulse_intervals_s[rate - 1]
     start_ns = 1_700_205_419_230_494_976
     sent = dataclasses.replace(
-        pulse_at(start_ns),
+        made.pulse(start_ns),
         tag_id=4,
         rate=rate,
         predicted_next_start_ns=start_ns + ns_from_s(interval_s - half_s),
@@ -240,7 +221,7 @@ def test_a_pulse_keeps_its_rate(
 def test_rates_closer_than_their_uncertainty_are_told_by_a_narrow_prediction(rate: int) -> None:
     close = dataclasses.replace(TWO_RATES, pulse_intervals_s=(1.254, 1.333))
     start_s = 1_700_205_419.25
-    wire = tunnel.pulse_to_wire(PulsePose(pulse=pulse_at(ns_from_s(start_s)), pose=None))
+    wire = tunnel.pulse_to_wire(PulsePose(pulse=made.pulse(ns_from_s(start_s)), pose=None))
     assert isinstance(wire, tunnel.PulseG1)
     told = dataclasses.replace(
         wire,
@@ -255,7 +236,7 @@ def test_rates_closer_than_their_uncertainty_are_told_by_a_narrow_prediction(rat
 
 def test_the_originals_second_detector_of_a_tag_is_its_second_rate() -> None:
     wire = tunnel.pulse_to_wire(
-        PulsePose(pulse=dataclasses.replace(pulse_at(10**18), tag_id=5), pose=None)
+        PulsePose(pulse=dataclasses.replace(made.pulse(10**18), tag_id=5), pose=None)
     )
     assert isinstance(wire, tunnel.PulseG1)
     tags = {4: TWO_RATES}
@@ -280,7 +261,7 @@ def test_a_pulse_is_kept_without_a_place_that_is_not_on_the_globe(
     field: str, value: float
 ) -> None:
     """Stored with it, the pulse's line would be refused by every reader."""
-    wire = tunnel.pulse_to_wire(PulsePose(pulse=pulse_at(10**18), pose=POSE))
+    wire = tunnel.pulse_to_wire(PulsePose(pulse=made.pulse(10**18), pose=POSE))
     assert isinstance(wire, tunnel.PulseG1)
     astray = dataclasses.replace(wire, **{field: value})  # type: ignore[arg-type]
     heard = tunnel.pulse_from_wire(astray, None)
