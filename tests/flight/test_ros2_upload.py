@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from until import until
 
 from uavrt.config.settings import Ros2Settings
 from uavrt.messages import SystemState, SystemStatus, Tag
@@ -26,7 +27,7 @@ def order(ros_peer: Any, what: str, **values: str) -> Any:
 
 
 def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_list_fly(
-    drone_bay: Any, thesis_scenario: Any, ros_domain: int, ros_peer: Any, wait_until: Any
+    drone_bay: Any, thesis_scenario: Any, ros_domain: int, ros_peer: Any
 ) -> None:
     drone = drone_bay.launch(
         thesis_scenario, ros2=Ros2Settings(enabled=True, domain_id=ros_domain)
@@ -41,7 +42,7 @@ def test_a_gateway_killed_between_tags_or_before_the_start_lets_no_incomplete_li
             lines.extend(ros_peer.read(cdr, "rcl_interfaces/msg/Log").msg for cdr in logs())
             return bool(status) and bool(condition())
 
-        wait_until(look, 60.0)
+        until(look, 60.0)
 
     def advertise() -> None:
         for topic, name in (
