@@ -4,6 +4,7 @@ import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
+from typing import NoReturn
 
 from uavrt.clock import monotonic_s, wall_ns
 from uavrt.errors import LinkError, TunnelError
@@ -192,6 +193,11 @@ class Sealer:
         if self._session is None:
             raise TunnelError("an answer before the drone's session is known", payload)
         return proven_answer(payload, self._key, self._session, self._own, request_ids)
+
+    @staticmethod
+    def refuse_unproven(payload: bytes) -> NoReturn:
+        """Refuse an answer to an order without a proof: raises `TunnelError`."""
+        raise TunnelError("an answer to a sealed order has no proof", payload)
 
     def _next_counter(self) -> int:
         self._last = max(self._last + 1, wall_ns() // 1000)

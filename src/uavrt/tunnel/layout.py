@@ -16,7 +16,7 @@ alignment; types are those of `struct`):
 
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, MutableMapping
 from types import MappingProxyType
 from typing import Any
 
@@ -99,7 +99,7 @@ class Layout:
         except (struct.error, ValueError, OverflowError) as error:
             raise TunnelError(f"{self._what} does not fit: {error}", b"") from error
 
-    def unpack(self, payload: bytes) -> dict[str, Any]:
+    def unpack(self, payload: bytes) -> MutableMapping[str, Any]:
         """Read the fields that are not fixed, by name.
 
         Raises
@@ -110,7 +110,7 @@ class Layout:
         if len(payload) < self.size:
             self._refuse(f"has {len(payload)} bytes, not {self.size} or more", payload)
         flat = iter(self._struct.unpack_from(payload))
-        got: dict[str, Any] = {}
+        got: MutableMapping[str, Any] = {}
         for name, count in self._head:
             one = next(flat)
             if name in self._fixed:
@@ -119,7 +119,7 @@ class Layout:
             elif name[-1] == "?":
                 got[name[:-1]] = one if math.isfinite(one) else None
             elif "," in name:
-                got |= {b: bool(one >> n & 1) for n, b in enumerate(name.split(","))}
+                got.update((b, bool(one >> n & 1)) for n, b in enumerate(name.split(",")))
             else:
                 got[name] = (one, *(next(flat) for _ in range(count - 1))) if count > 1 else one
         for name, one in got.items():

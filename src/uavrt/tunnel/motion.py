@@ -6,6 +6,7 @@ tunnel reference.
 """
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any, Literal
@@ -204,7 +205,7 @@ def decode_motion(
     """Read an order of motion, a confirmation or a stop; raises `TunnelError`."""
     if is_confirmation(payload):
         got = _CONFIRM.unpack(payload)
-        return MotionConfirmation(**got | {"sticks_unseen": bool(got["sticks_unseen"] & 1)})
+        return MotionConfirmation(**{**got, "sticks_unseen": bool(got["sticks_unseen"] & 1)})
     if is_stop(payload):
         return MotionStop(**_STOP.unpack(payload))
     got = _ASK.unpack(payload)
@@ -214,7 +215,7 @@ def decode_motion(
         raise TunnelError("an order of motion has a wrong length", payload) from error
 
 
-def _request(got: dict[str, Any], asker: tuple[int, int]) -> MotionRequest:
+def _request(got: Mapping[str, Any], asker: tuple[int, int]) -> MotionRequest:
     kept, width_m, body = got["kept"], got["width_m"], got["body"]
     if got["version"] != (_VERSION_KEEP_OUT if kept else _VERSION):
         raise TunnelError("an order of motion has another version", body)
@@ -298,8 +299,8 @@ def decode_state(payload: bytes) -> MotionState:
     """Read an answer or a state; raises `TunnelError` for anything else."""
     got = _STATE.unpack(payload)
     return MotionState(
-        **got
-        | {
+        **{
+            **got,
             "kind": _KINDS[got["kind"] - 1],
             "standing": STANDINGS[got["standing"]],
             "text": _printable(got["text"].decode("utf-8", "replace")),

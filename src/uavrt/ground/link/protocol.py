@@ -267,7 +267,7 @@ class GroundProtocol:
         reader = FROM_DRONE.get(payload_type)
         event = None if reader is None else reader(payload)
         if isinstance(event, MotionState) and event.request_id and self._sealer is not None:
-            raise TunnelError("an answer to a sealed order has no proof", payload)
+            self._sealer.refuse_unproven(payload)
         return event
 
     def _repeated(self, payload: bytes) -> bool:
