@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 from uavrt import clock
+from uavrt.processes.disk_thread import DiskThread
 from uavrt.simulation.datagrams import DatagramPort
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -112,6 +113,17 @@ class _Policy(asyncio.DefaultEventLoopPolicy):
         return VirtualLoop(self._virtual)
 
 
+def _at_once(disk: DiskThread, job: Callable[[], Any], then: Callable[[Any], None]) -> bool:
+    """Do a disk job in the loop: a thread needs real time, while seconds pass here."""
+    try:
+        result = job()
+    except Exception as error:  # noqa: BLE001 - raised where `failure` is read
+        disk.failure = error
+    else:
+        asyncio.get_running_loop().call_soon(then, result)
+    return True
+
+
 @contextmanager
 def virtual_time() -> Iterator[VirtualClock]:
     """Put every clock of the package and every new asyncio loop on one virtual clock."""
@@ -120,6 +132,8 @@ def virtual_time() -> Iterator[VirtualClock]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(clock, "time", virtual)
         patch.setattr(DatagramPort, "_arrival_ns", lambda self, _: self._clock.now_ns())
+        patch.setattr(DiskThread, "start", lambda self: None)
+        patch.setattr(DiskThread, "__call__", _at_once)
         asyncio.set_event_loop_policy(_Policy(virtual))
         try:
             yield virtual
