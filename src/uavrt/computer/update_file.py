@@ -14,6 +14,7 @@ one file of public keys, PEM blocks one after the other; only root may write it.
 """
 
 import hashlib
+import io
 import os
 import re
 import stat
@@ -21,9 +22,11 @@ import subprocess
 import tarfile
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from email.parser import BytesHeaderParser
 from pathlib import Path
 from typing import Annotated
 
@@ -37,6 +40,7 @@ MOST_MANIFEST_BYTES = 1_000_000
 MOST_WHEEL_BYTES = 500_000_000
 MOST_MEMBERS = 2000
 SIGNATURE_BYTES = 64
+ZIP_FAULTS = (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, zlib.error)
 _WHEEL = re.compile(r"[A-Za-z0-9_.]+-[A-Za-z0-9_.!+]+(-\d\w*)?(-[A-Za-z0-9_.]+){3}\.whl")
 _KEY = re.compile(r"-----BEGIN PUBLIC KEY-----\n[A-Za-z0-9+/=\n]+-----END PUBLIC KEY-----\n")
 _VERSION = re.compile(
@@ -151,14 +155,34 @@ def _read_wheel(path: Path, keys: Path) -> Update:
         remedy = "Copy the signature, too, or use a .tar, which has its own inside"
         raise UsageError(f"there is no {beside}", remedy=remedy) from None
     require_signed(content, signature, keys, path)
-    if not zipfile.is_zipfile(path):
-        raise FormatError(f"{path} is no wheel", remedy=COPY_AGAIN)
-    version = path.name.split("-")[1]
+    version = _wheel_version(content, path)
     version_key(version)
     name = f"{version}-{hashlib.sha256(content).hexdigest()[:8]}"
     return Update(
         path=path, version=version, name=name, alone=True, manifest=None, content=content
     )
+
+
+def _wheel_version(content: bytes, path: Path) -> str:
+    """Read a wheel's version from its metadata; its name, which is not signed, must agree."""
+    named = path.name.split("-")[1]
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entry = archive.getinfo(f"uavrt-{named}.dist-info/METADATA")
+            if entry.file_size > MOST_MANIFEST_BYTES:
+                raise ValueError("its METADATA is too large")
+            metadata = BytesHeaderParser().parsebytes(archive.read(entry))
+    except KeyError:
+        text = f"{path} is not uavrt {named}, as its name says"
+        raise FormatError(text, remedy="Give the file the name that it was made with") from None
+    except (ValueError, RuntimeError, OSError, EOFError, *ZIP_FAULTS) as error:
+        raise FormatError(f"{path} is no wheel: {error}", remedy=COPY_AGAIN) from error
+    if (metadata["Name"], metadata["Version"]) != ("uavrt", named):
+        raise FormatError(
+            f"{path} holds {metadata['Name']} {metadata['Version']}, not uavrt {named}",
+            remedy="Give the file the name that it was made with",
+        )
+    return named
 
 
 def _bounded(path: Path, most: int) -> bytes:
