@@ -78,7 +78,11 @@ def parse_code_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
         if not content or content.startswith("#"):
             continue
         separator = next((one for one in ",;\t" if one in content), ",")
-        cells = [cell.strip() for cell in next(csv.reader([content], delimiter=separator))]
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([content], delimiter=separator))]
+        except csv.Error as error:
+            faults.append(Fault(line=number, text=f"no line of a table: {error}"))
+            continue
         if not names:
             names = cells
             continue

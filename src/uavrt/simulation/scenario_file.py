@@ -10,6 +10,7 @@ from typing import Any
 from uavrt.clock import iso_utc, parse_iso_utc
 from uavrt.config import faults_of_tags
 from uavrt.errors import ConfigError
+from uavrt.foreign import SETTINGS, check_toml
 from uavrt.simulation.scenario import Scenario
 
 
@@ -54,8 +55,9 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     from pydantic import TypeAdapter, ValidationError
 
     try:
+        check_toml(text, SETTINGS)
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{source} is not valid TOML: {error}") from error
     faults: list[str] = []
     _read_start_time(table, faults)

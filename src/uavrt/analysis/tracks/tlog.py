@@ -15,6 +15,7 @@ from pathlib import Path
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
+from uavrt.foreign import TRACK, read_file
 from uavrt.mavlink import (
     MARKER_V1,
     MARKER_V2,
@@ -104,7 +105,7 @@ def read_tlog(path: Path) -> VehicleTrack:
         It cannot be read, or holds no frame.
     """
     try:
-        content = path.read_bytes()
+        content = read_file(path, TRACK)
     except OSError as error:
         raise FormatError(f"cannot read {path}: {error.strerror}") from error
     log = _Log()

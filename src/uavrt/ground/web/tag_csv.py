@@ -26,10 +26,13 @@ def read_csv(text: str) -> list[dict[str, str]]:
     if not lines:
         return []
     separator = max((";", "\t", ","), key=lines[0].count)
-    rows = [
-        [cell.strip() for cell in cells]
-        for cells in csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    ]
+    try:
+        rows = [
+            [cell.strip() for cell in cells]
+            for cells in csv.reader(lines, delimiter=separator, skipinitialspace=True)
+        ]
+    except csv.Error:  # a cell above 131 072 characters: another kind of file
+        return []
     names = [cell.lower() for cell in rows[0]]
     if any(name in names for name in _HEADINGS):
         return [dict(zip(names, cells, strict=False)) for cells in rows[1:]]
@@ -49,9 +52,9 @@ def is_selected(cell: str) -> bool:
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
     """Join a name that contains separators: the cells around it have a known number."""
-    while cells and not cells[-1]:
-        cells = cells[:-1]
-    end = len(cells) - after
+    last = next((place for place in range(len(cells), 0, -1) if cells[place - 1]), 0)
+    cells = cells[:last]
+    end = last - after
     return [*cells[:before], joined.join(cells[before:end]), *cells[end:]]
 
 
