@@ -31,6 +31,7 @@ MOST_FAULTS = 50
 """Faults of one file that are listed; more help nobody to mend it."""
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
+_LARGE_BYTES = 50_000_000
 _ZIP_END_BYTES, _ZIP_ENTRY_BYTES = 66_000, 100
 _PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 """Where a shell puts what another program writes: `uavrt tags check <(…)`."""
@@ -86,7 +87,7 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
     OSError
         It cannot be read.
     FormatError
-        It is too large, or a pipe or device that might never end.
+        It is too large, hardly written, or a pipe or device that might never end.
     """
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
@@ -97,9 +98,20 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
             require_plain_file(path, about.st_mode)
             os.set_blocking(handle, True)
         limit.check_size(about.st_size, os.fspath(path))
+        _check_holes(about, os.fspath(path))
         content = file.read(limit.bytes + 1)
     limit.check_size(len(content), os.fspath(path))
     return content
+
+
+def _check_holes(about: os.stat_result, name: object) -> None:
+    """Refuse a large file of which hardly anything was ever written; raises `FormatError`."""
+    written = 512 * getattr(about, "st_blocks", about.st_size)
+    if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
+        raise FormatError(
+            f"{name} is empty for the most part: {written:,} of {about.st_size:,} bytes",
+            remedy="Copy it again",
+        )
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
@@ -290,13 +302,14 @@ def size_of(path: Path) -> int:
     OSError
         It is not there.
     FormatError
-        It is a pipe or a device.
+        It is a pipe or a device, or hardly anything of it was ever written.
     """
     about = path.stat()
     require_plain_file(path, about.st_mode)
+    _check_holes(about, path)
     return about.st_size
 
 
 def most_unpacked(packed: int) -> int:
     """Bytes that a packed text may have: logs pack to a tenth, a bomb to a thousandth."""
-    return max(16_000_000, 40 * packed)
+    return max(4_000_000, 40 * packed)

@@ -22,7 +22,8 @@ SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
 """Kinds of tiles that are pictures; ``mvt`` is lines and areas."""
 MOST_TILE = 2_000_000
-MAP_QUERY_S = 1.0
+_MOST_CREDIT = 4000
+MAP_QUERY_S = 0.7
 """Longest query of a map [s]; a tile takes a millisecond."""
 _MOST_FACTS = 500
 """Rows of MBTiles' metadata; the specification knows fourteen."""
@@ -316,4 +317,4 @@ def _varints(content: bytes) -> list[int]:
 
 def _plain(text: str) -> str | None:
     """A text of others without its markup, to be shown beside the map."""
-    return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text).split())[:200] or None
+    return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text[:_MOST_CREDIT]).split())[:200] or None

@@ -186,7 +186,7 @@ def read_pulse_file(
                 insides[burst.key] = burst
             else:
                 found.append(pulse_from_record(record))
-        except (ValueError, KeyError, TypeError, OverflowError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             damaged.add(number, error)
     damaged.judge(len(found))
     return tuple(_with_inside(item, insides) for item in found) if insides else tuple(found)

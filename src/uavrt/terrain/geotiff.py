@@ -319,7 +319,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
     heights = _unpredicted(data[:size], shape, kind, blocks.predictor)
     if blocks.nodata is not None:
         gone = np.isnan(heights) if math.isnan(blocks.nodata) else heights == blocks.nodata
-        heights = np.where(gone, np.nan, heights)
+        heights[gone] = np.nan
     return np.asarray(heights, np.float32)
 
 

@@ -125,7 +125,7 @@ def text_of(name: str) -> str:
         ("/api/motion/plan", b"[" + b"{}," * 160_000 + b"{}]"),
         ("/api/tags/import", {"tags.toml": ".".join("a" * 20_000) + " = 1\n"}),
         ("/api/tags/import", {"codes.yaml": "- {id: 1, gaps_ms: [1, 2, 3]}\n" * 25_000}),
-        ("/api/tags/import", {"tags.csv": "frequency_mhz,interval_ms\n" + "," * 900_000}),
+        ("/api/tags/import", {"TagInfo.db": "1" + "," * 900_000}),
         ("/api/tags/check", [{"id": n, "frequency_mhz": "x"} for n in range(9_000)]),
         ("/api/tags/check", b"[" * 400_000),
     ],

@@ -125,6 +125,10 @@ class _Damaged:
         """Where it is read."""
         return self._file.tell()
 
+    def close(self) -> None:
+        """Close the file, as pyulog does in the end."""
+        self._file.close()
+
 
 def _check_formats(file: BinaryIO) -> None:
     """Refuse records of more fields than memory has; raises `ValueError`.
