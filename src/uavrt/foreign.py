@@ -196,11 +196,14 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
     ValueError
         It is none, or beyond the limit; the text says which, for the end of a sentence.
     """
-    marks = (",", "[", "{") if isinstance(content, str) else (b",", b"[", b"{")
     if len(content) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
     # Commas in texts count, too: they are few beside the limit.
-    if sum(content.count(mark) for mark in marks) > 2 * limit.values:  # type: ignore[arg-type]
+    if isinstance(content, str):
+        marks = sum(content.count(mark) for mark in (",", "[", "{"))
+    else:
+        marks = sum(content.count(mark) for mark in (b",", b"[", b"{"))
+    if marks > 2 * limit.values:
         raise ValueError(f"it holds more than {limit.values:,} values")
     try:
         found = json.loads(content)
@@ -208,20 +211,16 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
         raise ValueError(f"it is not JSON from line {error.lineno} on") from None
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    level = [found]
+    level = [found] if isinstance(found, list | dict) else []
     for _ in range(limit.depth):
-        level = (
-            [
-                inner
-                for outer in level
-                for inner in (outer.values() if isinstance(outer, dict) else outer)
-                if isinstance(inner, list | dict)
-            ]
-            if isinstance(level[0], list | dict)
-            else []
-        )
         if not level:
             return found
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, list | dict)
+        ]
     raise ValueError(f"it is nested more than {limit.depth} levels deep")
 
 

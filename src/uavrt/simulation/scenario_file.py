@@ -10,7 +10,7 @@ from typing import Any
 from uavrt.clock import iso_utc, parse_iso_utc
 from uavrt.config import faults_of_tags
 from uavrt.errors import ConfigError
-from uavrt.foreign import SETTINGS, check_toml
+from uavrt.foreign import SETTINGS, check_toml, read_file, shortened
 from uavrt.simulation.scenario import Scenario
 
 
@@ -28,7 +28,7 @@ def load_scenario(path: str | Path) -> Scenario:
         The file cannot be read, or has faults; all of them are listed with their place.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_file(path, SETTINGS).decode()
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise ConfigError(
@@ -70,7 +70,7 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     else:
         faults += scenario_faults(scenario)
     if faults:
-        lines = "\n".join(f"  {fault}" for fault in faults)
+        lines = "\n".join(f"  {fault}" for fault in shortened(faults))
         raise ConfigError(
             f"{source} has {len(faults)} fault(s):\n{lines}",
             remedy="Correct them; docs/reference/scenario.md lists every key",

@@ -200,8 +200,11 @@ def main() -> None:
 
 def _plain(error: UavrtError) -> type[UavrtError]:
     """Get the kind of an error that is made of its message and remedy alone."""
-    kinds = type(error).__mro__
-    return next(one for one in kinds if one.__init__ is UavrtError.__init__)
+    made_by = "__init__"
+    for kind in type(error).__mro__:
+        if getattr(kind, made_by) is getattr(UavrtError, made_by):
+            return kind
+    return UavrtError
 
 
 def _limit() -> None:
