@@ -99,7 +99,11 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
             os.set_blocking(handle, True)
         limit.check_size(about.st_size, os.fspath(path))
         _check_holes(about, os.fspath(path))
-        content = file.read(limit.bytes + 1)
+        # A pipe has no size, and a log may grow; a read sets all it may take aside.
+        pieces = [file.read(about.st_size + 1)]
+        while pieces[-1] and sum(map(len, pieces)) <= limit.bytes:
+            pieces.append(file.read(_PIECE_BYTES))
+        content = b"".join(pieces) if any(pieces[1:]) else pieces[0]
     limit.check_size(len(content), os.fspath(path))
     return content
 

@@ -28,7 +28,7 @@ import tarfile
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,7 +49,7 @@ class Format:
     name: str
     """Of the file."""
     honest: Content
-    attacks: Attacks
+    attacks: Mapping[str, Content]
     read: Callable[[Path], object]
     is_read: bool = True
     """Whether the honest file is read; an update needs a key that no test has."""
@@ -393,7 +393,7 @@ def sigmf(**changed: object) -> bytes:
     return json.dumps(SIGMF | changed).encode()
 
 
-def sigmf_captures(*captures: dict[str, object]) -> bytes:
+def sigmf_captures(*captures: Mapping[str, object]) -> bytes:
     return sigmf(captures=[SIGMF["captures"][0], *captures])  # type: ignore[index]
 
 
@@ -495,12 +495,12 @@ def flight_attacks() -> Attacks:
         ),
         "text for numbers": changed("UPDATE pulses SET snr_db = 'loud'"),
         "NULL": changed("UPDATE flight SET start_time_ns = NULL"),
-        "far times": changed("UPDATE pulses SET start_time_ns = 9223372036854775807"),
-        "negative times": changed("UPDATE pulses SET start_time_ns = -9223372036854775807"),
+        "far times": changed("UPDATE pulses SET start_time_ns = 9223372036854775807 WHERE rowid = 1"),
+        "negative times": changed("UPDATE pulses SET start_time_ns = -9223372036854775807 WHERE rowid = 1"),
         "blob": changed("UPDATE flight SET settings = zeroblob(100000000)"),
         "settings": changed("UPDATE flight SET settings = '" + "[" * 50_000 + "'"),
         "tag lists": changed("UPDATE tags SET pulse_intervals_s = '" + "[" * 5_000 + "'"),
-        "no tables": sqlite("CREATE TABLE nothing (a)"),
+        "no tables": sqlite("CREATE TABLE other (a)"),
         "other columns": sqlite("CREATE TABLE flight (a)", "INSERT INTO flight VALUES (1)"),
         "generated column": changed(
             "DROP TABLE tags",
@@ -563,7 +563,7 @@ def read_shape(path: Path) -> object:
     from uavrt.guidance import keep_out_in
 
     text = read_text(path, SHAPES)
-    found = [read_places(path, 60.0)]
+    found: list[object] = [read_places(path, 60.0)]
     with contextlib.suppress(UavrtError):
         keep_out_in(text, path.name, every=True)
     with contextlib.suppress(UavrtError):
@@ -956,9 +956,14 @@ def mutated(content: bytes, rng: random.Random) -> bytes:
     return bytes(made[:6_000_000])
 
 
+def known_files(one: Format) -> Attacks:
+    """All files of a format but its mutations."""
+    return {"honest": one.honest, **one.attacks, **COMMON}
+
+
 def files_of(one: Format, count: int, rng: random.Random) -> Iterator[tuple[str, Content]]:
     """Some files of a format: each attack once, as far as the count goes, then mutations."""
-    known = {"honest": one.honest} | one.attacks | COMMON
+    known = known_files(one)
     names = list(known)
     first = ["honest", *rng.sample(names[1:], len(names) - 1)][:count]
     for name in first:
@@ -972,7 +977,7 @@ def write(one: Format, content: object, path: Path) -> None:
     """Make a file where it is to be."""
     if isinstance(content, tuple):
         name, seed = content
-        write(one, ({"honest": one.honest} | one.attacks | COMMON)[name], path)
+        write(one, known_files(one)[name], path)
         if path.is_fifo() or path.stat().st_size > 50_000_000:
             return
         path.write_bytes(mutated(path.read_bytes(), random.Random(seed)))

@@ -187,7 +187,10 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
         with tempfile.TemporaryDirectory() as scratch, closing(_open(path, scratch)) as opened:
             schema.read_older(opened)
             yield opened
-    except (sqlite3.Error, OSError, ValueError, TypeError, OverflowError) as error:
+    except (
+        *(sqlite3.Error, OSError, ValueError, TypeError, OverflowError),
+        RecursionError,
+    ) as error:
         raise FormatError(
             f"{path} cannot be read: {error}",
             remedy="Its pulse_pose_log.txt holds the pulses too; give that instead",
