@@ -495,8 +495,10 @@ def flight_attacks() -> Attacks:
         ),
         "text for numbers": changed("UPDATE pulses SET snr_db = 'loud'"),
         "NULL": changed("UPDATE flight SET start_time_ns = NULL"),
-        "far times": changed("UPDATE pulses SET start_time_ns = 9223372036854775807 WHERE rowid = 1"),
-        "negative times": changed("UPDATE pulses SET start_time_ns = -9223372036854775807 WHERE rowid = 1"),
+        "far times": changed(f"UPDATE pulses SET start_time_ns = {2**63 - 1} WHERE rowid = 1"),
+        "negative times": changed(
+            f"UPDATE pulses SET start_time_ns = {1 - 2**63} WHERE rowid = 1"
+        ),
         "blob": changed("UPDATE flight SET settings = zeroblob(100000000)"),
         "settings": changed("UPDATE flight SET settings = '" + "[" * 50_000 + "'"),
         "tag lists": changed("UPDATE tags SET pulse_intervals_s = '" + "[" * 5_000 + "'"),
@@ -1089,8 +1091,10 @@ def main() -> None:
     parser.add_argument("--files", type=int, default=2400)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="part of a format's name")
+    parser.add_argument("--part", default="0/1", help="of the formats, such as 1/2 of two")
     given = parser.parse_args()
-    chosen = [one for one in FORMATS if given.only in one.name]
+    part, parts = map(int, given.part.split("/"))
+    chosen = [one for one in FORMATS[part::parts] if given.only in one.name]
     total, faults = run(chosen, -(-given.files // len(FORMATS)), given.seed)
     print(f"{total} files, {len(faults)} not as they should be")
     sys.exit(1 if faults else 0)

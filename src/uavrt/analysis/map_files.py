@@ -29,6 +29,7 @@ _MOST_FACTS = 500
 """Rows of MBTiles' metadata; the specification knows fourteen."""
 _MOST_ZOOM = 30
 _MOST_LONGITUDE = 180.1
+_EARTH = "-180,-85,180,85"
 _HEADER = 127
 _LEAF_LEVELS = 4
 _DAMAGED = (
@@ -156,7 +157,7 @@ def _mbtiles(path: Path) -> MapFile:
     low, high = (end[0] for end in ends if end is not None)
     said = str(facts.get("format", "png"))
     kind = {"pbf": "mvt", "jpeg": "jpg"}.get(said, said)
-    west, south, east, north = map(float, facts.get("bounds", "-180,-85,180,85").split(","))
+    west, south, east, north = map(float, str(facts.get("bounds") or _EARTH).split(","))
     return MapFile(
         path=path,
         format="mbtiles",
@@ -164,7 +165,7 @@ def _mbtiles(path: Path) -> MapFile:
         min_zoom=int(low),
         max_zoom=int(high),
         bounds=(west, south, east, north),
-        attribution=_plain(facts.get("attribution", "")),
+        attribution=_plain(str(facts.get("attribution") or "")),
     )
 
 

@@ -33,6 +33,7 @@ from typing import Annotated
 import msgspec
 
 from uavrt.errors import FormatError, UsageError
+from uavrt.foreign import Limit, read_file, require_plain_file
 
 MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
 FORMAT = 1
@@ -147,10 +148,10 @@ def read_update(path: Path, keys: Path) -> Update:
 def _read_wheel(path: Path, keys: Path) -> Update:
     if not _WHEEL.fullmatch(path.name) or not path.name.startswith("uavrt-"):
         raise FormatError(f"{path} is not named as a wheel of uavrt", remedy=COPY_AGAIN)
-    content = _bounded(path, MOST_WHEEL_BYTES)
+    content = read_file(path, Limit(what="a wheel", bytes=MOST_WHEEL_BYTES))
     beside = path.with_name(f"{path.name}.sig")
     try:
-        signature = _bounded(beside, SIGNATURE_BYTES)
+        signature = read_file(beside, Limit(what="a signature", bytes=SIGNATURE_BYTES))
     except FileNotFoundError:
         remedy = "Copy the signature, too, or use a .tar, which has its own inside"
         raise UsageError(f"there is no {beside}", remedy=remedy) from None
@@ -185,15 +186,6 @@ def _wheel_version(content: bytes, path: Path) -> str:
     return named
 
 
-def _bounded(path: Path, most: int) -> bytes:
-    """Read a file that nobody has signed yet."""
-    with path.open("rb") as file:
-        content = file.read(most + 1)
-    if len(content) > most:
-        raise FormatError(f"{path} is too large: more than {most:,} bytes", remedy=COPY_AGAIN)
-    return content
-
-
 def unpack_wheels(update: Update, directory: Path) -> None:
     """Write the wheels of a ``.tar``, each compared with the signed manifest.
 
@@ -215,6 +207,7 @@ def unpack_wheels(update: Update, directory: Path) -> None:
 @contextmanager
 def _opened(path: Path) -> Iterator[tarfile.TarFile]:
     try:
+        require_plain_file(path)
         _check_headers(path)
         with tarfile.open(path, "r:") as archive:
             yield archive

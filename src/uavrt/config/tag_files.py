@@ -14,7 +14,7 @@ from uavrt.errors import ConfigError, TagFileError
 from uavrt.foreign import TAGS, read_file, shortened
 from uavrt.messages import Tag
 
-_TOML_LINE = re.compile(r"^\s*\[", re.M)
+_TOML_LINE = re.compile(r"^[ \t]*\[", re.M)
 
 
 def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:

@@ -309,7 +309,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
     file.seek(blocks.places[number])
     data = file.read(blocks.sizes[number])
     if blocks.packed in (_DEFLATE, _OLD_DEFLATE):
-        data = zlib.decompressobj().decompress(data, max(size, blocks.high * blocks.wide * 8))
+        data = zlib.decompressobj().decompress(data, size)
     elif blocks.packed == _LZW:
         data = _unpacked_lzw(data, size)
     elif blocks.packed == _PACKBITS:
