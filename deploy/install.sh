@@ -38,6 +38,14 @@ while [ $# -gt 0 ]; do
     shift 2
 done
 source=$(cd "$(dirname "$0")/.." && pwd)
+[ -z "$update_key" ] || update_key=$(realpath -- "$update_key")
+[ -z "$root" ] || root=$(mkdir -p "$root" && realpath -- "$root")
+case ${PYTHON:-} in */*) PYTHON=$(realpath -s -- "$PYTHON") ;; esac
+# Python imports from the working directory, which may be the service's user's.
+cd /
+as_user() { # COMMAND...: on files that this user may have turned into links to root's
+    if [ -z "$root" ]; then runuser -u "$user" -- "$@"; else "$@"; fi
+}
 
 case $radio in
     airspy) package=airspy ;;
@@ -167,7 +175,7 @@ if [ -z "$root" ]; then
     if [ "$user" = uavrt ]; then
         # Who is in its group reads flights, edits the settings and uses `uavrt monitor`.
         chmod 770 "$directory"
-        chmod 660 "$directory/uavrt.toml"
+        as_user chmod 660 "$directory/uavrt.toml"
         [ -z "${SUDO_USER:-}" ] || [ "$SUDO_USER" = root ] || join uavrt "$SUDO_USER"
     fi
 fi
@@ -177,4 +185,4 @@ fi
     --root "${root:-/}"
 
 say "done. What is missing yet:"
-(cd "$root$directory" && "$link/bin/uavrt" doctor) || true
+(cd "$root$directory" && as_user "$link/bin/uavrt" doctor) || true

@@ -114,8 +114,10 @@ mkdir -p "$data/network"
 secret() { head -c 4096 /dev/urandom | tr -dc 'abcdefghijkmnpqrstuvwxyz23456789' | head -c "$1"; }
 # As the page's own user, so that a link it could have put there leads nowhere; and whatever does
 # not look as it should is left out: root believes nothing that a service has written.
-handed() { runuser -u uavrt -- head -c 20000 "$data/uavrt/$1" 2>/dev/null || :; }
-wanted() { handed set-up.conf | sed -nE "s#^$1=($2)\$#\1#p" | head -n 1; }
+# A pipe, which would never end, is given up after a few seconds: the boot waits for this.
+handed() { timeout -k 1 3 runuser -u uavrt -- head -c 20000 "$data/uavrt/$1" 2>/dev/null || :; }
+set_up=$(handed set-up.conf | tr '\000' '\001')
+wanted() { printf '%s\n' "$set_up" | sed -nE "s#^$1=($2)\$#\1#p" | head -n 1; }
 kept() { sed -nE "s/^$1=(.*)\$/\1/p" "$data/identity" 2>/dev/null | head -n 1; }
 either() { [ -n "$1" ] && printf '%s' "$1" || printf '%s' "$2"; }
 
@@ -159,7 +161,7 @@ AP
     mv "$data/identity.new" "$data/identity"
 fi
 # Whose updates are taken: the first key counts, later ones come by an update that it has signed.
-keys=$(handed update-keys.pem)
+keys=$(handed update-keys.pem | tr '\000' '\001')
 case $keys in
     "-----BEGIN PUBLIC KEY-----"*) [ -e "$data/opt/update-keys.pem" ] || {
         printf '%s\n' "$keys" >"$data/opt/update-keys.pem"
@@ -177,7 +179,7 @@ key=$(wanted ssh_key '(ssh-(ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1
     chmod 755 "$data/ssh"
 }
 sync "$data"
-rm -f "$data/uavrt/set-up.conf" "$data/uavrt/update-keys.pem"
+rm -rf "$data/uavrt/set-up.conf" "$data/uavrt/update-keys.pem"
 # Until somebody has set it up, a screen at this computer says how to come to the page.
 screen=${2:-/run/issue.d/uavrt.issue}
 mkdir -p "$(dirname "$screen")" && chmod 755 "$(dirname "$screen")"

@@ -27,6 +27,22 @@ Each holds the offending value where there is one, and its text says what to do.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+LONGEST_LINE = 400
+"""Characters of a message's line: it may quote what others wrote."""
+
+
+def _shown(text: str) -> str:
+    """Shorten long lines, and leave out what would steer a terminal."""
+    if not text.isprintable():
+        text = "".join(one if one.isprintable() or one == "\n" else "\ufffd" for one in text)
+    if len(text) <= LONGEST_LINE:
+        return text
+    half = LONGEST_LINE // 2
+    return "\n".join(
+        line if len(line) <= LONGEST_LINE else f"{line[:half]} … {line[-half:]}"
+        for line in text.split("\n")
+    )
+
 
 class UavrtError(Exception):
     """Base of all deliberate errors.
@@ -40,7 +56,7 @@ class UavrtError(Exception):
     """
 
     def __init__(self, message: str, *, remedy: str | None = None) -> None:
-        self.message = message
+        self.message = message = _shown(message)
         self.remedy = remedy
         stop = "" if message.endswith(("?", "!", ".")) else "."
         super().__init__(message if remedy is None else f"{message}{stop} {remedy}")

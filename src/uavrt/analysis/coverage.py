@@ -15,6 +15,7 @@ from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.listening import Stretch, missing_in_words, within
 from uavrt.config import AntennaSettings, read_text
 from uavrt.errors import RecordingError, UsageError
+from uavrt.foreign import SHAPES
 from uavrt.guidance import area_in, way_in
 from uavrt.localization import (
     MONOPOLE,
@@ -82,7 +83,7 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
     PlanError
         The area cannot be surveyed.
     """
-    text = read_text(path)
+    text = read_text(path, SHAPES)
     places = way_in(text, str(path))
     if places:
         return corners_of_way(places)
@@ -148,7 +149,7 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
     FormatError
         The file holds none, or several.
     """
-    places = area_in(read_text(path), str(path))
+    places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
     return Polygon(corners=corners, name="area")

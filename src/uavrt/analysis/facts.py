@@ -21,6 +21,7 @@ from zoneinfo import ZoneInfo
 
 from uavrt.config import write_text_atomically
 from uavrt.errors import ConfigError
+from uavrt.foreign import SETTINGS, check_toml, read_file
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 NAME = "report.toml"
@@ -97,7 +98,9 @@ def facts_of(flight: Path) -> Facts:
 def read_facts(path: Path) -> Facts:
     """Read a file of facts; raises as `facts_of` does."""
     try:
-        told = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = read_file(path, SETTINGS).decode()
+        check_toml(text, SETTINGS)
+        told = tomllib.loads(text)
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} cannot be read: {error}", remedy="Correct it") from error
     return _judged(told, path)

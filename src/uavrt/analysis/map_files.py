@@ -5,7 +5,6 @@ PMTiles by its specification, version 3 (header §3, directories §4, tile ids o
 anything is read.
 """
 
-import json
 import math
 import re
 import sqlite3
@@ -17,15 +16,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import FormatError
+from uavrt.foreign import MAP_PART, read_json, require_plain_file
 from uavrt.recording import watch
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")
 """Kinds of tiles that are pictures; ``mvt`` is lines and areas."""
 MOST_TILE = 2_000_000
-_MOST_DIRECTORY = 4_000_000
+_MOST_CREDIT = 4000
+MAP_QUERY_S = 0.7
+"""Longest query of a map [s]; a tile takes a millisecond."""
+_MOST_FACTS = 500
+"""Rows of MBTiles' metadata; the specification knows fourteen."""
 _MOST_ZOOM = 30
 _MOST_LONGITUDE = 180.1
+_EARTH = "-180,-85,180,85"
 _HEADER = 127
 _LEAF_LEVELS = 4
 _DAMAGED = (
@@ -141,16 +146,20 @@ def tile_corner(column: float, row: float, zoom: int) -> tuple[float, float]:
 # --------------------------------------------------------------------------- MBTiles
 
 
+_FACTS = f"SELECT name, value FROM metadata LIMIT {_MOST_FACTS}"
+_ZOOM = "SELECT zoom_level FROM tiles ORDER BY zoom_level {} LIMIT 1"
+
+
 def _mbtiles(path: Path) -> MapFile:
     with _opened(path) as database:
-        facts = dict(database.execute("SELECT name, value FROM metadata").fetchall())
-        low, high = database.execute(
-            "SELECT min(zoom_level), max(zoom_level) FROM tiles"
-        ).fetchone()
-    if low is None:
+        facts = dict(database.execute(_FACTS).fetchall())
+        # An index has either end at once; both together need all tiles.
+        ends = [database.execute(_ZOOM.format(order)).fetchone() for order in ("ASC", "DESC")]
+    if None in ends:
         raise ValueError("it holds no tiles")
+    low, high = (end[0] for end in ends if end is not None)
     said = str(facts.get("format") or "png")
-    edges = str(facts.get("bounds") or "-180,-85,180,85").split(",")
+    edges = str(facts.get("bounds") or _EARTH).split(",")
     return MapFile(
         path=path,
         format="mbtiles",
@@ -184,9 +193,13 @@ def _mbtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _opened(path: Path) -> "closing[sqlite3.Connection]":
+    """Open a database that may hold views, as many MBTiles do: none runs for long."""
+    require_plain_file(path)
     address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     database = sqlite3.connect(address, uri=True)
-    watch(database)
+    watch(database, MAP_QUERY_S)
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 2 * MOST_TILE)
+    database.execute("PRAGMA trusted_schema=OFF")
     return closing(database)
 
 
@@ -198,7 +211,7 @@ def _pmtiles(path: Path) -> MapFile:
     facts = {}
     place, length = struct.unpack_from("<2Q", header, 24)
     with suppress(ValueError, OSError, EOFError, RecursionError, zlib.error):
-        facts = json.loads(_unpacked(_part(path, place, length), header[97]))
+        facts = read_json(_unpacked(_part(path, place, length), header[97]), MAP_PART)
     _check_parts(header, path.stat().st_size)
     return MapFile(
         path=path,
@@ -212,6 +225,7 @@ def _pmtiles(path: Path) -> MapFile:
 
 
 def _header(path: Path) -> bytes:
+    require_plain_file(path)
     with path.open("rb") as file:
         header = file.read(_HEADER)
     if header[:8] != b"PMTiles\x03" or len(header) < _HEADER:
@@ -229,7 +243,7 @@ def _check_parts(header: bytes, size: int) -> None:
         raise ValueError("it was copied in part, or damaged")
 
 
-def _part(path: Path, place: int, length: int, most: int = _MOST_DIRECTORY) -> bytes:
+def _part(path: Path, place: int, length: int, most: int = MAP_PART.bytes) -> bytes:
     if length > most:
         raise ValueError(f"{length} bytes in one piece")
     with path.open("rb") as file:
@@ -242,7 +256,7 @@ def _unpacked(content: bytes, compression: int) -> bytes:
         return content
     if compression != _GZIP:
         raise ValueError("it is compressed by another method than gzip")
-    return zlib.decompressobj(wbits=31).decompress(content, 4 * _MOST_DIRECTORY)
+    return zlib.decompressobj(wbits=31).decompress(content, MAP_PART.bytes)
 
 
 def _pmtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
@@ -315,4 +329,4 @@ def _plain(text: object) -> str | None:
     """A text of others without its markup, to be shown beside the map; None for no text."""
     if not isinstance(text, str):
         return None
-    return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text).split())[:200] or None
+    return " ".join(re.sub(r"<[^>]*>|[<>]", " ", text[:_MOST_CREDIT]).split())[:200] or None

@@ -2,6 +2,7 @@
 
 import csv
 import hashlib
+import io
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from uavrt.batch.stores import is_url, list_store, marks_of, open_stored
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError, StoreError
+from uavrt.foreign import NOTES, read_file
 from uavrt.radio import RecordingSource, open_recording
 from uavrt.recording import FlightLayout
 
@@ -213,7 +215,8 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"
     found: dict[Path, Recording] = {}
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
+        text = read_file(path, NOTES).decode("utf-8-sig")
+        with io.StringIO(text, newline="") as file:
             lines = csv.DictReader(file)
             if "path" not in (lines.fieldnames or ()):
                 raise FormatError(f"{path} has no column path", remedy=remedy)

@@ -15,6 +15,7 @@ from uavrt.cli.kinds import Component, Metres, Minutes, Seconds
 from uavrt.clock import Clock
 from uavrt.config import read_text
 from uavrt.errors import ConfigError, FormatError, LinkError, UavrtError
+from uavrt.foreign import SHAPES
 from uavrt.ground.link import (
     GroundEvent,
     GroundLink,
@@ -383,7 +384,7 @@ def read_area(path: Path) -> Places:
 
 
 def _text_of(path: Path) -> str:
-    return read_text(path)
+    return read_text(path, SHAPES)
 
 
 def forget_typed_ahead() -> None:

@@ -78,7 +78,7 @@ def run(
         tell_near_codes(listed)
         arguments.append(msgspec.json.encode(listed).decode())
     sys.stdout.flush()
-    command = [sys.executable, "-m", "uavrt.supervisor", *arguments]
+    command = [sys.executable, "-P", "-m", "uavrt.supervisor", *arguments]
     if ground:
         sys.exit(
             run_both(

@@ -62,7 +62,7 @@ def run_both(
     drone = subprocess.Popen(supervisor)
     page = subprocess.Popen(
         [
-            *(sys.executable, "-m", "uavrt.cli", "ground", "--page"),
+            *(sys.executable, "-P", "-m", "uavrt.cli", "ground", "--page"),
             *("--mavlink", address, "--output", directory, "--port", str(port)),
             *("--component-id", str(OWN_COMPONENT)),
             *(word for key, file in keys.items() if file is not None for word in (key, file)),

@@ -14,6 +14,7 @@ from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, TagFileError, UavrtError, UsageError
+from uavrt.foreign import TAGS, read_file
 
 if TYPE_CHECKING:
     from uavrt.analysis.measure import MeasuredCode, MeasuredRate, MeasuredTag, TagSource
@@ -105,7 +106,7 @@ def _databases(path: Path) -> dict[str, str]:
     files = {}
     for one in (path, path.with_name("TagManufacturer.db")):
         try:
-            files[one.name] = one.read_text(encoding="utf-8-sig", errors="replace")
+            files[one.name] = read_file(one, TAGS).decode("utf-8-sig", "replace")
         except OSError as error:
             raise ConfigError(
                 f"cannot read {one}: {error.strerror}",

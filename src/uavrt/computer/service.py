@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt.computer.update import python_module
 from uavrt.config import RADIOS, write_text_atomically
 from uavrt.errors import UsageError
 
@@ -130,8 +131,8 @@ WantedBy=multi-user.target
 def update_unit_text(plan: ServicePlan, prefix: Path) -> str:
     """Write the unit that ends the trial of a version after a power cut."""
     config = ["--config", str(plan.config)] if plan.config is not None else []
-    program = str(prefix / "trial/bin/python")
-    words = (program, "-m", "uavrt.cli", "update", "--resume", "--prefix", str(prefix), *config)
+    resume = ("uavrt.cli", "update", "--resume", "--prefix", str(prefix), *config)
+    words = python_module(prefix / "trial", *resume)
     return f"""\
 [Unit]
 Description=uavrt: end the trial of a version that was interrupted

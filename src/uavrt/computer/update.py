@@ -101,25 +101,32 @@ def install_beside(
         It cannot be installed, or does not run; nothing has changed then.
     """
     made = place.version_directory(update.name)
-    if not (made / COMPLETE).exists():
-        shutil.rmtree(made, ignore_errors=True)
-        try:
-            _make(update, place.current(), made)
-            (made / COMPLETE).touch()
-        except BaseException as error:
+    try:
+        if not (made / COMPLETE).exists():
             shutil.rmtree(made, ignore_errors=True)
-            if isinstance(error, OSError):
-                text = f"the new version cannot be written: {error.strerror or error}"
-                raise UsageError(text, remedy="Make room, and check the disk") from error
-            raise
-    rehearse(made, update.version, config=config, directory=directory)
-    os.sync()
+            _make(update, place.current(), made)
+        rehearse(made, update.version, config=directory / config)
+        place.mark_complete(made)
+    except BaseException as error:
+        shutil.rmtree(made, ignore_errors=True)
+        if isinstance(error, OSError):
+            text = f"the new version cannot be written: {error.strerror or error}"
+            raise UsageError(text, remedy="Make room, and check the disk") from error
+        raise
     return made
+
+
+def python_module(environment: Path, *words: str) -> list[str]:
+    """Build the command that runs a module of an environment as root.
+
+    ``-I``: nothing in the working directory, which may be the service's user's, is imported.
+    """
+    return [str(environment / "bin/python"), "-I", "-m", *words]
 
 
 def _make(update: Update, present: Path, made: Path) -> None:
     """Make an environment: new from all wheels, or the present one with another program."""
-    pip = [str(made / "bin/python"), "-m", "pip", "install", "--quiet", "--no-index"]
+    pip = python_module(made, "pip", "install", "--quiet", "--no-index")
     if update.alone:
         shutil.copytree(present, made, symlinks=True)
         for name in (COMPLETE, KEYS):
@@ -131,7 +138,7 @@ def _make(update: Update, present: Path, made: Path) -> None:
             _run([*pip, "--no-deps", "--force-reinstall", str(wheel)], update)
         _require_libraries(made, update)
         return
-    _run([str(present / "bin/python"), "-m", "venv", str(made)], update)
+    _run(python_module(present, "venv", str(made)), update)
     extras = [name for name, known in EXTRAS.items() if _has(present, known)]
     wanted = f"uavrt[{','.join(extras)}]=={update.version}"
     with tempfile.TemporaryDirectory(prefix=".wheels-", dir=made) as wheels:
@@ -147,7 +154,7 @@ def _make(update: Update, present: Path, made: Path) -> None:
 def _require_libraries(made: Path, update: Update) -> None:
     """Make sure that what is there suffices for the new program; raises `UsageError`."""
     done = subprocess.run(
-        [str(made / "bin/python"), "-m", "pip", "check"],
+        python_module(made, "pip", "check"),
         capture_output=True,
         text=True,
         check=False,
@@ -187,13 +194,13 @@ def _environment() -> dict[str, str]:
     return kept | {"PIP_CONFIG_FILE": "/dev/null", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
 
 
-def rehearse(made: Path, version: str, *, config: Path, directory: Path) -> None:
+def rehearse(made: Path, version: str, *, config: Path) -> None:
     """Let the new version load what a flight needs; raises `UsageError`."""
-    command = [str(made / "bin/python"), "-m", "uavrt.cli", "update", "--rehearse"]
-    if (directory / config).exists():
-        command += ["--config", str(config)]
+    command = python_module(made, "uavrt.cli", "update", "--rehearse")
+    if config.exists():
+        command += ["--config", str(config.absolute())]
     done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env=_environment(), cwd=directory
+        command, capture_output=True, text=True, check=False, env=_environment(), cwd="/"
     )
     if done.returncode or done.stdout.split() != [version]:
         said = (done.stderr.strip() or f"it says it is {done.stdout.strip()!r}").splitlines()
@@ -227,8 +234,7 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
         return True
     current = place.current()
     if current == before:  # cut off before the exchange, or while going back
-        _restart(restart, say)
-        place.forget_trial()
+        _go_back(place, before, restart, say)
         return False
     verdict, fault = judge()
     if verdict is Verdict.GOOD:
@@ -239,17 +245,26 @@ def finish(place: Installation, *, restart: Restart, judge: Judge, say: Say) -> 
         return True
     place.point(place.link, before)
     say(f"{current.name} was not good ({fault}): back to {before.name}")
-    _restart(restart, say)
-    place.forget_trial()
+    _go_back(place, before, restart, say)
     return False
 
 
-def _restart(restart: Restart, say: Say) -> None:
+def _go_back(place: Installation, before: Path, restart: Restart, say: Say) -> None:
+    """Start the version before again, and remove the refused one."""
+    restarted = _restart(restart, say)
+    place.forget_trial()
+    if restarted:  # otherwise the refused one may still run from its files
+        place.remove_others(before)
+
+
+def _restart(restart: Restart, say: Say) -> bool:
     """Restart the service; where that fails, the watch will find that it is not there."""
     try:
         restart()
     except UavrtError as error:
         say(str(error))
+        return False
+    return True
 
 
 def _take_keys(version: Path, place: Installation) -> None:

@@ -14,6 +14,7 @@ one file of public keys, PEM blocks one after the other; only root may write it.
 """
 
 import hashlib
+import io
 import os
 import re
 import stat
@@ -21,15 +22,18 @@ import subprocess
 import tarfile
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from email.parser import BytesHeaderParser
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 
 from uavrt.errors import FormatError, UsageError
+from uavrt.foreign import Limit, read_file, require_plain_file
 
 MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
 FORMAT = 1
@@ -37,6 +41,7 @@ MOST_MANIFEST_BYTES = 1_000_000
 MOST_WHEEL_BYTES = 500_000_000
 MOST_MEMBERS = 2000
 SIGNATURE_BYTES = 64
+ZIP_FAULTS = (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, zlib.error)
 _WHEEL = re.compile(r"[A-Za-z0-9_.]+-[A-Za-z0-9_.!+]+(-\d\w*)?(-[A-Za-z0-9_.]+){3}\.whl")
 _KEY = re.compile(r"-----BEGIN PUBLIC KEY-----\n[A-Za-z0-9+/=\n]+-----END PUBLIC KEY-----\n")
 _VERSION = re.compile(
@@ -143,17 +148,15 @@ def read_update(path: Path, keys: Path) -> Update:
 def _read_wheel(path: Path, keys: Path) -> Update:
     if not _WHEEL.fullmatch(path.name) or not path.name.startswith("uavrt-"):
         raise FormatError(f"{path} is not named as a wheel of uavrt", remedy=COPY_AGAIN)
-    content = _bounded(path, MOST_WHEEL_BYTES)
+    content = read_file(path, Limit(what="a wheel", bytes=MOST_WHEEL_BYTES))
     beside = path.with_name(f"{path.name}.sig")
     try:
-        signature = _bounded(beside, SIGNATURE_BYTES)
+        signature = read_file(beside, Limit(what="a signature", bytes=SIGNATURE_BYTES))
     except FileNotFoundError:
         remedy = "Copy the signature, too, or use a .tar, which has its own inside"
         raise UsageError(f"there is no {beside}", remedy=remedy) from None
     require_signed(content, signature, keys, path)
-    if not zipfile.is_zipfile(path):
-        raise FormatError(f"{path} is no wheel", remedy=COPY_AGAIN)
-    version = path.name.split("-")[1]
+    version = _wheel_version(content, path)
     version_key(version)
     name = f"{version}-{hashlib.sha256(content).hexdigest()[:8]}"
     return Update(
@@ -161,13 +164,26 @@ def _read_wheel(path: Path, keys: Path) -> Update:
     )
 
 
-def _bounded(path: Path, most: int) -> bytes:
-    """Read a file that nobody has signed yet."""
-    with path.open("rb") as file:
-        content = file.read(most + 1)
-    if len(content) > most:
-        raise FormatError(f"{path} is too large: more than {most:,} bytes", remedy=COPY_AGAIN)
-    return content
+def _wheel_version(content: bytes, path: Path) -> str:
+    """Read a wheel's version from its metadata; its name, which is not signed, must agree."""
+    named = path.name.split("-")[1]
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entry = archive.getinfo(f"uavrt-{named}.dist-info/METADATA")
+            if entry.file_size > MOST_MANIFEST_BYTES:
+                raise ValueError("its METADATA is too large")
+            metadata = BytesHeaderParser().parsebytes(archive.read(entry))
+    except KeyError:
+        text = f"{path} is not uavrt {named}, as its name says"
+        raise FormatError(text, remedy="Give the file the name that it was made with") from None
+    except (ValueError, RuntimeError, OSError, EOFError, *ZIP_FAULTS) as error:
+        raise FormatError(f"{path} is no wheel: {error}", remedy=COPY_AGAIN) from error
+    if (metadata["Name"], metadata["Version"]) != ("uavrt", named):
+        raise FormatError(
+            f"{path} holds {metadata['Name']} {metadata['Version']}, not uavrt {named}",
+            remedy="Give the file the name that it was made with",
+        )
+    return named
 
 
 def unpack_wheels(update: Update, directory: Path) -> None:
@@ -191,6 +207,7 @@ def unpack_wheels(update: Update, directory: Path) -> None:
 @contextmanager
 def _opened(path: Path) -> Iterator[tarfile.TarFile]:
     try:
+        require_plain_file(path)
         _check_headers(path)
         with tarfile.open(path, "r:") as archive:
             yield archive

@@ -94,6 +94,12 @@ class Installation:
         self.trial.unlink(missing_ok=True)
         self.sync()
 
+    def mark_complete(self, version: Path) -> None:
+        """Mark a version as whole, after all its files are on the disk."""
+        os.sync()
+        (version / COMPLETE).touch()
+        os.sync()
+
     def sync(self) -> None:
         """Bring the links to the disk."""
         place = os.open(self.prefix, os.O_RDONLY)

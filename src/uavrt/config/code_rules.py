@@ -14,6 +14,8 @@ from uavrt.messages import Tag
 
 MAX_CODES = 500
 """In a list: what a core searches beside everything else that a flight does."""
+MOST_NEAR = 50
+"""Pairs of near codes that are named."""
 MAX_GAPS = 7
 MAX_GAP_MS = 1_000.0
 CODED_PULSE_WIDTH_MS = 2.5
@@ -75,7 +77,7 @@ def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
         text = f"{len(coded)} codes in one list, at most {MAX_CODES}: leave out those not here"
         found.append(Fault(line=coded[MAX_CODES].line, text=text))
     known = _Codes()
-    for draft in coded:
+    for draft in coded[:MAX_CODES]:
         interval, frequency = draft.entries.get("interval"), draft.entries.get("frequency")
         if interval is None or frequency is None:
             continue
@@ -179,9 +181,11 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
     """Name the codes of a list that are hard to tell apart, a sentence for each pair."""
+    near = near_codes(tags, window_hz)
+    more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [
         f"codes {one.tag_id} and {two.tag_id} differ by {1e3 * apart_s:.2g} ms in all gaps "
         f"together, less than the {1e3 * GAP_TOLERANCE_S:.2g} ms that a burst is known to: "
         "each may be reported as the other"
-        for one, two, apart_s in near_codes(tags, window_hz)
-    ]
+        for one, two, apart_s in near[:MOST_NEAR]
+    ] + more

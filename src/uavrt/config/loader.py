@@ -18,6 +18,7 @@ from uavrt.config.settings import RADIO_GROUP, Settings
 from uavrt.config.text_files import decode_text, write_text_atomically
 from uavrt.config.toml_lines import find_lines, line_of
 from uavrt.errors import ConfigError
+from uavrt.foreign import MOST_FAULTS, SETTINGS, check_toml, read_file, shortened
 from uavrt.plugins import Registry
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
     """
     name = os.fspath(path)
     try:
-        content = Path(path).read_bytes()
+        content = read_file(path, SETTINGS)
     except OSError as error:
         raise ConfigError(
             f"cannot read the settings {name}: {error.strerror}",
@@ -57,6 +58,7 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
     try:
         text = decode_text(content)
+        check_toml(text, SETTINGS)
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise _error(name, [f"not TOML: {error}"]) from None
@@ -74,10 +76,11 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
         schema = settings_schema()
         faults += [
             (line_of(lines, tuple(detail["loc"])) or 1, _explain(detail, schema))
-            for detail in error.errors(include_url=False)
+            for detail in error.errors(include_url=False)[: 2 * MOST_FAULTS]
         ]
     if faults:
-        raise _error(name, [f"line {line}: {text}" for line, text in sorted(faults)])
+        listed = [f"line {line}: {text}" for line, text in sorted(faults)]
+        raise _error(name, shortened(listed))
     return settings
 
 

@@ -14,9 +14,12 @@ from uavrt.config.settings import Settings
 from uavrt.config.text_files import decode_text, write_text_atomically
 from uavrt.config.toml_lines import find_lines
 from uavrt.errors import ConfigError
+from uavrt.foreign import SETTINGS, read_file
 
 Value = str | int | float | bool | None
 Changes = Mapping[tuple[str, str], Value]
+_MOST_LINES = 200
+"""Of one value."""
 """New values by table and key; None: the default again."""
 
 
@@ -56,7 +59,8 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
     """Get the settings as they would be, and the file's text; raises as `change_settings`."""
     try:
-        before = decode_text(path.read_bytes()) if path.exists() else default_settings_text()
+        written = read_file(path, SETTINGS) if path.exists() else None
+        before = default_settings_text() if written is None else decode_text(written)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(
@@ -92,7 +96,7 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 def _end_of_value(lines: list[str], first: int) -> int:
     """Get the last line of a value that begins in a line; both are counted from 1."""
-    for last in range(first, len(lines) + 1):
+    for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))
         except tomllib.TOMLDecodeError:

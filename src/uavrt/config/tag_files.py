@@ -11,9 +11,10 @@ from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft, tags_from_d
 from uavrt.config.tags_toml import format_tags_toml, parse_tags_toml
 from uavrt.config.text_files import decode_text, write_text_atomically
 from uavrt.errors import ConfigError, TagFileError
+from uavrt.foreign import TAGS, read_file, shortened
 from uavrt.messages import Tag
 
-_TOML_LINE = re.compile(r"^\s*\[", re.M)
+_TOML_LINE = re.compile(r"^[ \t]*\[", re.M)
 
 
 def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
@@ -27,7 +28,7 @@ def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
         There is no such file, or it cannot be read.
     """
     try:
-        content = Path(path).read_bytes()
+        content = read_file(path, TAGS)
     except OSError as error:
         raise ConfigError(
             f"cannot read the tag file {os.fspath(path)}: {error.strerror}",
@@ -57,7 +58,8 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
     tags = tags_from_drafts(drafts, faults)
     if faults:
         ordered = sorted(faults, key=lambda fault: fault.line)
-        raise TagFileError(name, list(dict.fromkeys(str(fault) for fault in ordered)))
+        listed = list(dict.fromkeys(str(fault) for fault in ordered))
+        raise TagFileError(name, shortened(listed))
     if not tags:
         raise TagFileError(name, ["line 1: there is no tag in this file"])
     return tags

@@ -8,8 +8,10 @@ import tomllib
 from collections.abc import Sequence
 from difflib import get_close_matches
 
+from uavrt.config.code_rules import MAX_GAPS
 from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft
 from uavrt.config.toml_lines import Path, find_lines, line_of
+from uavrt.foreign import MOST_FAULTS, TAGS, check_toml
 from uavrt.messages import Tag
 
 KEYS: dict[str, Quantity] = {
@@ -35,6 +37,8 @@ _REQUIRED_OF_CODED: dict[Quantity, str] = {
     "frequency": "frequency_mhz",
     "interval": "burst_interval_s",
 }
+_MOST_GAPS = 50
+"""Each gap of a code is judged by itself; a list of more is refused as a whole."""
 _CODED_KEYS = ("kind", "gaps_ms", "burst_interval_s")
 _HEADING = """\
 # Tags for uavrt. Each tag is one [[tag]]; id, frequency, interval and pulse width are needed.
@@ -55,6 +59,7 @@ _CODED_HEADING = """\
 def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
     """Read the tables; add whatever is not understood to `faults`."""
     try:
+        check_toml(text, TAGS)
         document = tomllib.loads(text)
     except RecursionError:
         faults.append(Fault(line=1, text="nested too deeply for a tag file"))
@@ -95,7 +100,7 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
                 draft.entries[quantity] = entry
         faults += [
             Fault(line=draft.line, text=f"this tag has no {key}")
-            for key in _missing(table, draft)
+            for key in _missing(table, draft, faults)
         ]
         drafts.append(draft)
     return drafts
@@ -106,7 +111,7 @@ def table_quantities(table: dict[str, object]) -> set[Quantity]:
     return {KEYS[key] for key in table if key in KEYS}
 
 
-def _missing(table: dict[str, object], draft: TagDraft) -> list[str]:
+def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> list[str]:
     """Name what a tag lacks, but not what a misspelt or a wrong key is told for."""
     if draft.gaps is not None:
         required = _REQUIRED_OF_CODED
@@ -114,8 +119,8 @@ def _missing(table: dict[str, object], draft: TagDraft) -> list[str]:
         required = {"id": "id", "frequency": "frequency_mhz"}  # of which kind it is was told
     else:
         required = _REQUIRED
-    near = [get_close_matches(key, (*KEYS, *_CODED_KEYS), n=1) for key in table]
-    meant = {key for keys in near for key in keys}
+    known = (*KEYS, *_CODED_KEYS)
+    meant = {near for key in table if (near := _nearest(key, known, faults)) is not None}
     return [
         key
         for quantity, key in required.items()
@@ -225,6 +230,10 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
         text = "a coded tag has gaps_ms, numbers in brackets: gaps_ms = [22.1, 48.8, 36.6]"
         faults.append(Fault(line=line, text=text))
         return
+    if len(gaps) > _MOST_GAPS:
+        text = f"a burst has 1 to {MAX_GAPS} gaps, these are {len(gaps)}"
+        faults.append(Fault(line=line, text=text))
+        return
     shown = ", ".join(f"{gap:.13g}" for gap in gaps)
     draft.gaps = tuple(
         Entry(number=float(gap), label=f"gaps_ms = [{shown}]", line=line) for gap in gaps
@@ -255,9 +264,18 @@ def _entry(key: str, value: float, line: int) -> Entry:
     return Entry(number=number, label=f"{key} = {number:.13g}", line=line, unit=unit)
 
 
+def _nearest(key: str, known: Sequence[str], faults: list[Fault]) -> str | None:
+    """Guess which key was meant; not in a file with more faults than are listed."""
+    if key in known:
+        return key
+    if len(faults) > MOST_FAULTS:
+        return None
+    return next(iter(get_close_matches(key[:80], known, n=1)), None)
+
+
 def _unknown(key: str, known: Sequence[str], line: int, faults: list[Fault]) -> None:
-    near = get_close_matches(key, known, n=1)
-    hint = f"; did you mean {near[0]}?" if near else f"; known are {', '.join(known)}"
+    near = _nearest(key, known, faults)
+    hint = f"; did you mean {near}?" if near else f"; known are {', '.join(known)}"
     faults.append(Fault(line=line, text=f"{key[:40]} is unknown here{hint}"))
 
 

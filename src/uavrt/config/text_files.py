@@ -6,8 +6,9 @@ import tempfile
 from pathlib import Path
 
 from uavrt.errors import FormatError
+from uavrt.foreign import TAGS, Limit, read_file
 
-MAX_BYTES = 1_000_000
+MAX_BYTES = TAGS.bytes
 """A file of 5 000 tags has 0.3 MB; more than this is not a file that somebody typed."""
 
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -32,16 +33,16 @@ def decode_text(content: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def read_text(path: Path) -> str:
-    """Read a file of text, of any size.
+def read_text(path: Path, limit: Limit) -> str:
+    """Read a file of text.
 
     Raises
     ------
     FormatError
-        There is none, it is no text, or nothing is in it; the text says which.
+        There is none, it is no text, too large, or nothing is in it; the text says which.
     """
     try:
-        content = path.read_bytes()
+        content = read_file(path, limit)
     except FileNotFoundError:
         raise FormatError(f"{path} does not exist", remedy="Check its name") from None
     except OSError as error:

@@ -10,10 +10,8 @@ from typing import Any
 
 from uavrt.config.tag_drafts import Fault
 from uavrt.errors import needs_extra
+from uavrt.foreign import YAML_TAGS
 
-_DEEPEST = 20
-_MOST_NODES = 40_000
-"""80 values for each of the 500 codes that a list may have; 2 s of reading."""
 _NULL = "tag:yaml.org,2002:null"
 
 
@@ -43,6 +41,10 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
     ):
         import yaml
     found: list[Node] = []
+    if len(text) > YAML_TAGS.bytes:
+        told = f"{len(text):,} characters are too many for {YAML_TAGS.what}"
+        faults.append(Fault(line=1, text=told))
+        return found
     try:
         found.extend(_node(document, faults) for document in _documents(yaml, text))
     except yaml.MarkedYAMLError as error:
@@ -66,9 +68,9 @@ def _documents(yaml: Any, text: str) -> Iterator[Any]:
             told = None
             if self.check_event(yaml.AliasEvent):
                 told = "aliases (*) are not read here: write the value itself"
-            elif self.depth > _DEEPEST:
+            elif self.depth > YAML_TAGS.depth:
                 told = "nested too deeply for a list of tags"
-            elif self.nodes >= _MOST_NODES:
+            elif self.nodes >= YAML_TAGS.values:
                 told = "more values than a list of tags has"
             if told is not None:
                 mark = self.peek_event().start_mark

@@ -148,6 +148,7 @@ def drone_settings(
             kind="airspy",
             program=(
                 sys.executable,
+                "-P",
                 "-m",
                 "uavrt.simulation.airspy_rx",
                 "--world",
@@ -184,7 +185,7 @@ class Program:
         self.cpu_s = 0.0
         with log.open("wb") as output:
             self._process = subprocess.Popen(
-                [*_END_WITH_US, sys.executable, "-m", *arguments],
+                [*_END_WITH_US, sys.executable, "-P", "-m", *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,

@@ -4,23 +4,26 @@ QGroundControl's file: its format of plans, version 1 (a survey's ``polygon``, a
 polygons and circles).
 """
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from math import cos, isfinite, pi, sin
 from typing import Any
 from xml.etree import ElementTree as ET
 
 from uavrt.errors import FormatError
+from uavrt.foreign import SHAPES, read_json, read_xml
 from uavrt.guidance.orders import Place
 from uavrt.messages import KeepOut
 from uavrt.tangent_plane import TangentPlane
 
 CIRCLE_CORNERS = 20
 """As many as an order holds."""
-MOST_TEXT = 2_000_000
 MOST_KEEP_OUT = 100
+MOST_OUTLINES = 1000
+MOST_CORNERS = 1000
+"""Of an outline: lines over it take time by the square of them."""
 MOST_NAME = 24
 _NOT_OUTLINES = frozenset(
     ("Point", "LineString", "LinearRing", "Track", "MultiTrack", "Model", "NetworkLink")
@@ -123,10 +126,15 @@ def _told(what: str, remedy: str) -> Iterator[None]:
 
 
 def _read(text: str, *, every: bool = False) -> list[_Outline]:
-    if len(text) > MOST_TEXT:
-        raise ValueError("it is too long")
     read = _of_kml if text.lstrip("\ufeff \t\r\n")[:1] == "<" else _of_json
-    return list(read(text, every))
+    return _bounded(read(text, every))
+
+
+def _bounded(outlines: Iterator[_Outline]) -> list[_Outline]:
+    found = list(islice(outlines, MOST_OUTLINES + 1))
+    if len(found) > MOST_OUTLINES:
+        raise ValueError(f"it holds more than {MOST_OUTLINES} outlines")
+    return found
 
 
 def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place, ...]:
@@ -136,6 +144,8 @@ def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place,
     for north, east in places:
         if not (isfinite(north) and isfinite(east) and abs(north) <= 90 and abs(east) <= 180):
             raise ValueError(f"{north:g}, {east:g} is no place on earth")
+    if len(places) > MOST_CORNERS:
+        raise ValueError(f"an outline of {len(places)} corners, more than {MOST_CORNERS}")
     if len(places) < least:
         raise ValueError("an outline has three corners or more")
     return places
@@ -169,14 +179,6 @@ def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
     return tuple((float(north), float(east)) for north, east in places)
 
 
-def json_in(text: str) -> Any:
-    """Read JSON; what is none raises `ValueError` with the line."""
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"it is not JSON from line {error.lineno} on") from None
-
-
 def in_words(error: Exception) -> str:
     """What is wrong with a text; Python's own words for a strange one help nobody."""
     if isinstance(error, KeyError):
@@ -187,7 +189,7 @@ def in_words(error: Exception) -> str:
 
 
 def _of_json(text: str, every: bool) -> Iterator[_Outline]:
-    found = json_in(text)
+    found = read_json(text, SHAPES)
     if found.get("fileType") == "Plan":
         yield from _of_plan(found)
     else:
@@ -236,7 +238,7 @@ def _of_plan(found: Any) -> Iterator[_Outline]:
         for item in found.get("mission", {}).get("items", [])
         if "polygon" in item
     ]
-    fences = list(_fences(found.get("geoFence", {})))
+    fences = _bounded(_fences(found.get("geoFence", {})))
     yield from surveyed or [one for one in fences if not one.keep_out]
     yield from (one for one in fences if one.keep_out)
 
@@ -255,10 +257,7 @@ def _fences(fence: Any) -> Iterator[_Outline]:
 
 
 def _of_kml(text: str, every: bool) -> Iterator[_Outline]:
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ValueError("it declares XML entities, which KML never needs")
-    # Without the declaration: the text is decoded already.
-    root = ET.fromstring(text[text.find("<kml") :] if "<kml" in text else text)
+    root = read_xml(text, SHAPES, "kml")
     names = {
         polygon: _kml_name(placemark)
         for placemark in root.iter()

@@ -10,7 +10,8 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from uavrt.errors import FormatError
-from uavrt.guidance.area_text import MOST_TEXT, in_words, json_in
+from uavrt.foreign import SHAPES, read_json, read_xml
+from uavrt.guidance.area_text import in_words
 from uavrt.guidance.orders import Place
 
 _WAYPOINTS = range(16, 23)
@@ -34,10 +35,8 @@ def way_in(text: str, name: str) -> tuple[Place, ...]:
         It is none of the three kinds of file, or its places are none.
     """
     try:
-        if len(text) > MOST_TEXT:
-            raise ValueError("it is too long")
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
-        places = tuple(_of_kml(text) if kml else _of_json(json_in(text)))
+        places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))
         if len(places) > _MOST_PLACES:
             raise ValueError(f"it has more than {_MOST_PLACES} places")
         for north, east in places:
@@ -83,9 +82,7 @@ def _of_item(item: Any) -> Iterator[Place]:
 
 
 def _of_kml(text: str) -> Iterator[Place]:
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ValueError("it declares XML entities, which KML never needs")
-    root = ET.fromstring(text[text.find("<kml") :] if "<kml" in text else text)
+    root = read_xml(text, SHAPES, "kml")
     for line in root.iter():
         if line.tag.rpartition("}")[2] != "LineString":
             continue

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 from uavrt.clock import monotonic_s
 from uavrt.config import GuidanceSettings, Settings
 from uavrt.errors import ConfigError, PlanError, UavrtError
+from uavrt.foreign import SHAPES, read_file
 from uavrt.geodesy import distance_m
 from uavrt.guidance import (
     HOME_MOVED_M,
@@ -145,7 +146,7 @@ def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
     if name is None:
         return ()
     try:
-        text = Path(name).read_text("utf-8-sig")
+        text = read_file(name, SHAPES).decode("utf-8-sig")
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"guidance.keep_out_file {name} cannot be read: {error}",

@@ -13,6 +13,7 @@ import numpy as np
 
 from uavrt.clock import iso_utc
 from uavrt.errors import FormatError
+from uavrt.foreign import require_plain_file
 from uavrt.messages import IQBlock
 from uavrt.radio.file_names import NameFacts
 from uavrt.radio.formats import SampleFormat, clean, look_like_floats
@@ -284,6 +285,7 @@ def file_size(path: Path) -> int:
     try:
         if path.is_dir():
             raise FormatError(f"{path} is a directory", remedy="Name a recording in it")
+        require_plain_file(path)
         return path.stat().st_size
     except OSError as error:
         raise cannot_read(path, error) from error

@@ -5,7 +5,6 @@ standard library: the ``sigmf`` package reads samples five times slower than ``r
 brings a JSON-schema validator along.
 """
 
-import json
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from typing import Any
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
+from uavrt.foreign import NOTES, read_file, read_json
 from uavrt.radio.formats import sigmf_format
 from uavrt.radio.live_source import check_rates
 from uavrt.radio.recording import (
@@ -245,14 +245,13 @@ def _paths(path: Path) -> tuple[Path, Path]:
 
 def _load(path: Path) -> Mapping[str, Any]:
     try:
-        loaded = json.loads(path.read_bytes())
+        loaded = read_json(read_file(path, NOTES), NOTES)
     except OSError as error:
         raise cannot_read(path, error) from error
     except (ValueError, RecursionError) as error:
-        at = f" from line {error.lineno} on" if isinstance(error, json.JSONDecodeError) else ""
         raise _fault(
             path,
-            f"is not JSON{at}: it is damaged, or another file",
+            f"cannot be read: {error}; it is damaged, or another file",
             "Copy it again, or give --format, --sample-rate and --center-frequency for the "
             "samples alone",
         ) from error

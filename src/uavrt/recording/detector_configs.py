@@ -23,6 +23,7 @@ from uavrt.config import (
     write_text_atomically,
 )
 from uavrt.errors import FormatError, RecordingError
+from uavrt.foreign import SETTINGS, read_file
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 from uavrt.units import hz_from_mhz, mhz_from_hz
 
@@ -145,7 +146,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
     """
     name = os.fspath(path)
     try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
+        text = read_file(path, SETTINGS).decode("utf-8", "replace")
     except OSError as error:
         raise FormatError(
             f"cannot read {name}: {error.strerror}", remedy="Check the name"

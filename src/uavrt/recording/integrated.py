@@ -20,6 +20,7 @@ import msgspec
 from uavrt.clock import parse_iso_intervals
 from uavrt.config import write_text_atomically
 from uavrt.errors import FormatError, RecordingError
+from uavrt.foreign import NOTES, read_file, read_json
 from uavrt.messages import PulsePose
 from uavrt.recording.fields import IN_NO_TABLE
 from uavrt.recording.layout import FlightLayout
@@ -214,7 +215,7 @@ def read_integrated(
     if not tags.is_file():
         return (), ()
     try:
-        verdicts = tuple(map(_verdict, json.loads(tags.read_text(encoding="utf-8"))))
+        verdicts = tuple(map(_verdict, read_json(read_file(tags, NOTES), NOTES)))
     except (OSError, ValueError, TypeError, RecursionError) as error:
         raise FormatError(
             f"{tags} cannot be read: {error}", remedy="Remove it, and integrate again"
@@ -234,7 +235,7 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
     if not path.is_file():
         return ()
     try:
-        return tuple(map(_fold, json.loads(path.read_text(encoding="utf-8"))))
+        return tuple(map(_fold, read_json(read_file(path, NOTES), NOTES)))
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
         raise FormatError(
             f"{path} cannot be read: {error}", remedy="Remove it, and integrate again"

@@ -11,10 +11,10 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Literal, TextIO
 
 from uavrt.errors import FormatError
+from uavrt.foreign import TEXT_LOG, read_file
 from uavrt.messages import BurstInside, Pose, Pulse, PulseKey, PulsePose
 from uavrt.on_earth import is_attitude, place_on_earth
 from uavrt.recording.csv_line import csv_cells
@@ -166,7 +166,7 @@ def read_pulse_file(
     """
     name = os.fspath(path)
     try:
-        content = Path(path).read_bytes()
+        content = read_file(path, TEXT_LOG)
     except OSError as error:
         raise FormatError(f"cannot read {name}: {error}", remedy="Check the name") from error
     text = content.decode("utf-8-sig", errors="replace")
@@ -186,7 +186,7 @@ def read_pulse_file(
                 insides[burst.key] = burst
             else:
                 found.append(pulse_from_record(record))
-        except (ValueError, KeyError, TypeError, OverflowError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             damaged.add(number, error)
     damaged.judge(len(found))
     return tuple(_with_inside(item, insides) for item in found) if insides else tuple(found)

@@ -21,6 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from uavrt.errors import FormatError
+from uavrt.foreign import TEXT_LOG, read_file
 from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose
 from uavrt.on_earth import is_attitude, place_on_earth
 from uavrt.recording.damaged_lines import DamagedLines
@@ -117,7 +118,7 @@ def read_pulse_pose_log(
         The file cannot be read, or more lines are no pulses than are.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig", "replace")
+        text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
     except OSError as error:
         raise FormatError(
             f"cannot read {os.fspath(path)}: {error.strerror}", remedy="Check the name"

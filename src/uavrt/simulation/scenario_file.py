@@ -10,6 +10,7 @@ from typing import Any
 from uavrt.clock import iso_utc, parse_iso_utc
 from uavrt.config import faults_of_tags
 from uavrt.errors import ConfigError
+from uavrt.foreign import SETTINGS, check_toml, read_file, shortened
 from uavrt.simulation.scenario import Scenario
 
 
@@ -27,7 +28,7 @@ def load_scenario(path: str | Path) -> Scenario:
         The file cannot be read, or has faults; all of them are listed with their place.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_file(path, SETTINGS).decode()
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise ConfigError(
@@ -54,8 +55,9 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     from pydantic import TypeAdapter, ValidationError
 
     try:
+        check_toml(text, SETTINGS)
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{source} is not valid TOML: {error}") from error
     faults: list[str] = []
     _read_start_time(table, faults)
@@ -68,7 +70,7 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     else:
         faults += scenario_faults(scenario)
     if faults:
-        lines = "\n".join(f"  {fault}" for fault in faults)
+        lines = "\n".join(f"  {fault}" for fault in shortened(faults))
         raise ConfigError(
             f"{source} has {len(faults)} fault(s):\n{lines}",
             remedy="Correct them; docs/reference/scenario.md lists every key",

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError
+from uavrt.foreign import require_plain_file
 from uavrt.terrain.elevation import Raster
 
 SUFFIXES = (".tif", ".tiff")
@@ -27,7 +28,9 @@ _READ = frozenset(
     | {33550, 33922, 34264, 34735, 42113}
 )
 """Tags; all others are passed over."""
-_MOST_VALUES = 1_000_000
+_MOST_BLOCKS, _MOST_VALUES = 300_000, 4096
+"""Values of the tags that list blocks, and of each other tag."""
+_LISTS = frozenset({273, 279, 324, 325})
 _MOST_BLOCK_POINTS = 1 << 24
 _SCALES = 1e-8, 1e8
 """Degrees or metres: what a step may be, and how far away a corner."""
@@ -93,6 +96,7 @@ def geotiff_raster(path: Path) -> Raster:
         It is damaged, tells no place, or is of a kind that is not read.
     """
     try:
+        require_plain_file(path)
         with path.open("rb") as file:
             order, tags = _directory(file)
         return _raster(path, order, tags)
@@ -133,7 +137,9 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
         tag, kind = struct.unpack(order + "HH", one[:4])
         length = struct.unpack(order + ("Q" if big else "I"), one[4 : 12 if big else 8])[0]
         value = one[12:] if big else one[8:]
-        if tag not in _READ or tag in tags or kind not in _SIZES or length > _MOST_VALUES:
+        if tag not in _READ or tag in tags or kind not in _SIZES:
+            continue
+        if length > (_MOST_BLOCKS if tag in _LISTS else _MOST_VALUES):
             continue
         size = _SIZES[kind] * length
         if size > len(value):
@@ -303,7 +309,7 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
     file.seek(blocks.places[number])
     data = file.read(blocks.sizes[number])
     if blocks.packed in (_DEFLATE, _OLD_DEFLATE):
-        data = zlib.decompressobj().decompress(data, max(size, blocks.high * blocks.wide * 8))
+        data = zlib.decompressobj().decompress(data, size)
     elif blocks.packed == _LZW:
         data = _unpacked_lzw(data, size)
     elif blocks.packed == _PACKBITS:
@@ -313,8 +319,8 @@ def _block(file: BinaryIO, blocks: _Blocks, number: int) -> NDArray[np.float32]:
     heights = _unpredicted(data[:size], shape, kind, blocks.predictor)
     if blocks.nodata is not None:
         gone = np.isnan(heights) if math.isnan(blocks.nodata) else heights == blocks.nodata
-        heights = np.where(gone, np.nan, heights)
-    return heights.astype(np.float32)
+        heights[gone] = np.nan
+    return np.asarray(heights, np.float32)
 
 
 def _unpredicted(
@@ -327,14 +333,14 @@ def _unpredicted(
         summed = np.cumsum(rows, axis=1, dtype=np.uint8)
         # The most significant bytes of all points come first.
         planes = summed.reshape(shape[0], width, shape[1]).transpose(0, 2, 1)
-        return np.ascontiguousarray(planes).view(kind.newbyteorder(">"))[..., 0].astype("f8")
+        return np.ascontiguousarray(planes).view(kind.newbyteorder(">"))[..., 0].astype("f4")
     points = np.frombuffer(data, kind).reshape(shape)
     if predictor == 2:
         whole = np.dtype(f"{kind.byteorder}u{kind.itemsize}")
         native = np.dtype(f"u{kind.itemsize}")
         summed = np.cumsum(points.view(whole).astype(native), axis=1, dtype=native)
         points = summed.view(kind.newbyteorder("="))
-    return points.astype("f8")
+    return points.astype("f4")
 
 
 def _unpacked_bits(data: bytes, size: int) -> bytes:

@@ -6,7 +6,6 @@ its neighbours, too. -32768 is a void. Heights are above the geoid EGM96 ("SRTM 
 Guide", NASA LP DAAC, 2015).
 """
 
-import os
 import re
 import zipfile
 import zlib
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError
+from uavrt.foreign import ZIPPED_TILE, open_zip, size_of
 from uavrt.terrain.elevation import Raster
 
 SUFFIXES = (".hgt", ".hgt.zip")
@@ -53,7 +53,7 @@ def srtm_raster(path: Path) -> Raster:
     south = int(named[2]) * (1 if named[1].upper() == "N" else -1)
     west = int(named[4]) * (1 if named[3].upper() == "E" else -1)
     try:
-        size = _zipped(path)[1] if path.suffix.lower() == ".zip" else os.stat(path).st_size
+        size = _zipped(path)[1] if path.suffix.lower() == ".zip" else size_of(path)
     except _DAMAGED as error:
         raise FormatError(f"{path} cannot be read: {error}", remedy=_AGAIN) from error
     side = _SIDES.get(size)
@@ -79,7 +79,7 @@ def srtm_raster(path: Path) -> Raster:
 
 def _zipped(path: Path) -> tuple[str, int]:
     """Name and size of the one tile in a zip."""
-    with zipfile.ZipFile(path) as archive:
+    with open_zip(path, ZIPPED_TILE) as archive:
         found = [one for one in archive.infolist() if one.filename.lower().endswith(".hgt")]
         if len(found) != 1:
             raise ValueError(f"it holds {len(found)} tiles, not one")
@@ -90,7 +90,7 @@ def _points(path: Path, side: int, window: tuple[int, int, int, int]) -> NDArray
     top, bottom, left, right = window
     try:
         if path.suffix.lower() == ".zip":
-            with zipfile.ZipFile(path) as archive:
+            with open_zip(path, ZIPPED_TILE) as archive:
                 tile = np.frombuffer(archive.read(_zipped(path)[0]), ">i2").reshape(side, side)
         else:
             tile = np.memmap(path, ">i2", "r", shape=(side, side))

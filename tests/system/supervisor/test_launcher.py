@@ -29,7 +29,7 @@ def main():
     with open("/proc/self/comm") as file:
         name = file.read().strip()
     os.write(place, b"through the descriptor")
-    print(os.getpgrp() == os.getpid(), os.environ["COLOUR"], b" ".join(words[1:3]).decode(),
+    print(os.getpgrp() == os.getpid(), os.environ["COLOUR"], b" ".join(words[1:4]).decode(),
           name if "forked" in sys.argv else "", flush=True)
     sys.stderr.write("and an error\\n")
     if "stays" in sys.argv:
@@ -102,17 +102,17 @@ def test_where_orphans_are_not_adopted_processes_are_executed(launcher: Launcher
     ready(launcher)
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
     executed = Started(launcher, "forked")
-    assert executed.first_line().startswith("True green -m stand_in ")
+    assert executed.first_line().startswith("True green -P -m stand_in ")
     code, _, through = executed.end()  # waits for it
     assert (code, through) == (7, "through the descriptor")
 
 
 def test_a_forked_process_is_like_an_executed_one(launcher: Launcher) -> None:
     executed = Started(launcher)
-    assert executed.first_line() == "True green -m stand_in"
+    assert executed.first_line() == "True green -P -m stand_in"
     ready(launcher)
     forked = Started(launcher, "forked")
-    assert forked.first_line() == "True green -m stand_in stand-in-1"
+    assert forked.first_line() == "True green -P -m stand_in stand-in-1"
     outcome = (7, "and an error", "through the descriptor")
     assert executed.end() == outcome
     assert forked.end() == outcome
@@ -159,7 +159,7 @@ def test_what_is_forked_after_the_supervisor_gave_up_never_runs(
 
     monkeypatch.setattr(launcher, "_answer", late)
     process = Started(launcher)
-    assert process.first_line() == "True green -m stand_in"
+    assert process.first_line() == "True green -P -m stand_in"
     assert process.end() == (7, "and an error", "through the descriptor")
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from uavrt.errors import FormatError
+from uavrt.foreign import TEXT_LOG
 from uavrt.recording.formats import read_pulse_log
-from uavrt.recording.formats.text import MAX_LINES, read_lines
+from uavrt.recording.formats.text import read_lines
 
 # As a SensorGnome of 2016 writes: quotes, a C line, two ports, letters in a port's name.
 PULSES = """\
@@ -86,12 +87,12 @@ def test_a_file_of_nothing_but_ends_of_lines_is_not_unpacked_whole(
 ) -> None:
     path = tmp_path / "lines.txt.gz"
     with gzip.open(path, "wb", 1) as packed:
-        for _ in range(10 * MAX_LINES // 2**20):
+        for _ in range(10 * TEXT_LOG.values // 2**20):
             packed.write(end * 2**20)
     tracemalloc.start()
     try:
         with pytest.raises(FormatError, match="too large to be a log"):
             read_lines(path)
-        assert tracemalloc.get_traced_memory()[1] < 5 * MAX_LINES
+        assert tracemalloc.get_traced_memory()[1] < 5 * TEXT_LOG.values
     finally:
         tracemalloc.stop()

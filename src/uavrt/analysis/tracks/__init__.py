@@ -16,6 +16,7 @@ from uavrt.analysis.tracks.tlog import read_tlog
 from uavrt.analysis.tracks.track import VehicleTrack
 from uavrt.analysis.tracks.ulog import read_ulog
 from uavrt.errors import FormatError
+from uavrt.foreign import require_plain_file
 
 __all__ = [
     "ClockOffset",
@@ -45,6 +46,7 @@ def read_track(path: Path) -> VehicleTrack:
         A package that it needs is not installed.
     """
     try:
+        require_plain_file(path)
         with path.open("rb") as file:
             head = file.read(4096)
     except OSError as error:

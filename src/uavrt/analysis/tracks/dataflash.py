@@ -24,6 +24,7 @@ from uavrt.analysis.tracks.track import (
 )
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
+from uavrt.foreign import TRACK, read_file
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.on_ground import spans_on_ground
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -64,7 +65,7 @@ def read_dataflash(path: Path) -> VehicleTrack:
         It cannot be read, or holds no time, no attitude or no place.
     """
     try:
-        content = path.read_bytes()
+        content = read_file(path, TRACK)
     except OSError as error:
         raise FormatError(f"cannot read {path}: {error.strerror}") from error
     rows: dict[str, list[_Row]] = {name: [] for name in _WANTED}

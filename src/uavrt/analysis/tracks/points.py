@@ -25,6 +25,7 @@ from uavrt.analysis.tracks.track import (
 from uavrt.attitude import from_euler_deg
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
+from uavrt.foreign import GPX, read_xml
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.on_earth import OffEarthError
 from uavrt.recording.formats import place_or_none, read_lines
@@ -109,15 +110,10 @@ def read_gpx(path: Path) -> VehicleTrack:
         The file cannot be read, is no GPX, or its points have no times.
     """
     text = "\n".join(read_lines(path))
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise FormatError(
-            f"{path} declares XML entities, which GPX never needs", remedy="Check it"
-        )
     places: list[PositionSample] = []
     astray: list[tuple[int, OffEarthError]] = []
     try:
-        # Without the declaration: the text is decoded already.
-        root = ET.fromstring(text[text.find("<gpx") :] if "<gpx" in text else text)
+        root = read_xml(text, GPX, "gpx")
         points = (one for one in root.iter() if one.tag.rpartition("}")[2] == "trkpt")
         for number, point in enumerate(points, start=1):
             inner = {child.tag.rpartition("}")[2]: child.text or "" for child in point}

@@ -15,6 +15,7 @@ from pathlib import Path
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
+from uavrt.foreign import TRACK, read_file
 from uavrt.mavlink import (
     MARKER_V1,
     MARKER_V2,
@@ -31,6 +32,8 @@ from uavrt.on_ground import spans_on_ground
 
 _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 """ATTITUDE is in no message set of ours: our systems ask for ATTITUDE_QUATERNION."""
+_MOST_WRONG = 300_000
+"""Markers without a frame; a log with more of them ends there."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 
@@ -104,13 +107,13 @@ def read_tlog(path: Path) -> VehicleTrack:
         It cannot be read, or holds no frame.
     """
     try:
-        content = path.read_bytes()
+        content = read_file(path, TRACK)
     except OSError as error:
         raise FormatError(f"cannot read {path}: {error.strerror}") from error
     log = _Log()
     parser = FrameParser()
-    place = 0
-    while place + 11 <= len(content):
+    place = wrong = 0
+    while place + 11 <= len(content) and wrong < _MOST_WRONG:
         length = _length(content, place + 8)
         if length is None:
             place += 1  # damaged: look for the next stamp and marker
@@ -121,7 +124,7 @@ def read_tlog(path: Path) -> VehicleTrack:
             log.take(frames[0], struct.unpack_from(">Q", content, place)[0])
             place += 8 + length
         else:
-            place += 1
+            place, wrong = place + 1, wrong + 1
     if not parser.received:
         raise FormatError(f"{path} holds no MAVLink frame", remedy="Give a .tlog")
     offset_ns = log.gps_offset_ns or log.ground_offset_ns or 0

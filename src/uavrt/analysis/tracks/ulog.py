@@ -7,9 +7,10 @@ microseconds since boot.
 
 import contextlib
 import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from uavrt.analysis.tracks.track import (
     VehicleTrack,
@@ -19,11 +20,18 @@ from uavrt.analysis.tracks.track import (
     position,
 )
 from uavrt.errors import FormatError, needs_extra
+from uavrt.foreign import TRACK, size_of
 from uavrt.on_ground import spans_on_ground
 
 _GPS = ("vehicle_gps_position", "sensor_gps")
 _LANDED, _STATUS = "vehicle_land_detected", "vehicle_status"
 _TOPICS = ["vehicle_attitude", "vehicle_global_position", _LANDED, _STATUS, *_GPS]
+_HEADER_BYTES = 16
+_DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
+_FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
+_MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
+_MOST_STEPS = 300_000
+"""Damaged bytes, or pieces of 512 bytes that are searched for the next mark."""
 _ARMED = 2
 """`vehicle_status.arming_state`."""
 _SANE_UNIX_US = 1_400_000_000_000_000
@@ -42,9 +50,13 @@ def read_ulog(path: Path) -> VehicleTrack:
     with needs_extra("analysis", "a log of PX4"):
         from pyulog import ULog
     try:
+        TRACK.check_size(size_of(path), path)
         # Opened here: pyulog leaves a file open that it cannot read; and it prints.
         with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
-            log = ULog(file, _TOPICS)
+            _check_formats(file)
+            log = ULog(_Damaged(file), _TOPICS)
+    except FormatError:
+        raise
     except OSError as error:
         raise FormatError(f"cannot read {path}: {error.strerror}") from error
     except Exception as error:
@@ -86,6 +98,71 @@ def read_ulog(path: Path) -> VehicleTrack:
             _told(topics.get(_LANDED), "landed", 1, offset_us),
         ),
     )
+
+
+class _Damaged:
+    """A log that ends where too much of it is damaged.
+
+    pyulog goes through what it does not understand byte by byte: hours for gigabytes of zeros.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._steps = 0
+        self.name = file.name
+
+    def read(self, size: int = -1) -> bytes:
+        """Read; nothing once the log has ended."""
+        return b"" if self._steps > _MOST_STEPS else self._file.read(size)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Go elsewhere; count the steps back, which only damage makes."""
+        if whence == 1 and offset < 0:
+            self._steps += 1
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Where it is read."""
+        return self._file.tell()
+
+    def close(self) -> None:
+        """Close the file, as pyulog does in the end."""
+        self._file.close()
+
+
+def _check_formats(file: BinaryIO) -> None:
+    """Refuse records of more fields than memory has; raises `ValueError`.
+
+    The definitions stand before the data: ``F`` is ``name:type field;type[9] field;…``, and a
+    type may be another definition.
+    """
+    fields: dict[str, list[tuple[str, int]]] = {}
+    file.seek(_HEADER_BYTES)
+    for _ in range(_MOST_DEFINITIONS):
+        head = file.read(3)
+        if len(head) < 3 or head[2:] not in _DEFINING:
+            break
+        body = file.read(int.from_bytes(head[:2], "little"))
+        if head[2:] == b"F":
+            name, _, told = body.decode("ascii", "replace").partition(":")
+            fields[name] = [
+                (kind, min(int(count or 1), _MOST_FIELDS))
+                for kind, count in _FIELD.findall(told)
+            ]
+    file.seek(0)
+
+    def size(kind: str, depth: int = 0) -> int:
+        if depth > _MOST_DEPTH:
+            raise ValueError("its records are nested too deeply")
+        total = 0
+        for inner, count in fields.get(kind, []):
+            total += count * (size(inner, depth + 1) if inner in fields else 1)
+            if total > _MOST_FIELDS:
+                raise ValueError(f"a record {kind[:40]!r} has more than {_MOST_FIELDS} fields")
+        return total
+
+    for topic in _TOPICS:
+        size(topic)
 
 
 def _told(

@@ -7,7 +7,6 @@ same flight and all pulses of the old one; and the description of a recording ke
 stretches, whose times are corrected at most once.
 """
 
-import json
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -15,14 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.clock import parse_iso_utc
+from uavrt.foreign import NOTES, read_file, read_json
 from uavrt.recording import open_plain
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHUNK = 1 << 20
 OTHER_SUFFIX = ".other-"
 MOST_OTHERS = 100
-MOST_DESCRIBED = 16 << 20
-"""Bytes of a recording's description: a stretch takes some 200."""
 _CORRECTED_S = 2.0
 """By so much at most the time of a stretch is corrected when the clock has settled."""
 
@@ -98,9 +96,7 @@ def same_recording(new: Path, old: Path) -> bool:
 
 def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
     """What a recording is, and of each stretch its first sample, frequency and time [ns]."""
-    if path.stat().st_size > MOST_DESCRIBED:
-        raise ValueError("longer than any")
-    described = json.loads(path.read_bytes())
+    described = read_json(read_file(path, NOTES), NOTES)
     about = described["global"]
     kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))
     return kind, [

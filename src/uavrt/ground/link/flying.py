@@ -25,6 +25,7 @@ from uavrt.guidance import (
     survey_items,
     survey_places,
 )
+from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT
 from uavrt.messages import KeepOut, MotionRequest
 from uavrt.tunnel import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -144,11 +145,6 @@ class Flying:
         """
         request = _request(wish)
         way = self._way(request)
-        if request.action == "survey" and len(request.places) > MAX_PLACES:
-            raise UsageError(
-                f"an area of {len(request.places)} corners",
-                remedy=f"Draw one of {MAX_PLACES} or fewer",
-            )
         self._offered = None
         offer = await ask(self._link(), request)
         now_ns = self._session.clock.now_ns()
@@ -282,6 +278,11 @@ def area_of_file(wish: Any) -> dict[str, Any]:
             f"{name[:80]} has {len(places)} corners",
             remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
         )
+    if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
+        raise FormatError(
+            f"{name[:80]} keeps out of outlines with more than {2 * MOST_CORNERS} corners",
+            remedy="Simplify them",
+        )
     return {
         "places": _listed(places),
         "keep_out": [
@@ -305,9 +306,14 @@ def _request(wish: Any) -> MotionRequest:
     pattern = wish.get("pattern", "lines")
     if pattern not in PATTERNS:
         raise FormatError("pattern must be lines, around or points")
+    places = places_in(wish.get("places", []))
+    if len(places) > MAX_PLACES:
+        raise UsageError(
+            f"an area of {len(places)} corners", remedy=f"Draw one of {MAX_PLACES} or fewer"
+        )
     return motion_request(
         str(wish.get("action")),
-        places_in(wish.get("places", [])),
+        places,
         height_m=None if height is None else number_in(wish, "height_m", 0.0),
         duration_s=number_in(wish, "duration_s", 60.0),
         clockwise=wish.get("clockwise", True) is not False,
@@ -323,11 +329,15 @@ def _request(wish: Any) -> MotionRequest:
 def _keep_out(given: Any) -> tuple[KeepOut, ...]:
     """Places to keep out of, as `area_of_file` gives them."""
     found = []
+    if isinstance(given, list) and len(given) > MOST_KEEP_OUT:
+        raise FormatError(f"keep_out has at most {MOST_KEEP_OUT} outlines")
     for one in given if isinstance(given, list) else [None]:
         if not isinstance(one, dict):
             raise FormatError("keep_out must be a list of outlines")
         radius = one.get("radius_m")
         places = places_in(one.get("places"))
+        if len(places) > MOST_CORNERS:
+            raise FormatError(f"an outline has at most {MOST_CORNERS} corners")
         if len(places) != 1 if radius is not None else len(places) < 3:
             raise FormatError("keep_out has outlines, or a place with its radius")
         radius_m = None if radius is None else number_in(one, "radius_m", 0.0)

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -18,7 +17,7 @@ from uavrt.analysis import read_season
 from uavrt.computer import Finding
 from uavrt.config import load_settings
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
-from uavrt.ground.link import area_of_file, place_in
+from uavrt.ground.link import place_in
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store import PULSE_COLUMNS, AntennaChoice, Columns, Estimator
 from uavrt.ground.web import maps, tag_table
@@ -27,6 +26,13 @@ from uavrt.ground.web.column_answers import POSE_COLUMNS, chosen_columns, thinne
 from uavrt.ground.web.coordinates import readout
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.ground.web.facts import tell_facts, told_facts
+from uavrt.ground.web.foreign_requests import (
+    area_in_body,
+    checked_tags,
+    imported_tags,
+    read_body,
+)
+from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.foresight import Foresight, foresight_desk
 from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
 from uavrt.ground.web.integrating import IntegrationDesk, fold_pictures
@@ -52,10 +58,18 @@ class Api:
         What is shown and commanded.
     drone_settings : Path, optional
         ``uavrt.toml`` of the drone side, where the page runs on the drone's own computer.
+    worker : ForeignWorker, optional
+        Reads what others made; by default one of its own.
     """
 
-    def __init__(self, session: GroundSession, drone_settings: Path | None = None) -> None:
+    def __init__(
+        self,
+        session: GroundSession,
+        drone_settings: Path | None = None,
+        worker: ForeignWorker | None = None,
+    ) -> None:
         self._session = session
+        self._worker = worker or ForeignWorker()
         self._drone_settings = drone_settings
         self._estimates: dict[tuple[Any, ...], Any] = {}
         self._reporter = Reporter(session.store.directory / "reports")
@@ -132,7 +146,8 @@ class Api:
         have changed it.
         """
         self._check_commander(request)
-        tags, faults = tag_table.tags_from_rows(await json_body(request))
+        rows = await json_body(request)
+        tags, faults = await self._worker.call(tag_table.tags_from_rows, rows)
         if faults:
             return Answer(422, {"faults": [asdict(fault) for fault in faults]})
         now = self._session.store.tags
@@ -146,24 +161,12 @@ class Api:
 
     async def check_tags(self, request: Request) -> Any:
         """Report the faults of a table that is being typed; without any, what may surprise."""
-        tags, faults = tag_table.tags_from_rows(await json_body(request))
-        warnings = tag_table.warnings_of(tags)
-        return {"faults": [asdict(fault) for fault in faults], "warnings": warnings}
+        checked = await self._worker.call(checked_tags, await request.body())
+        return checked | {"faults": [asdict(fault) for fault in checked["faults"]]}
 
     async def import_tags(self, request: Request) -> Any:
         """Read rows from files, and what these do not fly with; nothing is kept yet."""
-        files = await json_body(request)
-        if not isinstance(files, dict) or not all(
-            isinstance(one, str) for one in files.values()
-        ):
-            raise FormatError("files must be texts by their names")
-        rows = tag_table.import_rows(files)
-        tags, _ = tag_table.tags_from_rows(rows)
-        return {
-            "rows": rows,
-            "left_out": tag_table.not_selected(files),
-            "warnings": tag_table.warnings_of(tags),
-        }
+        return await self._worker.call(imported_tags, await request.body())
 
     async def export_tags(self, request: Request) -> Any:
         """Write the table as a file."""
@@ -205,7 +208,9 @@ class Api:
                 MONOPOLE: {"e_plane_db": None},
             },
             "presets": tag_table.PRESETS,
-            "maps": maps.map_list(self._session.store.directory / "maps"),
+            "maps": await self._worker.call(
+                maps.map_list, self._session.store.directory / "maps"
+            ),
             "maps_directory": str((self._session.store.directory / "maps").absolute()),
             "exports": list(EXPORTS),
         }
@@ -267,7 +272,7 @@ class Api:
 
     async def motion_area(self, request: Request) -> Any:
         """Corners of an area: ``{"name": …, "text": …}`` of a file, or centre and radius."""
-        return area_of_file(await json_body(request))
+        return await self._worker.call(area_in_body, await request.body())
 
     async def motion_plan(self, request: Request) -> Any:
         """Where a motion would lead; the drone is not asked."""
@@ -452,7 +457,7 @@ class Api:
         """One tile of an MBTiles file."""
         place = request.path_params
         path = maps.map_path(self._session.store.directory / "maps", place["name"])
-        tile = await asyncio.to_thread(maps.tile, path, place["z"], place["x"], place["y"])
+        tile = await self._worker.call(maps.tile, path, place["z"], place["x"], place["y"])
         if tile is None:
             return Response(status_code=204)
         content, kind, encoding = tile
@@ -495,7 +500,8 @@ class Api:
     async def put_map(self, request: Request) -> Any:
         """Take a map file, as it is in the body."""
         folder = self._session.store.directory / "maps"
-        return await maps.store_map(folder, request.path_params["name"], request.stream())
+        name = request.path_params["name"]
+        return await maps.store_map(folder, name, request.stream(), self._worker)
 
     def _check_commander(self, request: Request) -> None:
         self._session.commander.check(request.headers.get("x-page"))
@@ -576,10 +582,7 @@ def _card_and_clock(drone_settings: Path) -> list[Finding]:
 
 async def json_body(request: Request) -> Any:
     """Read what was sent as JSON; raises `FormatError`."""
-    try:
-        return json.loads(await request.body() or b"{}")
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"the request is not JSON: {error}") from error
+    return read_body(await request.body())
 
 
 def _place_records(places: Places) -> dict[str, Any]:

@@ -57,7 +57,7 @@ class IntegrationDesk:
 async def _judged(flight: Path, dem: str) -> str | None:
     """Run the program; what went wrong, in its words."""
     program = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "uavrt.cli", "integrate", str(flight)),
+        *(sys.executable, "-P", "-m", "uavrt.cli", "integrate", str(flight)),
         *(("--dem", dem) if dem else ()),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,

@@ -1,5 +1,6 @@
 """Map files that the user put into the folder ``maps``: PMTiles and MBTiles."""
 
+import asyncio
 import re
 from collections.abc import AsyncIterator
 from dataclasses import asdict
@@ -9,6 +10,7 @@ from typing import Any
 
 from uavrt.analysis import MapFile, read_map
 from uavrt.errors import FormatError, RecordingError, UsageError
+from uavrt.ground.web.foreign_worker import ForeignWorker
 
 MAX_MAP = 8_000_000_000
 _NAME = re.compile(r"[\w][\w .()-]{0,120}\.(pmtiles|mbtiles)", re.IGNORECASE)
@@ -47,7 +49,9 @@ def map_path(directory: Path, name: str) -> Path:
     return path
 
 
-async def store_map(directory: Path, name: str, chunks: AsyncIterator[bytes]) -> dict[str, Any]:
+async def store_map(
+    directory: Path, name: str, chunks: AsyncIterator[bytes], worker: ForeignWorker
+) -> dict[str, Any]:
     """Write a map file as it comes, whole or not at all; gives its facts.
 
     Raises
@@ -74,8 +78,8 @@ async def store_map(directory: Path, name: str, chunks: AsyncIterator[bytes]) ->
                     taken += len(chunk)
                     if taken > MAX_MAP:
                         raise UsageError(f"{name} is larger than {MAX_MAP // 10**9} GB")
-                    file.write(chunk)
-            facts = _facts(read_map(part))
+                    await asyncio.to_thread(file.write, chunk)
+            facts = _facts(await worker.call(read_map, part))
             part.replace(directory / name)
     except OSError as error:
         raise RecordingError(f"{name} cannot be kept: {error.strerror}") from error

@@ -72,7 +72,7 @@ def _kept(place: Path, flight: Path) -> bytes | None:
 async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
     await asyncio.to_thread(place.mkdir, parents=True, exist_ok=True)
     program = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "uavrt.cli", "report", str(flight)),
+        *(sys.executable, "-P", "-m", "uavrt.cli", "report", str(flight)),
         *("--antenna", antenna.pattern, f"--antenna-offset={antenna.offset_deg}"),
         *("--heading-error", str(antenna.heading_sigma_deg)),
         *("--height-error", str(antenna.height_sigma_m)),

@@ -24,10 +24,12 @@ from uavrt.errors import ConfigError, LinkError
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.api import Api, answered
+from uavrt.ground.web.doorkeeper import ListeningSocket, doors_watched, protocol_of
 from uavrt.ground.web.doors import Served, doors
 from uavrt.ground.web.drone_flights import ExtraApi
 from uavrt.ground.web.fleet_api import FleetApi
 from uavrt.ground.web.flight_lists import FlightListApi
+from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.guard import Guard
 from uavrt.ground.web.set_up_api import SetUpApi
 
@@ -59,7 +61,7 @@ class ServerSettings:
     """``uavrt.toml`` of the drone side on this computer, which the page may set up."""
 
 
-def listening_socket(settings: ServerSettings) -> socket.socket:
+def listening_socket(settings: ServerSettings) -> ListeningSocket:
     """Bind the server's socket, so that a busy port is reported before anything starts.
 
     Raises
@@ -71,7 +73,7 @@ def listening_socket(settings: ServerSettings) -> socket.socket:
     """
     _check_certificate(settings)
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    sock = socket.socket(family, socket.SOCK_STREAM)
+    sock = ListeningSocket(family)
     try:
         # Not on Windows, where it lets two servers share a port.
         if hasattr(socket, "SO_REUSEPORT"):
@@ -115,6 +117,18 @@ class PageServer(uvicorn.Server):
         """Capture none: ``uavrt ground`` stops everything in its order."""
         yield
 
+    async def serve(self, sockets: list[socket.socket] | None = None) -> None:
+        """Serve the page; each client has its share of connections."""
+        (entrance,) = sockets or ()
+        assert isinstance(entrance, ListeningSocket)
+        self.config.http = protocol_of(entrance)
+        try:
+            with doors_watched(entrance):
+                await super().serve(sockets)
+        finally:
+            assert isinstance(self.config.app, Starlette)
+            self.config.app.state.foreign.close()
+
 
 def page_server(fleet: Fleet, settings: ServerSettings) -> PageServer:
     """Make the server; serve it with ``serve(sockets=[listening_socket(settings)])``."""
@@ -124,7 +138,6 @@ def page_server(fleet: Fleet, settings: ServerSettings) -> PageServer:
             log_config=None,
             access_log=False,
             lifespan="off",
-            http="h11",
             ws="websockets-sansio",
             ws_max_size=4096,
             ssl_certfile=settings.certificate,
@@ -139,7 +152,8 @@ def application(
     session: GroundSession, settings: ServerSettings, fleet: Fleet | None = None
 ) -> Starlette:
     """Make the web application of a session, and of the other vehicles of its fleet."""
-    api = Api(session, settings.drone_settings)
+    worker = ForeignWorker()
+    api = Api(session, settings.drone_settings, worker)
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
     routes = _routes(session, api)
     for path, method, handler in SetUpApi(session, settings.drone_settings).routes():
@@ -147,14 +161,16 @@ def application(
     if fleet is not None:
         for path, method, handler in FleetApi(fleet).routes():
             routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
-        routes.append(Mount("/vehicle/{number:int}", FurtherVehicles(fleet)))
+        routes.append(Mount("/vehicle/{number:int}", FurtherVehicles(fleet, worker)))
     routes.append(Route("/api/doors", answered(_doors(settings))))
     routes.append(Route("/maps/{name}", answered(api.map_file)))
     routes.append(Route("/maps/{name}/{z:int}/{x:int}/{y:int}", answered(api.map_tile)))
     if (STATIC / "assets").is_dir():
         assets = _Assets(directory=STATIC / "assets", follow_symlink=False)
         routes.append(Mount("/assets", assets))
-    return Starlette(routes=routes, middleware=[guard])
+    served = Starlette(routes=routes, middleware=[guard])
+    served.state.foreign = worker
+    return served
 
 
 def _doors(settings: ServerSettings) -> Callable[[Request], Awaitable[Any]]:
@@ -183,8 +199,8 @@ def _routes(session: GroundSession, api: Api) -> list[Route | Mount | WebSocketR
 class FurtherVehicles:
     """The page of each further vehicle, below ``/vehicle/NUMBER``."""
 
-    def __init__(self, fleet: Fleet) -> None:
-        self._fleet = fleet
+    def __init__(self, fleet: Fleet, worker: ForeignWorker) -> None:
+        self._fleet, self._worker = fleet, worker
         self._made: dict[int, tuple[GroundSession, Starlette]] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -201,7 +217,10 @@ class FurtherVehicles:
             return
         kept = self._made.get(number)
         if kept is None or kept[0] is not session:
-            kept = (session, Starlette(routes=_routes(session, Api(session))))
+            kept = (
+                session,
+                Starlette(routes=_routes(session, Api(session, None, self._worker))),
+            )
             self._made[number] = kept
         await kept[1](scope, receive, send)
 

@@ -54,9 +54,9 @@ def is_selected(cell: str) -> bool:
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
     """Join a name that contains separators: the cells around it have a known number."""
-    while cells and not cells[-1]:
-        cells = cells[:-1]
-    end = len(cells) - after
+    last = next((place for place in range(len(cells), 0, -1) if cells[place - 1]), 0)
+    cells = cells[:last]
+    end = last - after
     return [*cells[:before], joined.join(cells[before:end]), *cells[end:]]
 
 

@@ -23,6 +23,7 @@ from uavrt.config import (
     words_of_near_codes,
 )
 from uavrt.errors import TagFileError, UsageError
+from uavrt.foreign import TAGS, read_file
 from uavrt.ground.web.tag_csv import is_selected, read_csv
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 from uavrt.recording import TableWriter
@@ -234,7 +235,7 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
 def read_table(path: Path) -> tuple[Tag, ...]:
     """Read the stored table; a damaged one is none, its file is left for a person to mend."""
     try:
-        return parse_tags(path.read_bytes(), name=path.name)
+        return parse_tags(read_file(path, TAGS), name=path.name)
     except (OSError, TagFileError):
         return ()
 

@@ -10,9 +10,9 @@ import math
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 from uavrt.errors import FormatError
+from uavrt.foreign import TEXT_LOG, read_file
 from uavrt.recording.formats.text import (
     finite,
     latitude,
@@ -53,7 +53,7 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
     """
     name = os.fspath(path)
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        lines = read_file(path, TEXT_LOG).decode("utf-8-sig").splitlines()
     except OSError as error:
         raise FormatError(
             f"{name} cannot be read: {error.strerror}",

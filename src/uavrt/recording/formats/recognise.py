@@ -225,7 +225,7 @@ def _is_record(line: str) -> bool:
         return False
     try:
         return "tag_id" in json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return line[1:].lstrip().startswith('"tag_id"')
 
 

@@ -1,27 +1,22 @@
 """Lines, numbers and times of text files; what is wrong is refused with its line."""
 
-import gzip
 import math
 import os
 import re
 import zlib
 from collections.abc import Sequence
-from pathlib import Path
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
+from uavrt.foreign import TEXT_LOG, most_unpacked, pieces_of, read_file, unpack
 from uavrt.on_earth import latitude_on_earth, longitude_on_earth, place_on_earth
 from uavrt.recording.damaged_lines import words_of
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 MAX_TIME_NS = 2**62
 """The year 2116; also well inside SQLite's integers."""
-MAX_BYTES = 512 * 1024 * 1024
-MAX_LINES = 10_000_000
-"""Ends of lines pack well: a megabyte of gzip would be a hundred million lines."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
 """A number that fills its cell, with a comma for its point."""
-_PIECE_BYTES = 1 << 20
 _GZIP = b"\x1f\x8b"
 
 
@@ -37,12 +32,14 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
     """
     name = os.fspath(path)
     try:
-        if os.stat(path).st_size > MAX_BYTES:
-            raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
-        content = Path(path).read_bytes()
+        content = read_file(path, TEXT_LOG)
         if content.startswith(_GZIP):
-            content = _unpacked(path)
-        if len(content) > MAX_BYTES or _line_count(content) > MAX_LINES:
+            most = min(TEXT_LOG.bytes, most_unpacked(len(content)))
+            lines = min(TEXT_LOG.values, max(most // 32, len(content)))
+            content = unpack(pieces_of(content), most)
+        else:
+            most, lines = TEXT_LOG.bytes, TEXT_LOG.values
+        if len(content) > most or _line_count(content) > lines:
             raise FormatError(f"{name} is too large to be a log", remedy="Check the name")
     except (EOFError, zlib.error) as error:
         raise FormatError(f"{name} is damaged: {error}", remedy="Copy it again") from error
@@ -52,18 +49,6 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
         ) from error
     text = content.decode("utf-8-sig", "replace").replace("\0", "")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def _unpacked(path: str | os.PathLike[str]) -> bytes:
-    """What is packed, up to a little more than is taken."""
-    content, lines = bytearray(), 0
-    with gzip.open(path) as packed:
-        while piece := packed.read(_PIECE_BYTES):
-            content += piece
-            lines += _line_count(piece)
-            if len(content) > MAX_BYTES or lines > MAX_LINES:
-                break
-    return bytes(content)
 
 
 def _line_count(content: bytes) -> int:

@@ -36,7 +36,7 @@ class RadioQuestion:
     def __init__(self, settings: RadioSettings) -> None:
         question = msgspec.json.encode(settings).decode()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", __name__, question],
+            [sys.executable, "-P", "-m", __name__, question],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

@@ -90,7 +90,7 @@ class Launcher:
             environment = {NURSERY_VARIABLE: str(theirs.fileno())}
             try:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", "uavrt.supervisor.tree.nursery"],
+                    [sys.executable, "-P", "-m", "uavrt.supervisor.tree.nursery"],
                     stdin=subprocess.DEVNULL,
                     pass_fds=(theirs.fileno(),),
                     env=os.environ | self._environment | environment,
@@ -192,7 +192,7 @@ class Launcher:
         if pid is not None:
             return pid
         process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
+            [sys.executable, "-P", "-m", module, *arguments],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,

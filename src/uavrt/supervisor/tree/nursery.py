@@ -156,7 +156,7 @@ def show_as(name: str, module: str) -> None:
         with open("/proc/self/stat", encoding="utf-8", errors="replace") as file:
             fields = file.read().rpartition(") ")[2].split()
         start, end = int(fields[45]), int(fields[46])
-        title = f"{sys.executable}\0-m\0{module}\0".encode()
+        title = f"{sys.executable}\0-P\0-m\0{module}\0".encode()
         if 0 < start < end:
             ctypes.memmove(start, title.ljust(end - start, b"\0"), end - start)
 

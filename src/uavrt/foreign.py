@@ -1,0 +1,318 @@
+"""Limits of files and texts that others made, and the readers that keep them.
+
+Every parser of a foreign format reads by these functions, so that one place says how many
+bytes, unpacked bytes, levels and values are taken. A file beyond its limit is refused with one
+line. A limit is some ten times what honest files have; reading up to it takes at most two
+seconds and 200 MB, except for recordings, logs and terrain, which take time in proportion to
+their size.
+"""
+
+import json
+import os
+import re
+import stat
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree as ET
+
+from uavrt.errors import FormatError
+
+if TYPE_CHECKING:
+    from zipfile import ZipFile
+
+CPU_S = 2
+"""Time that one foreign input may take where nothing in it is long [s of CPU]."""
+MEMORY_BYTES = 200_000_000
+"""Memory that reading one foreign input may take."""
+MOST_FAULTS = 50
+"""Faults of one file that are listed; more help nobody to mend it."""
+_REMEDY = "Check the name: another file may be meant"
+_PIECE_BYTES = 1 << 20
+_LARGE_BYTES = 50_000_000
+_ZIP_END_BYTES, _ZIP_ENTRY_BYTES = 66_000, 100
+_PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
+"""Where a shell puts what another program writes: `uavrt tags check <(…)`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """What is taken of one kind of foreign file."""
+
+    what: str
+    """What the file is, for the refusal: ``"a tag file"``."""
+    bytes: int
+    """As it is on the disk; also after unpacking."""
+    values: int = 100_000
+    """Elements, objects, lists and members together."""
+    depth: int = 32
+    """Levels of nesting."""
+
+    def check_size(self, size: int, name: object) -> None:
+        """Refuse a size; raises `FormatError`."""
+        if size > self.bytes:
+            raise FormatError(
+                f"{name} is too large for {self.what}: more than {self.bytes:,} bytes",
+                remedy=_REMEDY,
+            )
+
+
+SETTINGS = Limit(what="a settings file", bytes=200_000, values=5_000, depth=8)
+TAGS = Limit(what="a tag file", bytes=1_000_000, values=100_000, depth=8)
+YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, depth=8)
+"""PyYAML reads some 200 kB a second; 500 codes have 60 kB."""
+SHAPES = Limit(what="an area or a way", bytes=2_000_000, values=100_000, depth=40)
+NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
+"""SigMF metadata of a recording with gaps, verdicts beside a flight."""
+TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
+"""Lines instead of values: ends of lines pack well, so they are counted."""
+REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
+"""Decoded in the ground station's event loop: some 20 ms at most."""
+UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
+"""Commas in its text count as values."""
+MAP_PART = Limit(what="a part of a map", bytes=1_500_000, values=50_000)
+"""A directory or the description of PMTiles, packed and unpacked."""
+ZIPPED_TILE = Limit(what="a packed tile of heights", bytes=30_000_000, values=1_000)
+GPX = Limit(what="a track in GPX", bytes=100_000_000, values=2_000_000)
+TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
+
+
+def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
+    """Read a whole file that others made.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    FormatError
+        It is too large, hardly written, or a pipe or device that might never end.
+    """
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
+    with os.fdopen(handle, "rb") as file:
+        about = os.fstat(handle)
+        if stat.S_ISDIR(about.st_mode):
+            raise IsADirectoryError(21, "it is a directory", os.fspath(path))
+        if not stat.S_ISREG(about.st_mode):
+            require_plain_file(path, about.st_mode)
+            os.set_blocking(handle, True)
+        limit.check_size(about.st_size, os.fspath(path))
+        _check_holes(about, os.fspath(path))
+        # A pipe has no size, and a log may grow; a read sets all it may take aside.
+        pieces = [file.read(about.st_size + 1)]
+        while pieces[-1] and sum(map(len, pieces)) <= limit.bytes:
+            pieces.append(file.read(_PIECE_BYTES))
+        content = b"".join(pieces) if any(pieces[1:]) else pieces[0]
+    limit.check_size(len(content), os.fspath(path))
+    return content
+
+
+def _check_holes(about: os.stat_result, name: object) -> None:
+    """Refuse a large file of which hardly anything was ever written; raises `FormatError`."""
+    written = 512 * getattr(about, "st_blocks", about.st_size)
+    if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
+        raise FormatError(
+            f"{name} is empty for the most part: {written:,} of {about.st_size:,} bytes",
+            remedy="Copy it again",
+        )
+
+
+def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
+    """Refuse a pipe, socket or device, except what a shell passes; raises `FormatError`."""
+    name = os.fspath(path)
+    mode = os.stat(path).st_mode if mode is None else mode
+    passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)
+    if not (stat.S_ISREG(mode) or passed):
+        raise FormatError(f"{name} is not a plain file", remedy=_REMEDY)
+
+
+def open_zip(path: Path, limit: Limit) -> "ZipFile":
+    """Open a zip file; its members are stored or deflated.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    ValueError
+        It is no zip file, or beyond the limit; also what `zipfile` raises.
+    """
+    from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
+
+    size = size_of(path)
+    limit.check_size(size, path)
+    with path.open("rb") as file:
+        file.seek(max(0, size - _ZIP_END_BYTES))
+        end = file.read()
+    # zipfile reads the whole directory, whose size stands 12 bytes after these marks.
+    directories = [
+        int.from_bytes(end[found.start() + 12 : found.start() + 16], "little")
+        for found in re.finditer(rb"PK\x05\x06", end)
+    ]
+    most = _ZIP_ENTRY_BYTES * limit.values
+    if not directories or max(directories) > most or b"PK\x06\x07" in end:
+        raise ValueError("it is no zip file, cut off, or holds too many files")
+    archive = ZipFile(path)
+    if any(one.compress_type not in (ZIP_STORED, ZIP_DEFLATED) for one in archive.infolist()):
+        archive.close()
+        raise ValueError("it is packed by another method than deflate")
+    return archive
+
+
+def unpack(pieces: Iterable[bytes], most: int, *, wbits: int = 31) -> bytes:
+    """Unpack gzip (or, by `wbits`, another form of zlib), up to a little more than `most`.
+
+    Raises
+    ------
+    zlib.error, EOFError
+        It is damaged, or cut off.
+    """
+    content = bytearray()
+    unpacker = zlib.decompressobj(wbits)
+    for piece in pieces:
+        while piece and len(content) <= most:
+            if unpacker.eof:  # several members, as `cat a.gz b.gz` makes
+                piece = piece.lstrip(b"\0")
+                if not piece:
+                    break
+                unpacker = zlib.decompressobj(wbits)
+            content += unpacker.decompress(piece, most + 1 - len(content))
+            piece = unpacker.unused_data if unpacker.eof else unpacker.unconsumed_tail
+        if len(content) > most:
+            return bytes(content)
+    if not unpacker.eof:
+        raise EOFError("it ends in the middle")
+    return bytes(content)
+
+
+def pieces_of(content: bytes) -> Iterable[bytes]:
+    """Cut bytes into pieces, so that unpacking copies little."""
+    view = memoryview(content)
+    for start in range(0, len(content), _PIECE_BYTES):
+        yield bytes(view[start : start + _PIECE_BYTES])
+
+
+def read_json(content: bytes | str, limit: Limit) -> Any:
+    """Decode JSON that others wrote.
+
+    Raises
+    ------
+    ValueError
+        It is none, or beyond the limit; the text says which, for the end of a sentence.
+    """
+    if len(content) > limit.bytes:
+        raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
+    # Commas in texts count, too: they are few beside the limit.
+    if isinstance(content, str):
+        marks = sum(content.count(mark) for mark in (",", "[", "{"))
+    else:
+        marks = sum(content.count(mark) for mark in (b",", b"[", b"{"))
+    if marks > 2 * limit.values:
+        raise ValueError(f"it holds more than {limit.values:,} values")
+    try:
+        found = json.loads(content)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"it is not JSON from line {error.lineno} on") from None
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    level = [found] if isinstance(found, list | dict) else []
+    for _ in range(limit.depth):
+        if not level:
+            return found
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, list | dict)
+        ]
+    raise ValueError(f"it is nested more than {limit.depth} levels deep")
+
+
+def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
+    """Parse XML that others wrote, from its element `root` on where that is found.
+
+    The declaration before it is left out: the text is decoded already.
+
+    Raises
+    ------
+    ValueError
+        It declares entities, or is beyond the limit.
+    xml.etree.ElementTree.ParseError
+        It is no XML.
+    """
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("it declares XML entities, which no such file needs")
+    if len(text) > limit.bytes:
+        raise ValueError(f"it is too long: more than {limit.bytes:,} characters")
+    if text.count("<") + text.count("=") > 2 * limit.values:
+        raise ValueError(f"it holds more than {limit.values:,} elements")
+    found = ET.fromstring(text[text.find(f"<{root}") :] if f"<{root}" in text else text)
+    level = [found]
+    for _ in range(limit.depth):
+        level = [inner for outer in level for inner in outer]
+        if not level:
+            return found
+    raise ValueError(f"it is nested more than {limit.depth} levels deep")
+
+
+_TOML_QUIET = re.compile(
+    r'"""(?:[^"\\]|\\.|"(?!""))*(?:"""|\Z)' + r"|'''(?:[^']|'(?!''))*(?:'''|\Z)"
+    r'|"(?:[^"\\\n]|\\[^\n])*(?:"|(?=\n)|\Z)' + r"|'[^'\n]*(?:'|(?=\n)|\Z)|#[^\n]*",
+    re.S,
+)
+"""Texts and comments of TOML, in which brackets and points mean nothing."""
+_TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
+
+
+def check_toml(text: str, limit: Limit) -> None:
+    """Refuse TOML on which `tomllib` would spend minutes; raises `ValueError`.
+
+    `tomllib` takes time by the square of the parts of a dotted key, and calls itself for each
+    level of brackets.
+    """
+    if len(text) > limit.bytes:
+        raise ValueError(f"{len(text):,} characters are too many for {limit.what}")
+    bare = _TOML_QUIET.sub(lambda found: "" if found[0][0] == "#" else "x", text)
+    values = depth = 0
+    for found in _TOML_MARK.finditer(bare):
+        mark = found[0]
+        if mark == "=":
+            values += 1
+        elif mark in "[{":
+            depth, values = depth + 1, values + 1
+        elif mark in "]}":
+            depth -= 1
+        elif mark.count(".") >= limit.depth:
+            raise ValueError(f"a name has more than {limit.depth} parts")
+        if depth > limit.depth:
+            raise ValueError(f"it is nested more than {limit.depth} levels deep")
+    if values > limit.values:
+        raise ValueError(f"it holds more than {limit.values:,} values")
+
+
+def shortened(faults: list[str]) -> list[str]:
+    """List the first faults of a file; the last line counts the others."""
+    if len(faults) <= MOST_FAULTS:
+        return faults
+    return [*faults[:MOST_FAULTS], f"and {len(faults) - MOST_FAULTS} more"]
+
+
+def size_of(path: Path) -> int:
+    """Bytes of a plain file.
+
+    Raises
+    ------
+    OSError
+        It is not there.
+    FormatError
+        It is a pipe or a device, or hardly anything of it was ever written.
+    """
+    about = path.stat()
+    require_plain_file(path, about.st_mode)
+    _check_holes(about, path)
+    return about.st_size
+
+
+def most_unpacked(packed: int) -> int:
+    """Bytes that a packed text may have: logs pack to a tenth, a bomb to a thousandth."""
+    return max(4_000_000, 40 * packed)

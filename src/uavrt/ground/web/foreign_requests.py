@@ -1,0 +1,47 @@
+"""Long requests that carry a file of others, read in the process of `foreign_worker`."""
+
+from typing import Any
+
+from uavrt.errors import FormatError
+from uavrt.foreign import REQUEST, UPLOADED_FILE, Limit, read_json
+from uavrt.ground.link import area_of_file
+from uavrt.ground.web import tag_table
+
+
+def read_body(content: bytes, limit: Limit = REQUEST) -> Any:
+    """Decode the body of a request; raises `FormatError`."""
+    try:
+        return read_json(content or b"{}", limit)
+    except ValueError as error:
+        raise FormatError(f"the request is not JSON of ours: {error}") from error
+
+
+def checked_tags(content: bytes) -> dict[str, Any]:
+    """Judge a table that is being typed: its faults, else what may surprise."""
+    tags, faults = tag_table.tags_from_rows(read_body(content))
+    return {"faults": faults, "warnings": tag_table.warnings_of(tags)}
+
+
+def imported_tags(content: bytes) -> dict[str, Any]:
+    """Read the rows of tag files, texts by their names.
+
+    Raises
+    ------
+    FormatError, UsageError
+        They are no texts, or one cannot be read.
+    """
+    files = read_body(content, UPLOADED_FILE)
+    if not isinstance(files, dict) or not all(isinstance(one, str) for one in files.values()):
+        raise FormatError("files must be texts by their names")
+    rows = tag_table.import_rows(files)
+    tags, _ = tag_table.tags_from_rows(rows)
+    return {
+        "rows": rows,
+        "left_out": tag_table.not_selected(files),
+        "warnings": tag_table.warnings_of(tags),
+    }
+
+
+def area_in_body(content: bytes) -> dict[str, Any]:
+    """Read the area of a file, or a circle; raises as `area_of_file` does."""
+    return area_of_file(read_body(content, UPLOADED_FILE))

@@ -1,0 +1,1104 @@
+"""A fuzzer that knows each format which a command or the page reads.
+
+Each format has an honest file, attacks that are written for it (nesting, endless views, bombs,
+sizes that cannot be, huge numbers, cells and names), and mutations of all of these. Every file
+is read by the functions that commands and page use, in a process of its own. It must be read or
+refused with one sentence (a list of faults with one line each), within 2 s of CPU and 200 MB.
+
+The tests run a short form. The whole campaign::
+
+    .venv/bin/python tests/drivers/foreign_files.py --files 2400 --seed 1
+"""
+
+import argparse
+import contextlib
+import functools
+import gzip
+import io
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import sqlite3
+import struct
+import sys
+import tarfile
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.errors import UavrtError
+from uavrt.foreign import CPU_S, MEMORY_BYTES, MOST_FAULTS
+
+PROGRAM_BYTES = 70_000_000
+"""Memory of a command before it reads its file; the fuzzer's own is larger."""
+Content = bytes | Callable[[Path], None]
+"""What a file holds, or what makes it where it is to be."""
+Attacks = dict[str, Content]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """A foreign format."""
+
+    name: str
+    """Of the file."""
+    honest: Content
+    attacks: Mapping[str, Content]
+    read: Callable[[Path], object]
+    is_read: bool = True
+    """Whether the honest file is read; an update needs a key that no test has."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of reading one file."""
+
+    what: str
+    """``"read"``, ``"refused"``, or what is wrong."""
+    text: str
+    cpu_s: float
+    peak_bytes: int
+
+    @property
+    def fault(self) -> str | None:
+        """Why it is not as it should be."""
+        if self.what not in ("read", "refused"):
+            return f"{self.what}: {self.text}"
+        lines = self.text.splitlines()
+        if len(lines) > MOST_FAULTS + 3 or len(self.text) > 40_000:
+            return f"an error of {len(lines)} lines and {len(self.text)} characters"
+        if self.cpu_s > CPU_S:
+            return f"{self.cpu_s:.1f} s of CPU"
+        if self.peak_bytes > MEMORY_BYTES:
+            return f"{self.peak_bytes / 1e6:.0f} MB"
+        return None
+
+
+# ------------------------------------------------------------------- making files
+
+
+def sqlite(*statements: str) -> Content:
+    def make(path: Path) -> None:
+        path.unlink(missing_ok=True)
+        with contextlib.closing(sqlite3.connect(path)) as database, database:
+            for one in statements:
+                database.execute(one)
+
+    return make
+
+
+def zipped(name: str, content: bytes, kind: int = zipfile.ZIP_DEFLATED) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", kind) as archive:
+        archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def sparse(head: bytes, size: int) -> Content:
+    def make(path: Path) -> None:
+        with path.open("wb") as file:
+            file.write(head)
+            file.truncate(size)
+
+    return make
+
+
+def pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+COMMON: Attacks = {
+    "empty": b"",
+    "NULs": bytes(70_000),
+    "text of one letter": b"a" * 900_000,
+    "ends of lines": b"\n" * 2_000_000,
+    "brackets": b"[" * 100_000,
+    "braces": b'{"a":' * 50_000,
+    "tags of XML": b"<a>" * 200_000,
+    "commas": b"," * 900_000,
+    "random": random.Random(1).randbytes(50_000),
+    "quotes": b'"' * 300_001,
+    "3 GB": sparse(b"", 3_000_000_000),
+    "pipe": pipe,
+    "gzip bomb": gzip.compress(bytes(60_000_000)),
+    "gzip of lines": gzip.compress(b"\n" * 30_000_000),
+    "UTF-16": "\ufeff[a]\n".encode("utf-16") * 10_000,
+    "wide numbers": b"1" * 500_000 + b"\n" + b"9e999," * 1000,
+    "escapes": b"\x1b[2J\x1b]0;title\x07,=1+1,@SUM(1)\n" * 1000,
+}
+
+
+def toml_attacks(head: str, key: str) -> Attacks:
+    texts = {
+        "dotted key": ".".join("a" * 20_000) + " = 1\n",
+        "dotted heading": "[" + ".".join("a" * 20_000) + "]\n",
+        "dotted in a table": "x = {" + ".".join("a" * 20_000) + " = 1}\n",
+        "quoted parts": ".".join(['"a"'] * 15_000) + " = 1\n",
+        "nested lists": "x = " + "[" * 900 + "]" * 900 + "\n",
+        "nested tables": "x = " + "{a=" * 900 + "1" + "}" * 900 + "\n",
+        "many keys": "".join(f"k{n} = 1\n" for n in range(15_000)),
+        "misspelt keys": head + "".join(f"{key}{n} = 1\n" for n in range(4_000)),
+        "many tables": "".join(f"[t{n}]\na=1\n" for n in range(12_000)),
+        "lists of tables": f"{head}{key} = 1\n" * 20_000,
+        "wide line": "x = [\n[" + " " * 180_000 + "1]\n]\n",
+        "wide list": "x = [" + "1," * 90_000 + "]\n",
+        "whole number": f"{key} = " + "9" * 100_000 + "\n",
+        "dates": "".join(f"d{n} = 2026-05-01T00:00:00Z\n" for n in range(6_000)),
+        "long text": f'{key} = "' + "x" * 150_000 + '"\n',
+        "escapes in text": f'{key} = "' + "\\u001b" * 20_000 + '"\n',
+        "not closed": '"""' + '"' * 100_000,
+    }
+    return {name: text.encode() for name, text in texts.items()}
+
+
+TAG = (
+    '[[tag]]\nid = {0}\nname = "Luna"\nfrequency_mhz = 148.7{0:02d}\ninterval_ms = 1200\n'
+    "pulse_width_ms = 15\n"
+)
+CODED = (
+    '[[tag]]\nid = {0}\nkind = "coded"\nfrequency_mhz = 166.38\nburst_interval_s = 5.3\n'
+    "gaps_ms = [22.1, 48.8, {1}]\n"
+)
+
+
+def corners(count: int) -> list[list[float]]:
+    """A ring with that many corners, in and out by turns."""
+    ring = [[8.0 + 1e-3 * (n % 2), 47.0 + 1e-5 * n] for n in range(count)]
+    return [*ring, [7.9, 47.0], ring[0]]
+
+
+def geojson(ring: object) -> bytes:
+    return json.dumps({"type": "Polygon", "coordinates": [ring]}).encode()
+
+
+def kml(inside: str) -> bytes:
+    head = '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
+    return f"{head}{inside}</Document></kml>".encode()
+
+
+def placemark(count: int, name: str = "area") -> str:
+    told = " ".join(f"{east},{north},0" for east, north in corners(count))
+    return (
+        f"<Placemark><name>{name}</name><Polygon><outerBoundaryIs><LinearRing><coordinates>"
+        f"{told}</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark>"
+    )
+
+
+def nested(outer: str, inner: str, depth: int) -> str:
+    return f"<{outer}>" * depth + inner + f"</{outer}>" * depth
+
+
+def plan(polygon: object, **more: object) -> bytes:
+    item = {"polygon": polygon, "type": "ComplexItem"}
+    return json.dumps({"fileType": "Plan", "mission": {"items": [item]}, **more}).encode()
+
+
+SHAPE_ATTACKS: Attacks = {
+    "3000 corners": geojson(corners(3000)),
+    "30000 corners": geojson(corners(30_000)),
+    "plan of 3000 corners": plan([[north, east] for east, north in corners(3000)]),
+    "nested placemarks": kml(nested("Placemark", placemark(5), 3000)),
+    "nested polygons": kml(nested("Polygon", placemark(5), 3000)),
+    "nested folders": kml(nested("Folder", placemark(5), 20_000)),
+    "2000 placemarks": kml(placemark(5) * 2000),
+    "1500 places to keep out of": kml(placemark(5, "keep out") * 1500),
+    "corners of KML": kml(placemark(60_000)),
+    "entities": b'<!DOCTYPE x [<!ENTITY a "aaaaaaaa">]><kml>&a;</kml>',
+    "empty elements": kml("<a/>" * 300_000),
+    "attributes": kml("<a " + " ".join(f'b{n}="1"' for n in range(60_000)) + "/>"),
+    "collections": b'{"type":"GeometryCollection","geometries":[' * 900 + b"]}" * 900,
+    "features": json.dumps(
+        {"type": "FeatureCollection", "features": [{"type": "Feature"}] * 60_000}
+    ).encode(),
+    "empty lists": b"[" + b"[]," * 600_000 + b"[]]",
+    "not finite": geojson([[float("nan"), 1e308], [float("inf"), 0], [1, 2], [3, 4]]),
+    "whole numbers": b'{"type":"Polygon","coordinates":[[[1' + b"0" * 4000 + b",2]]]}",
+    "escapes in a name": kml(placemark(5, "\\x1b[2J" + "n" * 100_000)),
+    "circles": json.dumps(
+        {
+            "fileType": "Plan",
+            "geoFence": {
+                "circles": [{"circle": {"center": [47, 8], "radius": 9e4}}] * 20_000,
+            },
+        }
+    ).encode(),
+    "thin over the earth": geojson([[-179, -89], [179, -89], [179, 89], [-179, 89]]),
+}
+
+
+def ulog(messages: list[tuple[bytes, bytes]], formats: list[bytes]) -> bytes:
+    out = b"ULog\x01\x12\x35\x01" + bytes(8)
+    for kind, body in [(b"B", bytes(40)), *((b"F", one) for one in formats), *messages]:
+        out += struct.pack("<Hc", len(body), kind) + body
+    return out
+
+
+ULOG_FORMATS = [
+    b"vehicle_attitude:uint64_t timestamp;float[4] q;",
+    b"vehicle_global_position:uint64_t timestamp;double lat;double lon;float alt;",
+    b"sensor_gps:uint64_t timestamp;uint64_t time_utc_usec;",
+]
+ULOG_NAMES = [one.partition(b":")[0] for one in ULOG_FORMATS]
+ADDED = [(b"A", struct.pack("<BH", 0, n) + name) for n, name in enumerate(ULOG_NAMES)]
+FLOWN = [
+    message
+    for n in range(60)
+    for message in (
+        (b"D", struct.pack("<HQ4f", 0, 10**6 * n, 1, 0, 0, 0)),
+        (b"D", struct.pack("<HQddf", 1, 10**6 * n, 47.0, 8.0 + 1e-5 * n, 500)),
+        (b"D", struct.pack("<HQQ", 2, 10**6 * n, 1_780_000_000_000_000 + 10**6 * n)),
+    )
+]
+ULOG = ulog([*ADDED, *FLOWN], ULOG_FORMATS)
+
+
+def ulog_of_fields(text: bytes, *more: bytes) -> bytes:
+    formats = [b"vehicle_attitude:uint64_t timestamp;" + text, *more]
+    return ulog([ADDED[0], (b"D", struct.pack("<H", 0) + bytes(60_000))] * 3, formats)
+
+
+def fmt(kind: int, name: bytes, code: bytes, columns: bytes, length: int) -> bytes:
+    head = b"\xa3\x95\x80"
+    return head + struct.pack("<BB4s16s64s", kind, length, name, code, columns)
+
+
+def dataflash(count: int = 60) -> bytes:
+    out = fmt(128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89)
+    out += fmt(130, b"ATT", b"Qfff", b"TimeUS,Roll,Pitch,Yaw", 23)
+    out += fmt(131, b"POS", b"QLLf", b"TimeUS,Lat,Lng,Alt", 23)
+    out += fmt(132, b"GPS", b"QBIH", b"TimeUS,Status,GMS,GWk", 18)
+    for n in range(count):
+        time = 10**6 * n
+        out += b"\xa3\x95\x82" + struct.pack("<Qfff", time, 0, 0, n)
+        out += b"\xa3\x95\x83" + struct.pack("<Qiif", time, 470_000_000 + n, 80_000_000, 500)
+        out += b"\xa3\x95\x84" + struct.pack("<QBIH", time, 3, 1000 * n, 2400)
+    return out
+
+
+def tlog(count: int = 60) -> bytes:
+    from uavrt.mavlink import FrameWriter, dialect
+
+    writer = FrameWriter(1, 1)
+    out = b""
+    for n in range(count):
+        turned = dialect.AttitudeQuaternion(
+            time_boot_ms=1000 * n, q1=1.0, q2=0.0, q3=0.0, q4=0.0,
+            rollspeed=0.0, pitchspeed=0.0, yawspeed=0.0,
+        )  # fmt: skip
+        place = dialect.GlobalPositionInt(
+            time_boot_ms=1000 * n, lat=470_000_000 + n, lon=80_000_000, alt=500_000,
+            relative_alt=40_000, vx=0, vy=0, vz=0, hdg=0,
+        )  # fmt: skip
+        for message in (turned, place):
+            stamp = struct.pack(">Q", 1_780_000_000_000_000 + 10**6 * n)
+            out += stamp + writer.encode(message)
+    return out
+
+
+def gpx(points: str) -> bytes:
+    return f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode()
+
+
+def trkpt(n: int) -> str:
+    time = f"2026-05-01T08:{n // 60 % 60:02d}:{n % 60:02d}Z"
+    return f'<trkpt lat="{47 + 1e-5 * n}" lon="8"><ele>500</ele><time>{time}</time></trkpt>'
+
+
+NMEA = "".join(
+    f"$GPRMC,0815{n:02d}.00,A,4700.{n:04d},N,00800.0000,E,0.0,0.0,010526,,,A\n"
+    f"$GPGGA,0815{n:02d}.00,4700.{n:04d},N,00800.0000,E,1,12,0.8,500.0,M,,M,,\n"
+    f"$GPHDT,{n},T\n"
+    for n in range(60)
+).encode()
+
+
+def tiff(entries: dict[int, tuple[int, int, bytes]], body: bytes = b"") -> bytes:
+    """Entries are kind, count and content; content begins behind the directory."""
+    at = 8 + 2 + 12 * len(entries) + 4
+    directory, more = struct.pack("<H", len(entries)), body
+    for tag, (kind, count, value) in sorted(entries.items()):
+        if len(value) > 4:
+            directory += struct.pack("<HHII", tag, kind, count, at + len(more))
+            more += value
+        else:
+            directory += struct.pack("<HHI", tag, kind, count) + value.ljust(4, b"\0")
+    return struct.pack("<2sHI", b"II", 42, 8) + directory + bytes(4) + more
+
+
+def geotiff(
+    side: int = 100, packed: int = 8, block: bytes | None = None, blocks: int = 1
+) -> bytes:
+    data = block if block is not None else zlib.compress(bytes(2 * side * side))
+    at = struct.pack("<I", 8 + 2 + 12 * 13 + 4)
+    entries: dict[int, tuple[int, int, bytes]] = {
+        256: (4, 1, struct.pack("<I", side)),
+        257: (4, 1, struct.pack("<I", side)),
+        258: (3, 1, struct.pack("<H", 16)),
+        259: (3, 1, struct.pack("<H", packed)),
+        277: (3, 1, struct.pack("<H", 1)),
+        278: (4, 1, struct.pack("<I", side)),
+        339: (3, 1, struct.pack("<H", 2)),
+        273: (4, blocks, at * blocks),
+        279: (4, blocks, struct.pack("<I", len(data)) * blocks),
+        33550: (12, 3, struct.pack("<3d", 0.01, 0.01, 0)),
+        33922: (12, 6, struct.pack("<6d", 0, 0, 0, 8, 48, 0)),
+        34735: (3, 12, struct.pack("<12H", 1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4326)),
+        42113: (2, 6, b"-9999\0"),
+    }
+    return tiff(entries, data)
+
+
+MBTILES = (
+    "CREATE TABLE metadata (name TEXT, value TEXT)",
+    "CREATE TABLE tiles (zoom_level INT, tile_column INT, tile_row INT, tile_data BLOB)",
+    "INSERT INTO metadata VALUES ('format', 'png'), ('bounds', '7,46,9,48')",
+    "INSERT INTO tiles VALUES (1, 1, 1, x'89504e47')",
+)
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
+
+
+def pmtiles(root: bytes, facts: bytes = b"{}", **changed: int) -> bytes:
+    packed_root, packed_facts = gzip.compress(root), gzip.compress(facts)
+    numbers = {
+        "root": 127, "root_length": len(packed_root),
+        "facts": 127 + len(packed_root), "facts_length": len(packed_facts),
+        "leaves": 0, "leaves_length": 0,
+        "data": 127 + len(packed_root) + len(packed_facts), "data_length": 4,
+        "a": 0, "b": 0, "c": 0,
+    } | changed  # fmt: skip
+    header = b"PMTiles\x03" + struct.pack("<11Q", *numbers.values())
+    header += struct.pack("<6B4iB2i", 1, 2, 1, 2, 1, 1, 0, 0, 10**7, 10**7, 1, 0, 0)
+    return header + packed_root + packed_facts + b"tile"
+
+
+SIGMF = {
+    "global": {
+        "core:datatype": "cf32_le", "core:sample_rate": 48_000.0, "core:version": "1.0.0",
+    },
+    "captures": [
+        {"core:sample_start": 0, "core:frequency": 148.7e6,
+         "core:datetime": "2026-05-01T08:15:00Z"}
+    ],
+    "annotations": [],
+}  # fmt: skip
+
+
+def sigmf(**changed: object) -> bytes:
+    return json.dumps(SIGMF | changed).encode()
+
+
+def sigmf_captures(*captures: Mapping[str, object]) -> bytes:
+    return sigmf(captures=[SIGMF["captures"][0], *captures])  # type: ignore[index]
+
+
+def riff(*chunks: tuple[bytes, int, bytes], size: int | None = None) -> bytes:
+    body = b"WAVE" + b"".join(
+        name + struct.pack("<I", told) + content for name, told, content in chunks
+    )
+    return b"RIFF" + struct.pack("<I", len(body) if size is None else size) + body
+
+
+WAVE = struct.pack("<HHIIHH", 1, 2, 48_000, 192_000, 4, 16)
+
+PULSE = {
+    "tag_id": 2, "frequency_hz": 148.7e6, "start_time_ns": 1_780_000_000_000_000_000,
+    "end_time_ns": 1_780_000_000_020_000_000, "snr_db": 20.0, "group_snr_db": 20.0,
+    "score": 1.0, "group_index": 0, "group_sequence": 1, "noise_psd": 1e-12,
+    "detection_status": "confirmed", "confirmed": True, "rate": 1,
+    "predicted_next_start_ns": None, "predicted_next_end_ns": None, "latitude_deg": 47.0,
+    "longitude_deg": 8.0, "altitude_amsl_m": 500.0, "altitude_relative_m": 40.0,
+    "quaternion_wxyz": [1.0, 0.0, 0.0, 0.0],
+}  # fmt: skip
+
+
+def pulses(count: int = 50, **changed: object) -> bytes:
+    lines = (
+        json.dumps(
+            PULSE
+            | {"start_time_ns": 1_780_000_000_000_000_000 + 1_200_000_000 * n,
+               "end_time_ns": 1_780_000_000_020_000_000 + 1_200_000_000 * n}
+            | changed
+        )
+        for n in range(count)
+    )  # fmt: skip
+    return ("\n".join(lines) + "\n").encode()
+
+
+ROW_2023 = (
+    "7,2,148710225,1684766889.853803,1684766891.062759,36.843531,2.749993,13,1,36.563833,1,1,"
+    "35.178241,-111.656588,9.693001,0.00189066,-0.00109068,0.71339,0.700764\n"
+)
+UCSD = (
+    "Run,Timestamp,Frequency,Amplitude,Easting,Northing,Altitude,Heading,EPSG Code\n"
+    "1,1700000000.0,172464000,-67.1,462300.0,5249900.0,,,32632\n"
+)
+GNOME = (
+    "G,1700000000.0,47.0,8.0,500\nS,1700000000.1,1,-m,166.376,0,\np1,1700000001.2,4,-40,-80\n"
+)
+MAKERS = "3,Two,1333,2000,Moving,Resting,15,60,20\n"
+BEARING = "2,a.csv,92.5,0.9,47.4,8.496688,40.0,500.0,1700000000.5,1700000060.5,2.0\n"
+POSITION = "2,a.csv,47.4,8.5,47.4,8.5,47.4,8.5\n"
+
+
+def table_attacks(line: str) -> Attacks:
+    cells = line.strip().split(",")
+
+    def changed(place: int, value: str, count: int = 1) -> bytes:
+        return (",".join([*cells[:place], value, *cells[place + 1 :]]) + "\n").encode() * count
+
+    return {
+        "wide cell": changed(1, "x" * 140_000),
+        "quoted cell": changed(0, '"' + "7" * 140_000),
+        "many cells": (line.strip() + "," * 400_000 + "\n").encode(),
+        "not finite": changed(len(cells) // 2, "nan") + changed(2, "1e999") * 500,
+        "far times": b"".join(changed(n, "9" * 25) for n in range(len(cells))),
+        "damaged lines": b"".join(changed(n % len(cells), "?") for n in range(8_000)),
+        "one damaged of many": line.encode() * 3_000 + changed(2, "?"),
+        "formulas": changed(1, "=HYPERLINK(1)"),
+        "escapes": changed(1, "\x1b[2J"),
+        "packed": gzip.compress(line.encode() * 10),
+        "packed bomb": gzip.compress(line.encode() * 200_000),
+    }
+
+
+def update_tar(manifest: bytes, *more: tarfile.TarInfo) -> bytes:
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w") as archive:
+        for name, content in (("update.json", manifest), ("update.sig", bytes(64))):
+            about = tarfile.TarInfo(name)
+            about.size = len(content)
+            archive.addfile(about, io.BytesIO(content))
+        for one in more:
+            archive.addfile(one)
+    return stream.getvalue()
+
+
+def flight_attacks() -> Attacks:
+    def changed(*statements: str) -> Content:
+        def make(path: Path) -> None:
+            honest_flight(path)
+            with contextlib.closing(sqlite3.connect(path)) as database, database:
+                for one in statements:
+                    database.execute(one)
+
+        return make
+
+    return {
+        "endless view": changed(
+            "DROP TABLE poses", f"CREATE VIEW poses AS {ENDLESS} SELECT i, i, i, i, i, i FROM n"
+        ),
+        "text for numbers": changed("UPDATE pulses SET snr_db = 'loud'"),
+        "NULL": changed("UPDATE flight SET start_time_ns = NULL"),
+        "far times": changed(f"UPDATE pulses SET start_time_ns = {2**63 - 1} WHERE rowid = 1"),
+        "negative times": changed(
+            f"UPDATE pulses SET start_time_ns = {1 - 2**63} WHERE rowid = 1"
+        ),
+        "blob": changed("UPDATE flight SET settings = zeroblob(100000000)"),
+        "settings": changed("UPDATE flight SET settings = '" + "[" * 50_000 + "'"),
+        "tag lists": changed("UPDATE tags SET pulse_intervals_s = '" + "[" * 5_000 + "'"),
+        "no tables": sqlite("CREATE TABLE other (a)"),
+        "other columns": sqlite("CREATE TABLE flight (a)", "INSERT INTO flight VALUES (1)"),
+        "generated column": changed(
+            "DROP TABLE tags",
+            "CREATE TABLE tags (tag_id AS (length(printf('%.*c', 90000000, 'x'))), a)",
+            "INSERT INTO tags (a) VALUES (1)",
+        ),
+        "trigger": changed(
+            "CREATE TRIGGER t AFTER INSERT ON pulses BEGIN DELETE FROM pulses; END"
+        ),
+    }  # fmt: skip
+
+
+def honest_flight(path: Path) -> None:
+    path.write_bytes(_flight_content())
+
+
+@functools.cache
+def _flight_content() -> bytes:
+    from past_flight import write_flight
+
+    with tempfile.TemporaryDirectory() as name:
+        source = Path(name) / write_flight(Path(name), 100.0, 200.0) / "flight.sqlite"
+        with contextlib.closing(sqlite3.connect(source)) as database:
+            database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            database.execute("PRAGMA journal_mode=DELETE")
+        return source.read_bytes()
+
+
+# ------------------------------------------------------------------- reading files
+
+
+def read_settings(path: Path) -> object:
+    from uavrt.config import load_settings
+
+    return load_settings(path)
+
+
+def read_tag_file(path: Path) -> object:
+    from uavrt.config import DetectionSettings, read_tags, words_of_near_codes
+
+    return words_of_near_codes(read_tags(path), DetectionSettings().frequency_window_hz)
+
+
+def import_tags(path: Path) -> object:
+    from uavrt.foreign import TAGS, read_file
+    from uavrt.ground.web import tag_table
+
+    files = {path.name: read_file(path, TAGS).decode("utf-8", "replace")}
+    if path.suffix == ".db":
+        files["TagManufacturer.db"] = MAKERS
+    rows = tag_table.import_rows(files)
+    return tag_table.tags_from_rows(rows), tag_table.not_selected(files)
+
+
+def read_shape(path: Path) -> object:
+    from uavrt.analysis import read_places
+    from uavrt.config import read_text
+    from uavrt.foreign import SHAPES
+    from uavrt.ground.link import area_of_file
+    from uavrt.guidance import keep_out_in
+
+    text = read_text(path, SHAPES)
+    found: list[object] = [read_places(path, 60.0)]
+    with contextlib.suppress(UavrtError):
+        keep_out_in(text, path.name, every=True)
+    with contextlib.suppress(UavrtError):
+        found.append(area_of_file({"name": path.name, "text": text}))
+    return found
+
+
+def read_any_track(path: Path) -> object:
+    from uavrt.analysis.tracks import read_track
+
+    return read_track(path)
+
+
+def read_heights(path: Path) -> object:
+    from uavrt.terrain import open_elevation
+
+    return open_elevation(path).heights_m([47.5, 47.51], [8.5, 8.9])
+
+
+def read_map_file(path: Path) -> object:
+    from uavrt.analysis import maps_in, read_map
+
+    maps_in(path.parent)
+    found = read_map(path)
+    return found.credit, found.tile(1, 1, 0), found.tile(20, 5, 7)
+
+
+def read_samples(path: Path) -> object:
+    from uavrt.radio import open_recording
+
+    if path.suffix == ".sigmf-meta":
+        path.with_suffix(".sigmf-data").write_bytes(bytes(8 * 4800))
+    with contextlib.closing(open_recording(path)) as source:
+        return source.read(4096)
+
+
+def read_pulses(path: Path) -> object:
+    from uavrt.recording.formats import read_pulse_log
+
+    return read_pulse_log(path)
+
+
+def read_detector(path: Path) -> object:
+    from uavrt.recording import read_detector_config
+
+    return read_detector_config(path)
+
+
+def read_bearings(path: Path) -> object:
+    from uavrt.recording.formats import read_bearing_file
+
+    return read_bearing_file(path)
+
+
+def read_positions(path: Path) -> object:
+    from uavrt.recording.formats import read_position_file
+
+    return read_position_file(path)
+
+
+def read_report_facts(path: Path) -> object:
+    from uavrt.analysis.facts import read_facts
+
+    return read_facts(path)
+
+
+def read_manifest(path: Path) -> object:
+    from uavrt.batch.recordings import read_manifest as read
+
+    return read(path)
+
+
+def read_scenario_file(path: Path) -> object:
+    from uavrt.simulation.scenario_file import load_scenario
+
+    return load_scenario(path)
+
+
+def read_update_file(path: Path) -> object:
+    from uavrt.computer.update_file import read_update
+
+    keys = path.with_name("keys.pem")
+    keys.write_text(
+        "-----BEGIN PUBLIC KEY-----\n"
+        "MCowBQYDK2VwAyEAGb9ECWmEzf6FQbrBZ9w7lshQhqowtrbLDFw4rXAxZuE=\n"
+        "-----END PUBLIC KEY-----\n"
+    )
+    keys.chmod(0o644)
+    return read_update(path, keys)
+
+
+def read_whole_flight(path: Path) -> object:
+    from uavrt.recording import read_flight, read_health, read_search_notes
+
+    directory = path.parent
+    return read_flight(directory), read_health(directory), read_search_notes(directory)
+
+
+def read_verdicts(path: Path) -> object:
+    from uavrt.recording import read_integrated
+
+    place = path.parent / "integrated"
+    place.mkdir(exist_ok=True)
+    shutil.move(path, place / "tags.json")
+    return read_integrated(path.parent)
+
+
+DETECTOR = (
+    b"ID:\t2\ntagFreqMHz:\t148.7\nchannelCenterFreqMHz:\t148.7\nFs:\t3750\ntip:\t1.2\n"
+    b"tp:\t0.02\n"
+)
+GPX_ATTACKS: Attacks = {
+    "nested": gpx("<a>" * 30_000 + "</a>" * 30_000),
+    "many points": gpx("".join(map(trkpt, range(8_000)))),
+    "far points": gpx(
+        '<trkpt lat="1e300" lon="nan"><time>9999-12-31T23:59:59Z</time></trkpt>' * 5000
+    ),
+    "no times": gpx('<trkpt lat="1" lon="2"/>' * 20_000),
+    "gap of years": gpx(trkpt(0) + trkpt(1).replace("2026", "0001")),
+    "entities": b"<!DOCTYPE x><gpx/>",
+    "packed": gzip.compress(gpx("".join(map(trkpt, range(60))))),
+}  # fmt: skip
+FORMATS = [
+    Format(name="uavrt.toml", honest=b'[radio]\nkind = "airspy"\ngain = 12\n',
+           attacks=toml_attacks("[radio]\n", "gain"), read=read_settings),
+    Format(name="tags.toml", honest="".join(TAG.format(n) for n in range(2, 40)).encode(),
+           attacks=toml_attacks("[[tag]]\n", "interval_ms") | {
+               "many tags": "".join(TAG.format(n) for n in range(2, 8_000)).encode(),
+               "near codes": "".join(
+                   CODED.format(n, 30 + 0.03 * n) for n in range(2, 500)).encode(),
+               "many codes": "".join(CODED.format(n, 30) for n in range(2, 6_000)).encode(),
+               "gaps": CODED.format(2, "1," * 80_000 + "1").encode(),
+           }, read=read_tag_file),
+    Format(name="TagInfo.txt", honest=b"2, 148712000, 1200, 20, 60, 10, 3, 0.01\n" * 1,
+           attacks=table_attacks("2, 148712000, 1200, 20, 60, 10, 3, 0.01\n"),
+           read=read_tag_file),
+    Format(name="codes.csv", honest=b"id,frequency_mhz,burst_interval_s,g1,g2,g3\n"
+           b"12,166.38,5.3,22.1,48.8,36.6\n",
+           attacks={name: b"id,frequency_mhz,burst_interval_s,g1,g2,g3\n" + content
+                    for name, content in table_attacks(
+                        "12,166.38,5.3,22.1,48.8,36.6\n").items()
+                    if isinstance(content, bytes)} | {
+               "heading": ",".join(f"g{n % 9 + 1}" for n in range(90_000)).encode() + b"\n1\n",
+               "many": b"id,frequency_mhz,burst_interval_s,g1,g2,g3\n" + b"".join(
+                   b"%d,166.38,5.3,22.1,48.8,%d\n" % (n, n) for n in range(25_000)),
+           }, read=read_tag_file),
+    Format(name="codes.yaml", honest=b"- id: 12\n  frequency_mhz: 166.38\n  burst_interval_s:"
+           b" 5.3\n  gaps_ms: [22.1, 48.8, 36.6]\n", attacks={
+               "many": b"- {id: 1, gaps_ms: [1, 2, 3]}\n" * 25_000,
+               "just within": b"- {id: 1, gaps_ms: [1, 2, 3]}\n" * 4_800,
+               "nested": b"[" * 60_000,
+               "aliases": b"a: &a [1]\nb: [*a, *a]\n",
+               "scalars": b"- x\n" * 37_000,
+               "folded": b"a: >\n" + b"  x\n" * 30_000,
+               "documents": b"---\n" * 35_000,
+               "quoted": b'- "' + b"\\x41" * 36_000 + b'"\n',
+               "indents": b"".join(b" " * n + b"a:\n" for n in range(500)),
+               "colons": b"? " * 60_000,
+           }, read=read_tag_file),
+    Format(name="TagInfo.db", honest=b"1,2,Luna,3,148.712\n", attacks=table_attacks(
+        "1,2,Luna,3,148.712\n"), read=import_tags),
+    Format(name="tags.csv", honest=b"name,id,frequency_mhz,interval_ms,pulse_width_ms\n"
+           b"Luna,2,148.712,1200,20\n", attacks={
+               name: b"name,id,frequency_mhz,interval_ms,pulse_width_ms\n" + content
+               for name, content in table_attacks("Luna,2,148.712,1200,20\n").items()
+               if isinstance(content, bytes)}, read=import_tags),
+    Format(name="area.geojson", honest=geojson(corners(8)), attacks=SHAPE_ATTACKS,
+           read=read_shape),
+    Format(name="area.kml", honest=kml(placemark(8)), attacks=SHAPE_ATTACKS, read=read_shape),
+    Format(name="area.plan", honest=plan([[47, 8], [47.01, 8], [47.01, 8.01]]),
+           attacks=SHAPE_ATTACKS, read=read_shape),
+    Format(name="log.ulg", honest=ULOG, attacks={
+        "zeros": ULOG + bytes(12_000_000),
+        "5 GB of zeros": sparse(b"ULog\x01\x12\x35\x01" + bytes(8), 5_000_000_000),
+        "1.9 GB of zeros": sparse(ULOG, 1_900_000_000),
+        "fives": ULOG + b"\5\0\0" * 3_000_000,
+        "no data": ulog([*ADDED], ULOG_FORMATS),
+        "huge array": ulog_of_fields(b"float[999999999] q;"),
+        "nested types": ulog_of_fields(
+            b"a[900] x;", b"a:b[900] x;", b"b:c[900] x;", b"c:uint8_t[900] x;"),
+        "type of itself": ulog_of_fields(b"a x;", b"a:a x;"),
+        "many formats": ulog([*ADDED, *FLOWN], [*ULOG_FORMATS, *(
+            b"t%d:uint64_t timestamp;uint8_t[9] a;" % n for n in range(20_000))]),
+        "long text": ulog([*ADDED, (b"L", b"6" + bytes(8) + b"x" * 60_000)] * 50, ULOG_FORMATS),
+        "information": ulog([(b"M", b"\0\x09char[3] aabc")] * 60_000, ULOG_FORMATS),
+        "drop-outs": ulog([*ADDED, *FLOWN, *[(b"O", b"\1\0")] * 60_000], ULOG_FORMATS),
+        "far times": ulog([*ADDED, *[
+            (b"D", struct.pack("<HQQ", 2, 2**63 * (n % 2), 2**64 - 1)) for n in range(50)],
+            *FLOWN], ULOG_FORMATS),
+    }, read=read_any_track),
+    Format(name="log.BIN", honest=dataflash(), attacks={
+        "marks": b"\xa3\x95\x80" * 1_000_000,
+        "no formats": b"\xa3\x95\x82" * 1_000_000,
+        "empty messages": fmt(128, b"FMT", b"BBnNZ", b"T,L,N,F,C", 89)
+        + fmt(130, b"ATT", b"", b"", 3) + b"\xa3\x95\x82" * 700_000,
+        "empty names": dataflash() + fmt(130, b"ATT", b"Q", b"", 11) + b"\xa3\x95\x82" * 1000,
+        "long": dataflash(12_000),
+        "zeros": dataflash() + bytes(30_000_000),
+        "letters": dataflash() + b"\xa3" * 10_000_000,
+        "formats": b"".join(
+            fmt(n % 127, b"ATT", b"Q" * 16, b"TimeUS", 131) for n in range(60_000)),
+        "far times": dataflash() + b"\xa3\x95\x82" + struct.pack(
+            "<Qfff", 2**64 - 1, 1e38, float("nan"), float("inf")),
+        "1.9 GB": sparse(dataflash(), 1_900_000_000),
+    }, read=read_any_track),
+    Format(name="log.tlog", honest=tlog(), attacks={
+        "markers": b"\0" * 8 + b"\xfd" * 1_000_000,
+        "old markers": b"\0" * 8 + b"\xfe\xff" * 500_000,
+        "zeros": tlog() + bytes(4_000_000),
+        "long": tlog(6_000),
+        "far times": b"\xff" * 8 + tlog()[8:],
+        "1.9 GB": sparse(tlog(), 1_900_000_000),
+    }, read=read_any_track),
+    Format(name="track.gpx", honest=gpx("".join(map(trkpt, range(60)))), attacks=GPX_ATTACKS,
+           read=read_any_track),
+    Format(name="track.nmea", honest=NMEA, attacks={
+        "long": NMEA * 30, "wide": NMEA + b"$GPRMC," * 200_000,
+        "stars": b"$GP" + b"*" * 900_000, "far": NMEA.replace(b"010526", b"999999"),
+    }, read=read_any_track),
+    Format(name="telemetry.csv", honest=b"time_ns,latitude_deg,longitude_deg,altitude_amsl_m,"
+           b"altitude_relative_m,qw,qx,qy,qz\n1780000000000000000,47,8,500,40,1,0,0,0\n",
+           attacks={name: b"time_ns,latitude_deg,longitude_deg,altitude_amsl_m,"
+                    b"altitude_relative_m,qw,qx,qy,qz\n" + content for name, content in
+                    table_attacks("1780000000000000000,47,8,500,40,1,0,0,0\n").items()
+                    if isinstance(content, bytes)}, read=read_any_track),
+    Format(name="N47E008.hgt", honest=bytes(2 * 1201 * 1201), attacks={
+        "short": bytes(1000), "other size": bytes(2 * 1200 * 1200)}, read=read_heights),
+    Format(name="N47E008.hgt.zip", honest=zipped("N47E008.hgt", bytes(2 * 1201 * 1201)),
+           attacks={
+               "bomb": zipped("N47E008.hgt", bytes(150_000_000)),
+               "bomb by LZMA": zipped("N47E008.hgt", bytes(25_934_402), zipfile.ZIP_LZMA),
+               "bomb by bzip2": zipped("N47E008.hgt", bytes(25_934_402), zipfile.ZIP_BZIP2),
+               "honest second": zipped("N47E008.hgt", bytes(25_934_402)),
+               "two": zipped("N47E008.hgt", b"")[:-22] + zipped("N47E009.hgt", b""),
+               "directory": b"PK\1\2" + bytes(42) * 600_000 + b"PK\5\6" + struct.pack(
+                   "<4H2IH", 0, 0, 65535, 65535, 46 * 500_000, 0, 0),
+           }, read=read_heights),
+    Format(name="heights.tif", honest=geotiff(), attacks={
+        "bomb": geotiff(4000, 8, zlib.compress(bytes(300_000_000))),
+        "large strip": geotiff(4000, 8, zlib.compress(bytes(2 * 4000 * 4000))),
+        "LZW": geotiff(4000, 5, bytes(random.Random(2).randbytes(100_000))),
+        "PackBits": geotiff(4000, 32773, b"\x81\0" * 250_000),
+        "PackBits of nothing": geotiff(4000, 32773, b"\x80" * 2_000_000),
+        "many blocks": geotiff(100, 8, None, 290_000),
+        "too many blocks": geotiff(100, 8, None, 900_000),
+        "lies far away": tiff({256: (4, 1, b"\xff\xff\xff\x7f"), 257: (4, 1, b"\1\0\0\0")}),
+        "one tag": tiff({256: (4, 2**31, b"\0\0\0\0\0\0\0\0")}),
+        "endless directory": struct.pack("<2sHI", b"II", 42, 8) + b"\xff\xff" + bytes(90_000),
+    }, read=read_heights),
+    Format(name="map.mbtiles", honest=sqlite(*MBTILES), attacks={
+        "endless metadata": sqlite(*MBTILES[1:2], MBTILES[3], "CREATE VIEW metadata AS "
+                                   f"{ENDLESS} SELECT 'name' || i AS name, i AS value FROM n"),
+        "endless tiles": sqlite(MBTILES[0], f"CREATE VIEW tiles AS {ENDLESS} SELECT i AS"
+                                " zoom_level, 0 AS tile_column, 0 AS tile_row, '' AS tile_data"
+                                " FROM n WHERE i < 0"),
+        "endless order": sqlite(MBTILES[0], f"CREATE VIEW tiles AS {ENDLESS} SELECT i AS"
+                                " zoom_level, 0 AS tile_column, 0 AS tile_row, '' AS tile_data"
+                                " FROM n"),
+        "long values": sqlite(*MBTILES, "INSERT INTO metadata VALUES ('attribution',"
+                              " hex(zeroblob(40000000)))"),
+        "made values": sqlite(*MBTILES[1:2], MBTILES[3], "CREATE VIEW metadata AS SELECT"
+                              " 'attribution' AS name, hex(zeroblob(400000000)) AS value"),
+        "markup": sqlite(*MBTILES, f"INSERT INTO metadata VALUES ('attribution',"
+                         f" '{'<' * 500_000}')"),
+        "NULL": sqlite(*MBTILES, "INSERT INTO metadata VALUES ('attribution', NULL),"
+                       " (NULL, NULL), ('bounds', NULL)"),
+        "bounds": sqlite(*MBTILES, "INSERT INTO metadata VALUES ('bounds', 'nan,1e999,x')"),
+        "no numbers": sqlite(MBTILES[0], MBTILES[1], "INSERT INTO tiles VALUES"
+                             " ('a', 'b', NULL, NULL)"),
+        "large zoom": sqlite(MBTILES[0], MBTILES[1], "INSERT INTO tiles VALUES"
+                             " (9223372036854775807, 1, 1, x'00')"),
+    }, read=read_map_file),
+    Format(name="map.pmtiles", honest=pmtiles(bytes((1, 1, 1, 4, 1))), attacks={
+        "bomb": pmtiles(bytes(80_000_000)),
+        "large directory": pmtiles(b"\xff\xff\x7f" + bytes(1_400_000)),
+        "facts": pmtiles(bytes((1, 1, 1, 4, 1)), b"[" * 80_000),
+        "long facts": pmtiles(bytes((1, 1, 1, 4, 1)), b'{"attribution":"' + b"<" * 900_000
+                              + b'"}'),
+        "leaf of itself": pmtiles(bytes((1, 0, 0, 100, 1)), leaves=127),
+        "far": pmtiles(bytes((1, 1, 1, 4, 1)), data=2**63),
+        "long numbers": pmtiles(b"\x80" * 1_000_000),
+    }, read=read_map_file),
+    Format(name="rec.sigmf-meta", honest=sigmf(), attacks={
+        "captures": sigmf_captures(*[{"core:sample_start": n} for n in range(40_000)]),
+        "far capture": sigmf_captures({"core:sample_start": 2**62, "core:global_index": 2**62}),
+        "negative capture": sigmf_captures({"core:sample_start": -1}),
+        "text": sigmf_captures({"core:sample_start": "1"}),
+        "rate": json.dumps({**SIGMF, "global": {
+            "core:datatype": "cf32_le", "core:sample_rate": 1e308}}).encode(),
+        "no rate": json.dumps({**SIGMF, "global": {
+            "core:datatype": "cf32_le", "core:sample_rate": float("nan")}}).encode(),
+        "dates": sigmf(captures=[{"core:sample_start": 0,
+                                  "core:datetime": "9" * 40_000 + "-01-01T00:00:00Z"}]),
+        "nested": b'{"global":' * 20_000,
+        "annotations": sigmf(annotations=[{}] * 300_000),
+    }, read=read_samples),
+    Format(name="SDRSharp_20260501_081500Z_148700000Hz_IQ.wav",
+           honest=riff((b"fmt ", 16, WAVE), (b"data", 4000, bytes(4000))),
+           attacks={
+               "far chunk": riff((b"fmt ", 16, WAVE), (b"data", 2**32 - 1, bytes(400))),
+               "chunks": riff(*[(b"junk", 0, b"")] * 300_000),
+               "no format": riff((b"data", 4, bytes(4))),
+               "rate": riff((b"fmt ", 16, struct.pack("<HHIIHH", 1, 2, 0, 0, 4, 16))),
+               "channels": riff((b"fmt ", 16, struct.pack("<HHIIHH", 1, 65535, 8000, 0, 0, 0)),
+                                (b"data", 4, bytes(4))),
+               "SpectraVue": riff((b"fmt ", 16, WAVE), (b"auxi", 400_000, b"<a>" * 133_333),
+                                  (b"data", 4, bytes(4))),
+               "64 bits": b"RF64\xff\xff\xff\xffWAVEds64\x1c\0\0\0" + b"\xff" * 28,
+           }, read=read_samples),
+    Format(name="pulses.jsonl", honest=pulses(), attacks={
+        "long": pulses(8_000),
+        "nested field": pulses(1)[:-2] + b', "x": ' + b"[" * 50_000 + b"\n",
+        "wide": pulses(1, detection_status="x" * 500_000),
+        "not finite": pulses(5, snr_db=float("inf"), latitude_deg=float("nan")),
+        "far times": pulses(5, start_time_ns=10**30),
+        "whole": pulses(5, tag_id=10**4000),
+        "other kinds": pulses(5, quaternion_wxyz={"a": 1}, tag_id=[1]),
+        "damaged lines": b'{"tag_id": }\n' * 30_000,
+    }, read=read_pulses),
+    Format(name="Pulse-1.csv", honest=ROW_2023.encode() * 30, attacks=table_attacks(ROW_2023),
+           read=read_pulses),
+    Format(name="pings.csv", honest=UCSD.encode(), attacks={
+        name: UCSD.splitlines()[0].encode() + b"\n" + content for name, content in
+        table_attacks(UCSD.splitlines()[1] + "\n").items() if isinstance(content, bytes)},
+        read=read_pulses),
+    Format(name="gnome.txt", honest=GNOME.encode() * 20,
+           attacks=table_attacks("p1,1700000001.2,4,-40,-80\n"), read=read_pulses),
+    Format(name="bearings.csv", honest=BEARING.encode() * 20, attacks=table_attacks(BEARING),
+           read=read_bearings),
+    Format(name="positions.csv", honest=POSITION.encode() * 20,
+           attacks=table_attacks(POSITION), read=read_positions),
+    Format(name="detectorConfig.txt", honest=DETECTOR, attacks={
+        "long": DETECTOR * 5_000, "headings": b"#\n" * 90_000, "colons": b":" * 190_000,
+        "far": DETECTOR.replace(b"1.2", b"9" * 5000)}, read=read_detector),
+    Format(name="report.toml", honest=b'operator = "A. Adler"\n',
+           attacks=toml_attacks("", "operator"), read=read_report_facts),
+    Format(name="scenario.toml", honest=b"",
+           attacks=toml_attacks("[radio]\n", "sample_rate_hz"), read=read_scenario_file),
+    Format(name="recordings.csv", honest=b"path\n", attacks={
+        name: b"path,format\n" + content
+        for name, content in table_attacks("a.wav,wav\n").items()
+        if isinstance(content, bytes)}, read=read_manifest),
+    Format(name="uavrt-9.tar", honest=update_tar(b"{}"), attacks={
+        "large manifest": update_tar(b"[" * 3_000_000), "members": update_tar(
+            b"{}", *[tarfile.TarInfo(f"wheels/{n}") for n in range(9_000)])},
+        read=read_update_file, is_read=False),
+    Format(name="uavrt-9.9-py3-none-any.whl", honest=zipped("a", b"a"), attacks={
+        "bomb": zipped("a", bytes(90_000_000))}, read=read_update_file, is_read=False),
+    Format(name="flight.sqlite", honest=honest_flight, attacks=flight_attacks(),
+           read=read_whole_flight),
+    Format(name="tags.json", honest=b"[]", attacks={
+        "objects": b"[" + b"{}," * 200_000 + b"{}]", "nested": b"[" * 40_000,
+        "rings": b'[{"tag_id": 1, "rings": ' + b"[" * 800 + b"]" * 800 + b"}]"},
+        read=read_verdicts),
+]  # fmt: skip
+
+
+# ------------------------------------------------------------------- the campaign
+
+
+def mutated(content: bytes, rng: random.Random) -> bytes:
+    """Change some bytes, cut, repeat or exchange pieces, or put numbers of others' size in."""
+    made = bytearray(content[:3_000_000])
+    for _ in range(rng.randint(1, 6)):
+        at, length = rng.randrange(len(made) + 1), rng.randrange(1, 64)
+        match rng.randrange(6):
+            case 0 if made:
+                made[at % len(made)] ^= 1 << rng.randrange(8)
+            case 1:
+                del made[at : at + length]
+            case 2:
+                made[at:at] = made[at : at + length] * rng.choice((2, 50, 2_000))
+            case 3:
+                del made[at:]
+            case 4:
+                odd = (
+                    b"nan",
+                    b"-1",
+                    b"1e999",
+                    b"9" * 400,
+                    b'"',
+                    b"\0",
+                    b"\xff" * 8,
+                    b"[" * 500,
+                )
+                made[at : at + rng.randrange(8)] = rng.choice(odd)
+            case _:
+                other = rng.randrange(len(made) + 1)
+                made[at:at] = made[other : other + 20 * length]
+    return bytes(made[:6_000_000])
+
+
+def known_files(one: Format) -> Attacks:
+    """All files of a format but its mutations."""
+    return {"honest": one.honest, **one.attacks, **COMMON}
+
+
+def files_of(one: Format, count: int, rng: random.Random) -> Iterator[tuple[str, Content]]:
+    """Some files of a format: each attack once, as far as the count goes, then mutations."""
+    known = known_files(one)
+    names = list(known)
+    first = ["honest", *rng.sample(names[1:], len(names) - 1)][:count]
+    for name in first:
+        yield name, known[name]
+    for number in range(count - len(first)):
+        name = rng.choice(["honest"] * 3 + names)
+        yield f"{name}, mutated {number}", (name, rng.randrange(2**32))  # type: ignore[misc]
+
+
+def write(one: Format, content: object, path: Path) -> None:
+    """Make a file where it is to be."""
+    if isinstance(content, tuple):
+        name, seed = content
+        write(one, known_files(one)[name], path)
+        if path.is_fifo() or path.stat().st_size > 50_000_000:
+            return
+        path.write_bytes(mutated(path.read_bytes(), random.Random(seed)))
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        content(path)  # type: ignore[operator]
+
+
+def tried(one: Format, path: Path, limit_s: int = 20) -> Outcome:
+    """Read a file in a process of its own."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reader)
+        _read(one, path, writer, limit_s)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as answer:
+        told = answer.read()
+    _, status, used = os.wait4(child, 0)
+    if not told:
+        code = os.waitstatus_to_exitcode(status)
+        return Outcome(what="killed", text=str(code), cpu_s=used.ru_utime, peak_bytes=0)
+    return Outcome(**json.loads(told))
+
+
+def _read(one: Format, path: Path, answer: int, limit_s: int) -> None:
+    """In the child: read, and say what came of it."""
+    try:
+        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
+        resource.setrlimit(resource.RLIMIT_AS, (4_000_000_000, 4_000_000_000))
+        signal.alarm(10 * limit_s)
+        with contextlib.suppress(OSError):
+            Path("/proc/self/clear_refs").write_text("5")  # peaks count from here
+        base = _memory("VmRSS")
+        before = resource.getrusage(resource.RUSAGE_SELF)
+        what, text = "read", ""
+        try:
+            one.read(path)
+        except UavrtError as error:
+            what, text = "refused", str(error)
+        except BaseException as error:  # noqa: BLE001 - whatever it is
+            what, text = "traceback", f"{type(error).__name__}: {error}"[:300]
+        after = resource.getrusage(resource.RUSAGE_SELF)
+        cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        peak = PROGRAM_BYTES + _memory("VmHWM") - base
+        told = {"what": what, "text": text[:41_000], "cpu_s": cpu_s, "peak_bytes": peak}
+        with os.fdopen(answer, "w") as stream:
+            json.dump(told, stream)
+    finally:
+        os._exit(0)
+
+
+def _memory(what: str) -> int:
+    """Bytes that this process has, or had at most."""
+    status = Path("/proc/self/status").read_text()
+    return 1024 * int(status.partition(f"{what}:")[2].split()[0])
+
+
+def warm_up(formats: list[Format]) -> None:
+    """Import what the readers need: its time and memory are the program's, not a file's."""
+    with tempfile.TemporaryDirectory() as name:
+        for number, one in enumerate(formats):
+            place = Path(name) / str(number)
+            place.mkdir()
+            write(one, one.honest, place / one.name)
+            with contextlib.suppress(UavrtError):
+                one.read(place / one.name)
+
+
+def run(
+    formats: list[Format],
+    each: int,
+    seed: int,
+    say: Callable[[str], None] = print,
+    *,
+    warm: bool = True,
+) -> tuple[int, list[str]]:
+    """Try some files of each format; how many, and what is not as it should be."""
+    if warm:
+        warm_up(formats)
+    faults, total = [], 0
+    for one in formats:
+        rng = random.Random(f"{seed} {one.name}")
+        worst_s, worst_bytes, refused, count = 0.0, 0, 0, 0
+        for what, content in files_of(one, each, rng):
+            with tempfile.TemporaryDirectory() as name:
+                path = Path(name) / one.name
+                write(one, content, path)
+                found = tried(one, path)
+            count += 1
+            refused += found.what == "refused"
+            worst_s, worst_bytes = max(worst_s, found.cpu_s), max(worst_bytes, found.peak_bytes)
+            fault = found.fault
+            if what == "honest" and one.is_read and found.what != "read":
+                fault = f"the honest file is {found.what}: {found.text}"
+            if fault is not None:
+                faults.append(f"{one.name}, {what}: {fault}")
+                say(f"  NOT SO {faults[-1]}")
+        total += count
+        say(f"{one.name:28}{count:5} files,{refused:5} refused, {worst_s:5.2f} s, "
+            f"{worst_bytes / 1e6:4.0f} MB")  # fmt: skip
+    return total, faults
+
+
+def main() -> None:
+    """Run the campaign."""
+    parser = argparse.ArgumentParser(description="Try files of all foreign formats.")
+    parser.add_argument("--files", type=int, default=2400)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="part of a format's name")
+    parser.add_argument("--part", default="0/1", help="of the formats, such as 1/2 of two")
+    given = parser.parse_args()
+    part, parts = map(int, given.part.split("/"))
+    chosen = [one for one in FORMATS[part::parts] if given.only in one.name]
+    total, faults = run(chosen, -(-given.files // len(FORMATS)), given.seed)
+    print(f"{total} files, {len(faults)} not as they should be")
+    sys.exit(1 if faults else 0)
+
+
+if __name__ == "__main__":
+    main()
