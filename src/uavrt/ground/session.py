@@ -423,6 +423,8 @@ class GroundSession:
         if self.flight.put_inside(event):
             record = asdict(event) | {"flight_id": self.flight.flight_id}
             self._show_written("burst", record)
+        else:
+            self.commit_soon()
 
     def _show_written(self, kind: str, record: dict[str, Any]) -> None:
         """Show a record with the next commit, which writes it first."""

@@ -68,6 +68,7 @@ class FlightKeeper:
         self._ending: list[FlightRecorder] = []
         """Of flights that are over, and that the disk has not taken whole."""
         self._retry_at_s = 0.0
+        self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._keys: set[tuple[int, int]] = set()
         self._pulses = array("d")
         self._poses = array("d")
@@ -192,11 +193,21 @@ class FlightKeeper:
             It was not taken: too many wait for the disk.
         """
         if burst.key not in self._keys:
+            self._put_before(burst)
             return False
         self._room().write_inside(burst)
         if burst.also_possible_tag_ids:
             self._doubt(burst)
         return True
+
+    def _put_before(self, burst: BurstInside) -> None:
+        """Put it into a burst of the flight before this one, if it is there."""
+        path, keys = self._before
+        if path is None or burst.key not in keys:
+            return
+        recorder = FlightRecorder.reopen(path, durable=True)
+        recorder.write_inside(burst)
+        self._ending.append(recorder)
 
     def _doubt(self, burst: BurstInside) -> None:
         """Let the estimates know whose else a burst may be."""
@@ -293,6 +304,7 @@ class FlightKeeper:
     def close(self) -> None:
         """End the recording; what the disk does not take now is written by a later `commit`."""
         if self._recorder is not None:
+            self._before = self._recorder.layout.root, frozenset(self._keys)
             self._ending.append(self._recorder)
         self._recorder = None
         self.ended = True

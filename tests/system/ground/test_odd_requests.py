@@ -1,0 +1,47 @@
+"""Odd files and names spoil no answer of the page's server."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from tests.unit.ground.conftest import Served
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    station = Served(tmp_path / "ground")
+    yield station
+    station.stop()
+
+
+def test_a_map_without_a_credit_and_edges_does_not_empty_the_set_up_page(
+    served: Served,
+) -> None:
+    place = served.directory / "maps" / "odd.mbtiles"
+    with closing(sqlite3.connect(place)) as database, database:
+        database.execute("CREATE TABLE metadata (name, value)")
+        database.execute("CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data)")
+        database.execute("INSERT INTO tiles VALUES (1, 0, 0, x'89504e47')")
+        for name in ("attribution", "bounds", "format"):
+            database.execute("INSERT INTO metadata VALUES (?, NULL)", (name,))
+    answer = served.ask("GET", "/api/choices")
+    assert answer.status == 200
+    assert answer.json["maps"][0]["bounds"] == [-180.0, -85.0, 180.0, 85.0]
+
+
+@pytest.mark.parametrize("what", ["", "/pulses", "/columns", "/track", "/report", "/folds"])
+def test_a_flight_of_300_letters_is_not_found_and_no_fault_of_the_server(
+    served: Served, what: str
+) -> None:
+    answer = served.ask("GET", f"/api/flights/{'a' * 300}{what}")
+    assert answer.status == 404
+    assert answer.json["error"].startswith("there is no flight")
+
+
+def test_a_folder_name_that_no_disk_takes_is_refused_in_words(served: Served) -> None:
+    for name in ("dem", "archive"):
+        answer = served.ask("PUT", "/api/settings", {name: "/" + "b" * 5000})
+        assert answer.status == 422
+        assert answer.json["error"]
