@@ -111,7 +111,7 @@ class YawWatch:
         if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
             return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         if time_s - self.start_s < TURNS_ON_S:
-            most += abs(self.turning_deg_s)
+            most += _turns_on_deg(self.turning_deg_s)
         return OTHERS_TURN if off > most else None
 
     def _aim(
@@ -138,6 +138,11 @@ class YawWatch:
         return None if least <= self.turned_deg <= soonest else OTHERS_TURN
 
 
+def _turns_on_deg(turning_deg_s: float) -> float:
+    """How far a turn may go on; 25° and 50° were flown, and a turn may still quicken."""
+    return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
+
+
 @dataclass(slots=True, kw_only=True)
 class RestingYaw:
     """Heading of a drone that stands by no order of ours.
@@ -160,5 +165,5 @@ class RestingYaw:
             if step * self.turning_deg_s > 0.0 and time_s - since_s < TURNED_S:
                 self.yaw_deg, self._moved_s, step = yaw_deg, time_s, 0.0
         turns_on = time_s - max(self._moved_s, self.start_s) < TURNS_ON_S
-        most = self.tolerance_deg + (abs(self.turning_deg_s) if turns_on else 0.0)
+        most = self.tolerance_deg + turns_on * _turns_on_deg(self.turning_deg_s)
         return abs(step) > most
