@@ -13,7 +13,7 @@ BESIDE_M = 1.0
 """Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
 FROZEN_M, STOPPED_S = 2.5, 1.0
 """Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
-TURNS_ON_S = 4.0
+TURNS_ON_S = 6.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
