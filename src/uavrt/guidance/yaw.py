@@ -11,6 +11,8 @@ NEAR_M = 0.7
 """Nearer to the target the heading stays; PX4 looks along the bearing until 1 to 2 m."""
 BESIDE_M = 1.0
 """Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
+SETTLES_DEG = 0.3
+"""A heading that changes less from report to report has come to its end."""
 FROZEN_M, STOPPED_S = 2.5, 1.0
 """Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
 TURNS_ON_S = 6.0
@@ -61,6 +63,7 @@ class YawWatch:
     _near: bool = False
     _moved_s: float = 0.0
     _turns: bool = False
+    _settles: bool = False
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -94,7 +97,7 @@ class YawWatch:
         self.yaw_deg = yaw_deg
         if self.turn_deg is not None:
             return self._turning(time_s, step)
-        aim, slack = self._aim(yaw_deg, bearing_deg, away_m)
+        aim, slack = self._aim(yaw_deg, step, bearing_deg, away_m)
         moved = 0.0 if self._aim_deg is None else abs(wrap_degrees_180(aim - self._aim_deg))
         off = abs(wrap_degrees_180(aim - yaw_deg))
         if self._aim_deg is None and self.wanted_deg is None:
@@ -115,7 +118,7 @@ class YawWatch:
         return OTHERS_TURN if off > most else None
 
     def _aim(
-        self, yaw_deg: float, bearing_deg: float | None, away_m: float
+        self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
         """Where it is to look, and how uncertain that is [deg]."""
         if self.wanted_deg is not None:
@@ -123,7 +126,9 @@ class YawWatch:
         was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(BESIDE_M / away_m))
-        if self._aim_deg is None or not was_near:
+        # It comes to the end of its turn first.
+        self._settles = not was_near or (self._settles and abs(step_deg) > SETTLES_DEG)
+        if self._aim_deg is None or self._settles:
             return yaw_deg, 0.0
         return self._aim_deg, 0.0
 
