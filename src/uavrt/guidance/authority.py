@@ -633,7 +633,7 @@ class Authority:
             lowest_m=min(heights),
             highest_m=max(heights),
             yaw=yaw,
-            progress=Progress(now_s),
+            progress=Progress(),
             start=position,
             top_m=position.altitude_amsl_m,
         )

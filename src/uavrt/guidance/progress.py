@@ -18,6 +18,8 @@ SLOW_S = 1.0
 """After this, no further command is sent until it comes nearer again [s]."""
 BRAKES_S, BRAKES_M = 0.5, 0.1
 """A drone whose standing place comes nearer by less in this time brakes, or stands."""
+SAMPLE_S = 0.1
+"""Between two positions [s]."""
 NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
 """Least change in `STANDS_S` that is coming nearer; wind may slow a drone to that."""
 
@@ -47,9 +49,8 @@ class _Sample:
 class Progress:
     """Watches one step from its command on."""
 
-    def __init__(self, time_s: float) -> None:
+    def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
-        self._start_s = time_s
         self._begun = False
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
@@ -63,21 +64,20 @@ class Progress:
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
-            self._start_s, self._begun = time_s, True
+            self._begun = True
             return
         self._samples.append(_Sample(time_s, parts, free))
         while len(self._samples) > 1 and self._samples[1].time_s <= time_s - STANDS_S:
             self._samples.popleft()
-        self._begun |= self._nearer(self._samples[0], 1.0)
+        self._begun |= self._nearer(time_s, STANDS_S)
 
     def stands(self, time_s: float, for_s: float | None = None) -> bool:
         """Whether something is left and nothing came nearer for so long."""
         if for_s is None:
             for_s = STANDS_S if self._begun else BEGINS_WITHIN_S
-        if not self._samples or time_s - self._start_s < for_s:
+        if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
-        old = (one for one in reversed(self._samples) if one.time_s <= time_s - for_s)
-        return not self._nearer(next(old, self._samples[0]), min(1.0, for_s / STANDS_S))
+        return not self._nearer(time_s, for_s)
 
     def brakes(self, time_s: float) -> bool:
         """Whether it slows down without a reason: where it would stand comes no nearer."""
@@ -87,10 +87,14 @@ class Progress:
         now = self._samples[-1].parts[0]
         return any(now.soon > then.parts[0].soon - BRAKES_M for then in islice(old, 1))
 
-    def _nearer(self, then: _Sample, share: float) -> bool:
-        """Whether any part that is left is nearer than it was, by a share of the least."""
+    def _nearer(self, time_s: float, within_s: float) -> bool:
+        """Whether any part that is left has come nearer, by its share of the least change."""
+        share = 1.0 if within_s >= BEGINS_WITHIN_S else within_s / STANDS_S
+        now = self._samples[-1].parts
         return any(
             max(a.now - b.now, a.soon - b.soon) >= share * b.least
-            for a, b in zip(then.parts, self._samples[-1].parts, strict=True)
+            for then in self._samples
+            if then.time_s >= time_s - within_s - SAMPLE_S
+            for a, b in zip(then.parts, now, strict=True)
             if a.now > a.tolerance
         )

@@ -11,9 +11,11 @@ NEAR_M = 0.7
 """Nearer to the target the heading stays; PX4 looks along the bearing until 1 to 2 m."""
 BESIDE_M = 1.0
 """Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
+SETTLES_DEG = 0.3
+"""A heading that changes less from report to report has come to its end."""
 FROZEN_M, STOPPED_S = 2.5, 1.0
 """Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
-TURNS_ON_S = 4.0
+TURNS_ON_S = 6.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
@@ -61,6 +63,7 @@ class YawWatch:
     _near: bool = False
     _moved_s: float = 0.0
     _turns: bool = False
+    _settles: bool = False
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -94,7 +97,7 @@ class YawWatch:
         self.yaw_deg = yaw_deg
         if self.turn_deg is not None:
             return self._turning(time_s, step)
-        aim, slack = self._aim(yaw_deg, bearing_deg, away_m)
+        aim, slack = self._aim(yaw_deg, step, bearing_deg, away_m)
         moved = 0.0 if self._aim_deg is None else abs(wrap_degrees_180(aim - self._aim_deg))
         off = abs(wrap_degrees_180(aim - yaw_deg))
         if self._aim_deg is None and self.wanted_deg is None:
@@ -111,11 +114,11 @@ class YawWatch:
         if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
             return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         if time_s - self.start_s < TURNS_ON_S:
-            most += abs(self.turning_deg_s)
+            most += _turns_on_deg(self.turning_deg_s)
         return OTHERS_TURN if off > most else None
 
     def _aim(
-        self, yaw_deg: float, bearing_deg: float | None, away_m: float
+        self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
     ) -> tuple[float, float]:
         """Where it is to look, and how uncertain that is [deg]."""
         if self.wanted_deg is not None:
@@ -123,7 +126,9 @@ class YawWatch:
         was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(BESIDE_M / away_m))
-        if self._aim_deg is None or not was_near:
+        # It comes to the end of its turn first.
+        self._settles = not was_near or (self._settles and abs(step_deg) > SETTLES_DEG)
+        if self._aim_deg is None or self._settles:
             return yaw_deg, 0.0
         return self._aim_deg, 0.0
 
@@ -136,6 +141,11 @@ class YawWatch:
         soonest = min(abs(self.turn_deg), passed) + self.tolerance_deg
         least = self._best_deg - self.tolerance_deg
         return None if least <= self.turned_deg <= soonest else OTHERS_TURN
+
+
+def _turns_on_deg(turning_deg_s: float) -> float:
+    """How far a turn may go on; 25° and 50° were flown, and a turn may still quicken."""
+    return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -160,5 +170,5 @@ class RestingYaw:
             if step * self.turning_deg_s > 0.0 and time_s - since_s < TURNED_S:
                 self.yaw_deg, self._moved_s, step = yaw_deg, time_s, 0.0
         turns_on = time_s - max(self._moved_s, self.start_s) < TURNS_ON_S
-        most = self.tolerance_deg + (abs(self.turning_deg_s) if turns_on else 0.0)
+        most = self.tolerance_deg + turns_on * _turns_on_deg(self.turning_deg_s)
         return abs(step) > most
