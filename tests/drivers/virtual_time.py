@@ -91,8 +91,8 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         return self._virtual.now_s
 
-    def run_in_executor(  # type: ignore[override]  # a future, as of a loop that waits
-        self, executor: Executor | None, func: Callable[..., Any], *args: Any
+    def run_in_executor(  # type: ignore[override]  # names of arguments; a future, as of a loop that waits
+        self, _: Executor | None, func: Callable[..., Any], *args: Any
     ) -> asyncio.Future[Any]:
         future = self.create_future()
         try:

@@ -1,19 +1,10 @@
 """Odd files and names spoil no answer of the page's server."""
 
 import sqlite3
-from collections.abc import Iterator
 from contextlib import closing
-from pathlib import Path
 
 import pytest
-from tests.unit.ground.conftest import Served
-
-
-@pytest.fixture
-def served(tmp_path: Path) -> Iterator[Served]:
-    station = Served(tmp_path / "ground")
-    yield station
-    station.stop()
+from tests.system.ground.conftest import Served
 
 
 def test_a_map_without_a_credit_and_edges_does_not_empty_the_set_up_page(

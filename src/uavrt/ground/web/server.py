@@ -119,7 +119,7 @@ class PageServer(uvicorn.Server):
 
     async def serve(self, sockets: list[socket.socket] | None = None) -> None:
         """Serve the page; each client has its share of connections."""
-        (entrance,) = sockets or ()
+        entrance = sockets[0] if sockets else None
         assert isinstance(entrance, ListeningSocket)
         self.config.http = protocol_of(entrance)
         try:
