@@ -311,7 +311,8 @@ def takeover_fault(name: str, flavour: Flavour, seed: int) -> str | None:
     if name == "pause by 193":
         # Paused within the tolerance of its target, it shows by not leaving for the next.
         until_s = max([(stood_s or begun_s) + 4.0, *(one + 2.7 for one in late[-1:])])
-        if stood_s is None or out_s > until_s:
+        arrives = reason in WELL and not late  # paused as good as at its last place
+        if not arrives and (stood_s is None or out_s > until_s):
             return (
                 f"{story}: out {out_s - (stood_s or begun_s):.1f} s after its stop ({reason})"
             )
