@@ -30,7 +30,10 @@ from uavrt.simulation.scenario_file import load_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer, encode
 
 SAMPLE_RATES_HZ = (3_000_000, 6_000_000, 2_500_000, 10_000_000)
-"""Of the Airspy Mini, then of the R2; without -a the first one is used."""
+"""Of the Airspy Mini, then of the R2; without -a the first one is used.
+
+The scenario may give its radio another rate, which is then taken as well.
+"""
 BUFFERS = 8
 """libairspy queues as many filled buffers for a slow reader."""
 SERIAL = 0x644064DC2F5A5ECD
@@ -123,9 +126,6 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
             f"argument error: frequency_MHz={frequency_mhz:.6f} MHz "
             "and shall be between [24, 1900[ MHz"
         )
-    rate = _number(given, "-a", SAMPLE_RATES_HZ[0])
-    if rate not in SAMPLE_RATES_HZ:
-        raise ArgumentFault("airspy_set_samplerate() failed: AIRSPY_ERROR_INVALID_PARAM (-2)")
     if _whole(given, "-p", 0, 0, "packing") != 0 or _whole(given, "-t", 2, 5, "type") not in (
         0,
         2,
@@ -139,7 +139,7 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
         absent="--absent" in given,
         serial=_serial(given.get("-s")),
         frequency_hz=frequency_mhz * 1e6,
-        sample_rate_hz=float(rate),
+        sample_rate_hz=_number(given, "-a", SAMPLE_RATES_HZ[0]),
         integers=given.get("-t", "2") == "2",
         gain=_gain(given),
         samples=_whole(given, "-n", 0, 2**63, "num_samples") or None,
@@ -334,6 +334,10 @@ def main(command_line: Sequence[str]) -> int:
         scenario = load_scenario(arguments.world)
     except UavrtError as error:
         _say(f"airspy_rx: {error}")
+        return 1
+    if arguments.sample_rate_hz not in (*SAMPLE_RATES_HZ, scenario.radio.sample_rate_hz):
+        _say("airspy_set_samplerate() failed: AIRSPY_ERROR_INVALID_PARAM (-2)")
+        sys.stderr.write(USAGE)
         return 1
     if arguments.start_time_ns is not None:
         scenario = scenario.starting_at(arguments.start_time_ns)
