@@ -1,7 +1,6 @@
 """The file server against clients that nobody here wrote, and against bad requests."""
 
 import asyncio
-import contextlib
 import os
 import random
 import re
@@ -9,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,12 @@ import pytest
 from hypothesis import given, settings
 from mavproxy import mavproxy
 
-from uavrt.mavlink import Peer, Priority
+from uavrt.mavlink import Peer
 from uavrt.mavlink.dialect import FileTransferProtocol
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import MAX_SESSIONS, FileServer
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from world import World
 
 CLIENT = Peer(255, 190)
 OTHER = Peer(245, 190)
@@ -240,29 +240,14 @@ def test_any_bytes_are_answered_and_change_nothing(payloads: list[bytes]) -> Non
 # ------------------------------------------------------------- clients from elsewhere
 
 
-@contextlib.asynccontextmanager
-async def served(world: Any, flights: Path) -> AsyncIterator[FileServer]:
-    """The world's drone with a file server, as in the connection process."""
-    connection = world.drone.connection
-    server = FileServer(FileTree(flights), connection.tunnel.wake)
-    connection.tunnel.add_source(server, Priority.FILE)
-    world.drone.files = server
-
-    async def work() -> None:
-        while True:
-            server.work()
-            await asyncio.sleep(0.02)
-
-    async with world.flying():
-        task = asyncio.create_task(work())
-        try:
-            yield server
-        finally:
-            task.cancel()
-            server.close()
+@pytest.fixture
+def world(make_world: Callable[..., World], flights: Path) -> World:
+    return make_world(flights=flights)
 
 
-def test_mavsdk_lists_downloads_and_compares(world: Any, flights: Path, tmp_path: Path) -> None:
+def test_mavsdk_lists_downloads_and_compares(
+    world: World, until: Callable[..., Awaitable[None]], tmp_path: Path
+) -> None:
     import mavsdk
     from mavsdk.plugins.ftp import Ftp
 
@@ -291,10 +276,10 @@ def test_mavsdk_lists_downloads_and_compares(world: Any, flights: Path, tmp_path
             sdk.destroy()
 
     async def main() -> None:
-        async with served(world, flights) as server:
+        async with world.flying():
             await asyncio.to_thread(client)
             # Opcode 16, and an end of a session that listing did not open.
-            assert server.refused == 2
+            await until(lambda: world.counter("ftp_refused") == 2)
             assert world.autopilot.counters()["dropped_to_ground"] == 0
 
     asyncio.run(main())
@@ -304,7 +289,7 @@ def names_in(listing: Any) -> set[str]:
     return set(re.findall(r"[\w.]+", str([vars(entry) for entry in listing.entries])))
 
 
-def test_pymavlinks_client_lists_and_reads(world: Any, flights: Path, tmp_path: Path) -> None:
+def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -> None:
     local = tmp_path / "got.bin"
 
     def client() -> str:
@@ -321,7 +306,7 @@ def test_pymavlinks_client_lists_and_reads(world: Any, flights: Path, tmp_path: 
         return finished.stdout + finished.stderr
 
     async def main() -> None:
-        async with served(world, flights):
+        async with world.flying():
             said = await asyncio.to_thread(client)
             assert local.exists(), said
             assert "flight.sqlite" in said
@@ -363,7 +348,7 @@ ftp get /flight_log_1/flight.sqlite {local}
 """
 
 
-def test_mavproxy_lists_compares_and_reads(world: Any, flights: Path, tmp_path: Path) -> None:
+def test_mavproxy_lists_compares_and_reads(world: World, tmp_path: Path) -> None:
     pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
     local = tmp_path / "got.bin"
 
@@ -377,7 +362,7 @@ def test_mavproxy_lists_compares_and_reads(world: Any, flights: Path, tmp_path: 
         )
 
     async def main() -> None:
-        async with served(world, flights):
+        async with world.flying():
             said = await asyncio.to_thread(client)
             assert "flight.sqlite" in said, said
             assert f"0x{checksum(CONTENT):08x}" in said.lower(), said

@@ -19,146 +19,64 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.plugins.component_metadata import MetadataType
 from mavsdk.plugins.param import ParamError, ProtocolVersion
 
-from uavrt.clock import Clock
 from uavrt.config.parameters import OFFERED, RUN, parameter_values
-from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
-from uavrt.mavlink import Connection, Handlers, Peer, Priority
-from uavrt.mavlink.component import ParameterEncoding
 from uavrt.mavlink.dialect import MavParamType
-from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import FileServer
-from uavrt.mavlink.message import Message
-from uavrt.mavlink.metadata import component_metadata
-from uavrt.mavlink.parameters import Requests, decode_value, encode_value
-from uavrt.messages import CommandReply, StatusText
-from uavrt.processes.parameter_desk import ParameterDesk
-from uavrt.supervisor.mission.orders import Mission
-from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.mavlink.parameters import decode_value, encode_value
+from uavrt.messages import CommandReply
+from world import World
 
 Until = Callable[..., Awaitable[None]]
-World = Any  # tests/unit/mavlink/conftest.py
 
 
-class ParameterDrone:
-    """The connection process's parameters with the supervisor's mission behind them."""
+def values_of(world: World) -> dict[str, float]:
+    return {**parameter_values(world.mission.settings), RUN.name: 0.0}
 
-    def __init__(
-        self,
-        clock: Clock,
-        directory: Path,
-        send: Callable[[Message], None] | None = None,
-        encoding: ParameterEncoding = "auto",
-    ) -> None:
-        self.texts: list[StatusText] = []
-        self.replies: list[CommandReply] = []
-        self._clock = clock
-        self._number = 0
-        self.refusal: str | None = None
-        self.connection = Connection(
-            Handlers(
-                attitude=lambda _: None,
-                position=lambda _: None,
-                tunnel=lambda _payload, _peer: None,
-                ftp=self._ftp,
-                parameters=self._request,
-            ),
-            clock.now_ns,
-            parameter_encoding=encoding,
-        )
-        metadata = component_metadata()
-        self.connection.component.metadata = metadata
-        wake = self.connection.tunnel.wake
-        self._files = FileServer(FileTree(directory, metadata.files), wake)
-        self.connection.tunnel.add_source(self._files, Priority.FILE)
-        settings = Settings(
-            recording=RecordingSettings(directory=str(directory)),
-            mavlink=MavlinkSettings(parameter_encoding=encoding),
-        )
-        self.mission = Mission(
-            settings,
-            StateStore(directory),
-            tell=lambda _severity, _text: None,
-            on_start=lambda _flight: None,
-            on_stop=lambda: None,
-            on_settings=lambda changed: self._desk.changed(changed),
-        )
-        self._desk = ParameterDesk(
-            self.mission.settings,
-            lambda: self.connection.component.parameters_bytewise,
-            send=lambda value, _asker: (send or self.connection.tunnel.send_message)(value),
-            ask=lambda command: self._answer(self.mission.command(command)),
-            tell=self.texts.append,
-        )
 
-    @property
-    def values(self) -> dict[str, float]:
-        return {**parameter_values(self.mission.settings), RUN.name: 0.0}
-
-    async def tick(self) -> None:
-        while True:
-            self._files.work()
-            self.connection.tunnel.wake()
-            await asyncio.sleep(0.02)
-
-    def _answer(self, reply: CommandReply) -> None:
-        self.replies.append(reply)
-        self._desk.reply(reply)
-
-    def _request(self, message: Requests, peer: Peer) -> None:
-        self._number += 1
-        self._desk.receive(message, peer, self.refusal, self._number)
-
-    def _ftp(self, payload: bytes, peer: Peer) -> None:
-        self._files.receive(payload, peer, self._clock.now_ns())
+def ready(world: World) -> bool:
+    """Whether the connection knows its autopilot."""
+    return "connection" in world.health and world.health["connection"].status == "ready"
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 def test_mavsdk_lists_sets_and_reads_our_parameters(
-    world: World, until: Until, tmp_path: Path, flavour: str
+    world: World, until: Until, flavour: str
 ) -> None:
-    drone = world.drone = ParameterDrone(world.clock, tmp_path)
-
     async def main() -> None:
         configuration = Configuration.create_manual(255, 190, True)
         async with world.flying(flavour=flavour), Mavsdk(configuration) as mavsdk:
             await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
             system = await mavsdk.first_autopilot(timeout_s=20.0)
-            await until(lambda: drone.connection.status() == "ready")
+            await until(lambda: ready(world))
             param = ParamAsync(system)
             with contextlib.suppress(ParamError):  # answers UNKNOWN, and does it
                 await param.select_component(191, ProtocolVersion.V1)
             everything = await param.get_all_params()
             whole = {p.name: float(p.value) for p in everything.int_params}
             real = {p.name: p.value for p in everything.float_params}
-            assert {**whole, **real} == drone.values
+            assert {**whole, **real} == values_of(world)
             assert set(real) == {n for n, row in OFFERED.items() if row.kind == "real"}
             await param.set_param_int("RADIO_GAIN", 15)
             await param.set_param_int("RADIO_FREQ_KHZ", 148_705)
             await param.set_param_float("DET_FALSE_ALARM", 0.005)
-            assert drone.mission.settings.radio.gain == 15
-            assert drone.mission.settings.radio.center_frequency_hz == 148_705_000.0
-            assert drone.mission.settings.detection.false_alarm_probability == 0.005
+            assert world.mission.settings.radio.gain == 15
+            assert world.mission.settings.radio.center_frequency_hz == 148_705_000.0
+            assert world.mission.settings.detection.false_alarm_probability == 0.005
             assert await param.get_param_int("RADIO_GAIN") == 15
             await param.set_param_int("RADIO_GAIN", -1)
-            assert drone.mission.settings.radio.gain is None
+            assert world.mission.settings.radio.gain is None
             param.destroy()
         configuration.destroy()
 
     asyncio.run(main())
 
 
-def test_mavsdk_gets_our_metadata_by_file_transfer(
-    world: World, until: Until, tmp_path: Path
-) -> None:
-    drone = world.drone = ParameterDrone(world.clock, tmp_path)
-
+def test_mavsdk_gets_our_metadata_by_file_transfer(world: World, until: Until) -> None:
     async def main() -> None:
         configuration = Configuration.create_manual(255, 190, True)
         async with world.flying(), Mavsdk(configuration) as mavsdk:
             await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
             system = await mavsdk.first_autopilot(timeout_s=20.0)
-            await until(lambda: drone.connection.status() == "ready")
+            await until(lambda: ready(world))
             metadata = ComponentMetadataAsync(system)
             updates = metadata.subscribe_metadata_available()
             waiting = asyncio.create_task(anext(updates))
@@ -177,77 +95,89 @@ def test_mavsdk_gets_our_metadata_by_file_transfer(
     asyncio.run(main())
 
 
-class PymavlinkStation:
-    """A ground station of pymavlink's encoder and decoder on a link of ours."""
+class PymavlinkStation(asyncio.DatagramProtocol):
+    """A ground station of pymavlink's encoder and decoder."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setenv("MAVLINK20", "1")
+    def __init__(self) -> None:
         from pymavlink.dialects.v20 import ardupilotmega
 
         self.dialect = ardupilotmega
         self.mav = ardupilotmega.MAVLink(None, srcSystem=255, srcComponent=190)
         self.heard: list[Any] = []
+        """Values of component 191 since `say`, as pymavlink understands bytewise encoding."""
+        self.texts: list[str] = []
+        self.vehicle: Any = None
+        self._transport: Any = None
 
-    def take(self, data: bytes) -> None:
-        self.heard += self.mav.parse_buffer(data) or []
+    def connection_made(self, transport: Any) -> None:
+        self._transport = transport
 
-    def values(self) -> dict[str, float]:
-        """Values as pymavlink understands them with bytewise encoding."""
-        found = {}
-        for message in self.heard:
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        self.vehicle = addr
+        for message in self.mav.parse_buffer(data) or []:
+            if message.get_srcComponent() != 191:
+                continue
+            if message.get_type() == "STATUSTEXT":
+                self.texts.append(message.text)
             if message.get_type() == "PARAM_VALUE":
                 raw = struct.pack("<f", message.param_value)
                 whole = message.param_type == self.dialect.MAV_PARAM_TYPE_INT32
-                found[message.param_id] = struct.unpack("<i" if whole else "<f", raw)[0]
-        return found
+                value = struct.unpack("<i" if whole else "<f", raw)[0]
+                self.heard.append((message.param_id, value, message.param_index))
+
+    async def say(self, *messages: Any) -> dict[str, float]:
+        """Send; get the values that are told then."""
+        self.heard.clear()
+        for message in messages:
+            self._transport.sendto(message.pack(self.mav), self.vehicle)
+        await asyncio.sleep(2.0)
+        return {name: value for name, value, _ in self.heard}
 
 
 def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make_world: Callable[..., World], until: Until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    station = PymavlinkStation(monkeypatch)
-    sent: list[Message] = []
-    drone = ParameterDrone(Clock.start(), tmp_path, sent.append)
-    now_ns = 10**9
-    component = drone.connection.component
-    component.tick(now_ns)
+    monkeypatch.setenv("MAVLINK20", "1")
+    world = make_world(mavlink={"commanders": (255,)})
 
-    def say(message: Any) -> None:
-        for frame in FrameParser().feed(message.pack(station.mav)):
-            component.receive(frame, now_ns)
+    async def main() -> None:
+        station = PymavlinkStation()
+        mav, say = station.mav, station.say
+        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: station, local_addr=("127.0.0.1", world.ground_port)
+        )
+        async with world.flying():
+            await until(lambda: station.vehicle is not None)
+            await say(mav.heartbeat_encode(6, 8, 0, 0, 4))
+            await until(lambda: ready(world))
+            listed = await say(mav.param_request_list_encode(1, 0))
+            assert listed == pytest.approx(values_of(world))
+            assert [index for _, _, index in station.heard] == list(range(len(OFFERED)))
+            assert await say(mav.param_request_read_encode(1, 191, b"DET_K", -1)) == {
+                "DET_K": 0
+            }
+            assert await say(mav.param_request_read_encode(1, 191, b"", 0)) == {
+                "RADIO_GAIN": -1
+            }
+            unknown = mav.param_request_read_encode(1, 191, b"SYSID_THISMAV", -1)
+            assert await say(unknown, mav.param_request_read_encode(1, 191, b"", 99)) == {}
+            twelve, forty = (
+                struct.unpack("<f", struct.pack("<i", value))[0] for value in (12, 40)
+            )
+            set_to_twelve = mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6)
+            assert await say(set_to_twelve) == {"RADIO_GAIN": 12}
+            set_to_forty = mav.param_set_encode(1, 191, b"RADIO_GAIN", forty, 6)
+            assert await say(set_to_forty) == {"RADIO_GAIN": 12}
+            assert station.texts[-1] == "RADIO_GAIN cannot be 40: whole, 0 to 21, or -1"
+            mav.srcSystem = 253  # one that may not command
+            set_window = mav.param_set_encode(1, 191, b"DET_WINDOW_HZ", float("nan"), 9)
+            told = await say(mav.heartbeat_encode(6, 8, 0, 0, 4), set_to_twelve, set_window)
+            assert told == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
+            assert "may not command" in station.texts[-1]
+            assert len(world.of(CommandReply)) == 2
+        transport.close()
 
-    writer = FrameWriter(1, 191)
-
-    def heard() -> dict[str, float]:
-        station.heard.clear()
-        for message in sent:
-            station.take(writer.encode(message))
-        sent.clear()
-        return station.values()
-
-    say(station.mav.param_request_list_encode(1, 0))
-    assert heard() == pytest.approx(drone.values)
-    assert [m.param_index for m in station.heard] == list(range(len(OFFERED)))
-    say(station.mav.param_request_read_encode(1, 191, b"DET_K", -1))
-    assert heard() == {"DET_K": 0}
-    say(station.mav.param_request_read_encode(1, 191, b"", 0))
-    assert heard() == {"RADIO_GAIN": -1}
-    say(station.mav.param_request_read_encode(1, 191, b"SYSID_THISMAV", -1))
-    say(station.mav.param_request_read_encode(1, 191, b"", 99))
-    assert heard() == {}
-    twelve = struct.unpack("<f", struct.pack("<i", 12))[0]
-    say(station.mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6))
-    assert heard() == {"RADIO_GAIN": 12}
-    forty = struct.unpack("<f", struct.pack("<i", 40))[0]
-    say(station.mav.param_set_encode(1, 191, b"RADIO_GAIN", forty, 6))
-    assert heard() == {"RADIO_GAIN": 12}
-    assert drone.texts[-1].text == "RADIO_GAIN cannot be 40: whole, 0 to 21, or -1"
-    drone.refusal = "system 255 may not command"
-    say(station.mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6))
-    say(station.mav.param_set_encode(1, 191, b"DET_WINDOW_HZ", float("nan"), 9))
-    assert heard() == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
-    assert drone.texts[-1].text == drone.refusal
-    assert len(drone.replies) == 2
+    asyncio.run(main())
 
 
 @given(st.integers(-(2**22), 2**23), st.booleans())
@@ -274,25 +204,25 @@ param show RADIO_GAIN
 
 @pytest.mark.parametrize(("flavour", "encoding"), [("px4", "float"), ("ardupilot", "auto")])
 def test_mavproxy_shows_and_sets_our_parameters(
-    world: World, tmp_path: Path, flavour: str, encoding: ParameterEncoding
+    make_world: Callable[..., World], tmp_path: Path, flavour: str, encoding: str
 ) -> None:
     pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
-    drone = world.drone = ParameterDrone(world.clock, tmp_path, encoding=encoding)
+    world = make_world(mavlink={"parameter_encoding": encoding})
 
     def client() -> str:
         return mavproxy(
             world.ground_port,
             MAVPROXY_COMMANDS,
             tmp_path,
-            done=lambda: drone.values["DET_FALSE_ALARM"] != 0.0,
+            done=lambda: values_of(world)["DET_FALSE_ALARM"] != 0.0,
             patience_s=30.0,
         )
 
     async def main() -> None:
         async with world.flying(flavour=flavour):
             said = await asyncio.to_thread(client)
-            assert drone.mission.settings.radio.gain == 15, said
-            assert drone.mission.settings.detection.false_alarm_probability == 0.005, said
+            assert world.mission.settings.radio.gain == 15, said
+            assert world.mission.settings.detection.false_alarm_probability == 0.005, said
             assert re.search(r"RADIO_GAIN\s+15", said), said
 
     asyncio.run(main())
