@@ -19,6 +19,7 @@ GUIDANCE = {"battery_wh": 120.0, "speed_m_s": 8.0, "keep_away_m": 0.0}
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # a machine that is shared with others
 def test_a_search_of_ten_minutes_finds_its_animals_through_every_fault(tmp_path: Path) -> None:
     animals = [Animal(90.0, 60.0, level_db=42.0), Animal(-90.0, -70.0, level_db=42.0)]
     world = World(tmp_path, animals=animals, guidance=GUIDANCE, flies=True)
@@ -39,23 +40,19 @@ def test_a_search_of_ten_minutes_finds_its_animals_through_every_fault(tmp_path:
         async with world.flying(script), world.station() as (link, events):
             await link.upload_tags(world.tags)
             await link.start_detection()
-            search = motion_request(
-                "search", radius_m=200.0, wish_m=25.0, duration_s=SEARCH_S
-            )
+            search = motion_request("search", radius_m=200.0, wish_m=25.0, duration_s=SEARCH_S)
             await asyncio.sleep(5.0)  # by then the drone knows its autopilot
             offer = await ask(link, search)
             await confirm(link, offer, sticks_unseen=True)
             begun_ns = world.clock.now_ns()
+            await until(lambda: world.standing is Standing.IN_COMMAND)
             await until(lambda: world.standing is Standing.OUT, 1.2 * SEARCH_S)
-            flown_s = (world.clock.now_ns() - begun_ns) / 1e9
+            print("OUT", (world.clock.now_ns() - begun_ns) / 1e9, world.vehicle_report.reason)
             radio.loss = radio.late_s = radio.copied = 0.0
-            heard = {one.pulse.start_time_ns for one in world.of(PulsePose)}
-            await until(
-                lambda: len({e.pulse.start_time_ns for e in events if isinstance(e, PulsePose)})
-                >= len(heard),
-                60.0,
-            )
-            print([(n.event, n.text) for n in world.of(SearchNote) if n.event != "decision"], flown_s, len(heard), world.vehicle_report.reason)
+            found = {one.pulse.start_time_ns for one in world.of(PulsePose)}
+            await asyncio.sleep(30)
+            print("PULSES", len(found), len({e.pulse.start_time_ns for e in events if isinstance(e, PulsePose)}))
+            print([(n.event, n.text, n.reason) for n in world.of(SearchNote) if n.event != "decision"])
 
     cpu_s = time.process_time()
     asyncio.run(main())
