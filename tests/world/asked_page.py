@@ -93,7 +93,7 @@ class AskedPage:
         self, what: Callable[[dict[str, Any]], object], path: str = "/api/state"
     ) -> dict[str, Any]:
         """Wait for a state; the time limit only ends a broken test."""
-        async with asyncio.timeout(60.0):
+        async with asyncio.timeout(30.0):
             while not what(state := await self.state(path)):  # noqa: ASYNC110 - over HTTP
-                await asyncio.sleep(0.1)
+                await asyncio.sleep(0.25)
         return state

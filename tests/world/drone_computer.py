@@ -146,15 +146,18 @@ async def guide(frame: ProcessFrame) -> None:
 
 
 async def record(frame: ProcessFrame) -> None:
-    """Serve as the recorder."""
+    """Serve as the recorder; a kill loses what is not committed, and the lock."""
     recorder = Recorder(frame)
-    if frame.assignment.flight is not None:
-        recorder.open(frame.assignment.flight)
-    while frame.running:
-        recorder.turn(frame.receive())
-        recorder.report()
-        await until_readable(frame, TURN_S)
-    recorder.end()
+    try:
+        if frame.assignment.flight is not None:
+            recorder.open(frame.assignment.flight)
+        while frame.running:
+            recorder.turn(frame.receive())
+            recorder.report()
+            await until_readable(frame, TURN_S)
+        recorder.end()
+    finally:
+        recorder._lock.release()
 
 
 async def receive(frame: ProcessFrame) -> None:

@@ -262,7 +262,8 @@ class World:
     def detect(self, *tags: Tag) -> None:
         """Begin a flight as `uavrt run --tags` does, without a ground station."""
         for command in start_commands(tags or (THESIS_TAG,)):
-            reply = self.computer.supervisor.command(command)
+            numbered = replace(command, request_id=next(self._numbers))
+            reply = self.computer.supervisor.command(numbered)
             assert reply.accepted, reply.message
 
     def find_pulse(self, number: int) -> None:

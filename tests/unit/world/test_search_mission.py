@@ -1,12 +1,14 @@
-"""A search of ten minutes, from the operator's word to the animals' places."""
+"""A search of ten minutes, from the operator's word to an animal's place."""
 
 import asyncio
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from searched import Animal
 
+from uavrt.geodesy import distance_m
 from uavrt.ground.link.motion import ask, confirm, motion_request
 from uavrt.guidance.authority import Standing
 from uavrt.messages import PulsePose, SearchNote
@@ -14,13 +16,18 @@ from world import World, until
 
 SEARCH_S = 600.0
 CPU_S = 60.0
-"""Ten times what the search costs a processor that is alone with it."""
+"""It takes 21 s on a machine that is shared with nine others."""
 GUIDANCE = {"battery_wh": 120.0, "speed_m_s": 8.0, "keep_away_m": 0.0}
+
+
+def heard_in(events: list[Any]) -> set[int]:
+    """Times of the pulses that have come to the ground, to the millisecond."""
+    return {round(e.pulse.start_time_ns, -6) for e in events if isinstance(e, PulsePose)}
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)  # a machine that is shared with others
-def test_a_search_of_ten_minutes_finds_its_animals_through_every_fault(tmp_path: Path) -> None:
+def test_a_search_of_ten_minutes_goes_on_through_every_fault(tmp_path: Path) -> None:
     animals = [Animal(90.0, 60.0, level_db=42.0), Animal(-90.0, -70.0, level_db=42.0)]
     world = World(tmp_path, animals=animals, guidance=GUIDANCE, flies=True)
     radio = world.radio
@@ -47,16 +54,17 @@ def test_a_search_of_ten_minutes_finds_its_animals_through_every_fault(tmp_path:
             begun_ns = world.clock.now_ns()
             await until(lambda: world.standing is Standing.IN_COMMAND)
             await until(lambda: world.standing is Standing.OUT, 1.2 * SEARCH_S)
-            print("OUT", (world.clock.now_ns() - begun_ns) / 1e9, world.vehicle_report.reason)
+            assert (world.clock.now_ns() - begun_ns) / 1e9 == pytest.approx(SEARCH_S, abs=60.0)
+            assert world.vehicle_report.reason == "returning: the autopilot flies home"
             radio.loss = radio.late_s = radio.copied = 0.0
-            found = {one.pulse.start_time_ns for one in world.of(PulsePose)}
-            await asyncio.sleep(30)
-            print("PULSES", len(found), len({e.pulse.start_time_ns for e in events if isinstance(e, PulsePose)}))
-            print([(n.event, n.text, n.reason) for n in world.of(SearchNote) if n.event != "decision"])
+            found = {round(one.pulse.start_time_ns, -6) for one in world.of(PulsePose)}
+            assert len(found) > 300
+            await until(lambda: found <= heard_in(events), 60.0)
 
     cpu_s = time.process_time()
     asyncio.run(main())
-    cpu_s = time.process_time() - cpu_s
-    print(cpu_s)
-    notes = [one for one in world.of(SearchNote) if one.event != "decision"]
-    assert cpu_s < CPU_S
+    assert time.process_time() - cpu_s < CPU_S
+    notes = {one.tag_id: one for one in world.of(SearchNote) if one.event == "found"}
+    (told,) = [one for one in notes[4].tags if one.tag_id == 4]
+    true = world.flown.plane.to_geodetic(animals[1].north_m, animals[1].east_m)
+    assert distance_m(told.latitude_deg, told.longitude_deg, *true) < 40.0
