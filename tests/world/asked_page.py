@@ -40,8 +40,11 @@ class AskedPage:
     def __init__(self, directory: Path, address: str, **settings: Any) -> None:
         self.directory = directory
         self._port = 0
-        settings = {"server": ServerSettings(port=0), "address": address} | settings
-        self.station = PageStation(PageSettings(directory=directory, **settings), self._show)
+        values: dict[str, Any] = {
+            "server": ServerSettings(port=0),
+            "address": address,
+        } | settings
+        self.station = PageStation(PageSettings(directory=directory, **values), self._show)
 
     def _show(self, event: dict[str, Any]) -> None:
         if event["event"] == "page":

@@ -56,7 +56,7 @@ class TaskLauncher(Launcher):
         """Own no process of the system."""
         return ()
 
-    def start(  # type: ignore[override]  # the rest is of processes only
+    def start(
         self, module: str, *, name: str, environment: Mapping[str, str], **_: object
     ) -> int:
         """Begin a task; get the number that stands for its process id."""

@@ -42,7 +42,7 @@ def test_tags_go_up_and_pulses_come_down_without_loss(
                 world.find_pulse(index)
             await until(lambda: len(pulses_of(events)) == 30)
             await ground.stop_detection()
-            assert world.mission.state is SystemState.HAS_TAGS
+            await until(lambda: world.mission.state is SystemState.HAS_TAGS)
             assert autopilot.counters()["dropped_to_ground"] == 0
         received = pulses_of(events)
         assert sorted(round(p.pulse.frequency_hz) for p in received) == [

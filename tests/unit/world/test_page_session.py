@@ -122,7 +122,7 @@ def test_what_is_inside_a_burst_is_put_into_its_record(fly: Callable[[Flight], N
         # A time that the wire's seconds hold exactly, as the key of a pulse must be.
         start_ns = (world.clock.now_ns() // SECOND_NS - 1) * SECOND_NS
         starts_ns = tuple(start_ns + ms * 1_000_000 for ms in (0, 25, 80, 111))
-        inside = {
+        inside: dict[str, Any] = {
             "burst_starts_ns": starts_ns,
             "burst_snrs_db": (20.0, 20.5, 19.5, 20.0),
             "also_possible_tag_ids": (4,),
