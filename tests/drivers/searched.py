@@ -18,7 +18,7 @@ from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.seeker import Choice, Equipment, Seeker
 from uavrt.localization import PATTERNS
 from uavrt.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
-from uavrt.simulation.flying import Flavour, Frame
+from uavrt.simulation.flying import Flavour, FlyingVehicle, Frame
 
 PATTERN = PATTERNS["RA-23K"]
 HEARD_DB = 9.2
@@ -179,20 +179,7 @@ class Searched:
                 )
 
     def _beep(self, tag: Tag, animal: Animal) -> None:
-        vehicle = self.flown.vehicle
-        north, east = vehicle.place_m
-        dn, de = animal.north_m - north, animal.east_m - east
-        height = vehicle.shown_height_m
-        slant = math.hypot(dn, de, height)
-        yaw = math.radians(vehicle.yaw_deg)
-        ahead, right = (
-            dn * math.cos(yaw) + de * math.sin(yaw),
-            de * math.cos(yaw) - dn * math.sin(yaw),
-        )
-        unit = (np.array([one / slant]) for one in (ahead, right, height))
-        gain = float(PATTERN.gain_towards_db(*unit)[0])
-        loss = 26.0 * math.log10(slant / 100.0)
-        snr = animal.level_db - loss + gain + 2.0 * float(self.rng.normal())
+        snr = snr_db(animal, self.flown.vehicle) + 2.0 * float(self.rng.normal())
         if snr > HEARD_DB:
             self.seeker.pulse(self.heard(tag, snr))
 
@@ -208,6 +195,22 @@ class Searched:
             yaw_deg=vehicle.yaw_deg,
         )
         return PulsePose(pulse=pulse(tag, self.time_ns, snr_db), pose=pose)
+
+
+def snr_db(animal: Animal, vehicle: FlyingVehicle) -> float:
+    """SNR of a pulse at the drone's antenna, without what differs from pulse to pulse."""
+    north, east = vehicle.place_m
+    dn, de = animal.north_m - north, animal.east_m - east
+    height = vehicle.shown_height_m
+    slant = math.hypot(dn, de, height)
+    yaw = math.radians(vehicle.yaw_deg)
+    ahead, right = (
+        dn * math.cos(yaw) + de * math.sin(yaw),
+        de * math.cos(yaw) - dn * math.sin(yaw),
+    )
+    unit = (np.array([one / slant]) for one in (ahead, right, height))
+    gain = float(PATTERN.gain_towards_db(*unit)[0])
+    return animal.level_db - 26.0 * math.log10(slant / 100.0) + gain
 
 
 def pulse(tag: Tag, time_ns: int, snr_db: float, **changes: Any) -> Pulse:

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
@@ -21,6 +21,7 @@ from uavrt.processes.disk_thread import DiskThread
 from uavrt.simulation.datagrams import DatagramPort
 from uavrt.units import NANOSECONDS_PER_SECOND
 
+T = TypeVar("T")
 START_S = 100_000.0
 """The monotonic clock at the start of a test [s]."""
 WALL_OFFSET_S = 1_700_000_000

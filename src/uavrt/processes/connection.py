@@ -140,7 +140,7 @@ class ConnectionProcess:
             settings,
             frame.clock,
             record=lambda poses: frame.send("poses", poses),
-            say=lambda text: frame.send("status_text", text),
+            say=self._say,
         )
         self._delivery = PulseDelivery()
         self._exchange = Exchange(
@@ -185,7 +185,7 @@ class ConnectionProcess:
                     state=self._tell_motion,
                     ask=lambda command: frame.send("command", command),
                     record=frame.send,
-                    tell=lambda text: frame.send("status_text", text),
+                    tell=self._say,
                 ),
                 own_place=lambda: self._link.place,
                 next_request_id=self._exchange.next_request_id,
@@ -197,7 +197,7 @@ class ConnectionProcess:
             lambda: self._link.component.parameters_bytewise,
             send=self._send_parameter,
             ask=lambda command: frame.send("command", command),
-            tell=lambda text: frame.send("status_text", text),
+            tell=self._say,
             running=flight is not None and flight.capture_s is None,
         )
         self._outlet = PulseOutlet(
@@ -348,8 +348,8 @@ class ConnectionProcess:
             case Settings():
                 self._parameters.changed(record)
                 self._poses.use(record.pose)
-            case StatusText() if self._addresses:
-                self._status.text(record, self._base.now_ns())
+            case StatusText():
+                self._send_text(record)
             case SystemStatus():
                 self._state = record.state
                 self._know_commander(record.commander)
@@ -415,9 +415,21 @@ class ConnectionProcess:
         if stale:
             log.warning("autopilot's clock is carried on", **known)
             text = "Autopilot's clock: no answer for 10 s, times are carried on"
-            self._frame.send("status_text", StatusText(severity=4, text=text))
+            self._say(StatusText(severity=4, text=text))
         else:
             log.info("autopilot's clock known", **known)
+
+    def _say(self, text: StatusText) -> None:
+        """Send a text of our own to the operator and into the flight.
+
+        The supervisor passes it to the others only.
+        """
+        self._frame.send("status_text", text)
+        self._send_text(text)
+
+    def _send_text(self, text: StatusText) -> None:
+        if self._addresses:
+            self._status.text(text, self._base.now_ns())
 
     def _tell_session(self, now_ns: int) -> None:
         """Report once a second what commands must be sealed for."""

@@ -66,6 +66,8 @@ if TYPE_CHECKING:
 log = get_logger()
 
 Found = TypeVar("Found")
+Beside = Callable[[Callable[[], None]], None]
+"""Starts work that may take seconds, and returns at once."""
 
 TICK_S = 0.05
 ALIVE_S = 0.5
@@ -205,17 +207,17 @@ class _Planned:
 
 
 class _Planning:
-    """Makes a plan in a thread of its own.
+    """Makes a plan beside the guide's own work.
 
     Files of heights take seconds to read, and a guide that is silent for that long ends the
     order that is being flown.
     """
 
-    def __init__(self, asked: _Asked) -> None:
+    def __init__(self, asked: _Asked, beside: Beside) -> None:
         self.asked = asked
         self.found: _Planned | str | None = None
         """A plan, or why there is none."""
-        threading.Thread(target=self._run, name="plan", daemon=True).start()
+        beside(self._run)
 
     def _run(self) -> None:
         self.found = _tried(lambda: _plan(self.asked))
@@ -257,11 +259,32 @@ def _tried(make: Callable[[], Found]) -> Found | str:
         return f"the order cannot be planned: {type(error).__name__}: {error}"
 
 
-class Guide:
-    """The state of the process; see the module's text."""
+def in_thread(work: Callable[[], None]) -> None:
+    """Do `work` in a thread of its own."""
+    threading.Thread(target=work, name="plan", daemon=True).start()
 
-    def __init__(self, frame: ProcessFrame) -> None:
+
+class Guide:
+    """The state of the process; see the module's text.
+
+    Parameters
+    ----------
+    frame : ProcessFrame
+        Its link to the supervisor.
+    beside : callable
+        Starts the planning of an order.
+    thinker : callable
+        Makes what runs a search.
+    """
+
+    def __init__(
+        self,
+        frame: ProcessFrame,
+        beside: Beside = in_thread,
+        thinker: Callable[[Seeker], Thinker] = Thinker,
+    ) -> None:
         self._frame = frame
+        self._beside, self._make_thinker = beside, thinker
         guidance = frame.assignment.settings.guidance
         self._lessons = Lessons(guidance.hover_w, guidance.battery_wh)
         """Of all orders: what flying takes."""
@@ -333,7 +356,7 @@ class Guide:
             if isinstance(asked, str):
                 self._send_offer(request, order.order_id, asked, "", refused=True)
             else:
-                self._planning = _Planning(asked)
+                self._planning = _Planning(asked, self._beside)
 
     def _asked(self, request: MotionRequest, order: Order) -> _Asked:
         """Refuse what needs no plan to be refused."""
@@ -457,7 +480,7 @@ class Guide:
             return
         self._pilot = pilot
         if seeker is not None:
-            self._thinker = Thinker(seeker)
+            self._thinker = self._make_thinker(seeker)
             self._thinker.begin(self._frame.clock.now_ns(), now)
 
     def _again(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow) -> Pilot:

@@ -46,25 +46,32 @@ class Thinker:
         self._thoughts: queue.SimpleQueue[Choice | SearchNote | Failed] = queue.SimpleQueue()
         self._thinking = False
         self._asked_s = self._again_s = 0.0
-        self._thread = threading.Thread(target=self._run, name="search", daemon=True)
-        self._thread.start()
+        self._over = False
+        self._start()
+
+    def _start(self) -> None:
+        threading.Thread(target=self._run, name="search", daemon=True).start()
+
+    def _put(self, job: _Job | None) -> None:
+        """Let the thread do a job after those before it; None is the last."""
+        self._jobs.put(job)
 
     def pulse(self, pulse_pose: PulsePose) -> None:
         """Pass a pulse on."""
-        self._jobs.put(lambda: self._seeker.pulse(pulse_pose))
+        self._put(lambda: self._seeker.pulse(pulse_pose))
 
     def searched(self, report: SearchReport) -> None:
         """Pass on what a detector has searched."""
-        self._jobs.put(lambda: self._seeker.searched(report))
+        self._put(lambda: self._seeker.searched(report))
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
         """Pass on where the drone is."""
-        self._jobs.put(lambda: self._seeker.place(time_ns, now))
+        self._put(lambda: self._seeker.place(time_ns, now))
 
     def begin(self, time_ns: int, now: VehicleNow) -> None:
         """Begin."""
         self._thinking = True
-        self._jobs.put(lambda: self._seeker.begin(time_ns, now))
+        self._put(lambda: self._seeker.begin(time_ns, now))
 
     def ask(
         self,
@@ -77,7 +84,7 @@ class Thinker:
         """Ask where to fly, if it is time."""
         if self.is_time(now, idle=idle):
             self._thinking, self._asked_s = True, now.time_s
-            self._jobs.put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
+            self._put(lambda: self._seeker.think(time_ns, now, idle=idle, others=others))
 
     def is_time(self, now: VehicleNow, *, idle: bool) -> bool:
         """Whether nothing was asked that is not answered, and long enough ago."""
@@ -86,18 +93,18 @@ class Thinker:
 
     def withdraw(self, now: VehicleNow) -> None:
         """Pass on that the last choice is not flown; it is thought over soon."""
-        self._jobs.put(self._seeker.withdraw)
+        self._put(self._seeker.withdraw)
         self._asked_s, self._again_s = now.time_s - CYCLE_S, now.time_s + AGAIN_S
 
     def end(self, time_ns: int, now: VehicleNow, reason: str) -> None:
         """Ask for the summary; the last thought is it."""
-        self._jobs.put(lambda: self._seeker.end(time_ns, now, reason))
-        self._jobs.put(None)
+        self._put(lambda: self._seeker.end(time_ns, now, reason))
+        self._put(None)
 
     @property
     def over(self) -> bool:
         """Whether nothing more will come."""
-        return not self._thread.is_alive() and self._thoughts.empty()
+        return self._over and self._thoughts.empty()
 
     def thoughts(self) -> list[Choice | SearchNote | Failed]:
         """Get what it has thought since the last call."""
@@ -109,12 +116,17 @@ class Thinker:
         return found
 
     def _run(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            try:
+        while not self._over:
+            self._do(self._jobs.get())
+
+    def _do(self, job: _Job | None) -> None:
+        thought: Choice | SearchNote | Failed | None = None
+        try:
+            if job is not None:
                 thought = job()
-            except Exception as error:
-                log.exception("search failed")
-                self._thoughts.put(Failed(f"the search has failed: {error}"))
-                return
-            if thought is not None:
-                self._thoughts.put(thought)
+        except Exception as error:
+            log.exception("search failed")
+            thought, job = Failed(f"the search has failed: {error}"), None
+        if thought is not None:
+            self._thoughts.put(thought)
+        self._over = job is None

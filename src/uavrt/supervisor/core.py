@@ -7,15 +7,14 @@ by the tables; samples do not.
 import asyncio
 import logging
 import os
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from uavrt.clock import Clock
+from uavrt.clock import Clock, monotonic_s
 from uavrt.config import Settings
 from uavrt.heap import HeapKeeper
-from uavrt.ipc import TOPICS, adopt_orphans, decode_record, encode_record, topic_of
+from uavrt.ipc import TOPICS, decode_record, encode_record, topic_of
 from uavrt.log import get_logger
 from uavrt.messages import (
     STATION_COUNTER,
@@ -152,16 +151,15 @@ class Supervisor:
 
     async def run(self) -> None:
         """Run until `stop` is called, then stop everything in reverse order."""
-        adopt_orphans()
         systemd = SystemdNotifier()
         systemd.ready()
         status_period_s = min(STATUS_PERIOD_S, systemd.watchdog_s or STATUS_PERIOD_S)
         next_status_s = 0.0
-        heap = HeapKeeper(time.monotonic())
+        heap = HeapKeeper(monotonic_s())
         while not self._stopping:
             self._wake.clear()
             self._fleet.ensure()
-            now_s = time.monotonic()
+            now_s = monotonic_s()
             if now_s >= next_status_s:
                 next_status_s = now_s + status_period_s
                 self._publish("system_status", self.status())
@@ -221,7 +219,7 @@ class Supervisor:
         self._disk.flying(Path(flight.directory))
         self._publish("flight", flight)
         self._progress.started(flight)
-        if (text := self._wall_clock.flight_started(time.monotonic())) is not None:
+        if (text := self._wall_clock.flight_started(monotonic_s())) is not None:
             self._tell(4, text)
         self._next_disk_s = 0.0  # what is wrong with the card is told as it begins
 
@@ -247,7 +245,7 @@ class Supervisor:
 
     def _end_capture_when_over(self) -> None:
         if self.mission.state is SystemState.CAPTURING and self._progress.capture_over():
-            number = time.monotonic_ns()  # never asked before
+            number = self.clock.now_ns()  # never asked before
             self.command(Command(name="stop_detection", request_id=number, source="capture"))
 
     async def _answer_radio_status(self, command: Command) -> None:
@@ -284,7 +282,7 @@ class Supervisor:
         """Note in the flight that the wall clock was corrected; the flight's is not."""
         if self.mission.flight is None:
             return
-        if (again := self._wall_clock.wrong_time_again(time.monotonic())) is not None:
+        if (again := self._wall_clock.wrong_time_again(monotonic_s())) is not None:
             self._tell(4, again)
         text = self._wall_clock.check(self.clock.wall_correction_ns())
         if text is not None:
@@ -313,7 +311,7 @@ class Supervisor:
             log.warning("unexpected record", child=instance.name, line=repr(line[:80]))
             return
         self._last_pulses.passed(name)
-        instance.pace.came(name, time.monotonic())
+        instance.pace.came(name, monotonic_s())
         self._forward(name, line + b"\n", instance)
         if name in SUPERVISOR_TOPICS:
             try:

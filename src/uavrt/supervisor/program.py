@@ -11,6 +11,7 @@ import msgspec
 
 from uavrt.config import Settings
 from uavrt.errors import UavrtError
+from uavrt.ipc import adopt_orphans
 from uavrt.log import get_logger
 from uavrt.messages import Command, SystemState, Tag
 from uavrt.supervisor.core import Supervisor
@@ -39,6 +40,7 @@ async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launche
                 raise UavrtError(f"cannot start detecting: {reply.message}")
     gc.freeze()  # what was imported stays: see `HeapKeeper`
     server = await viewers.serve(settings.status_socket) if settings.status_socket else None
+    adopt_orphans()
     try:
         await supervisor.run()
     finally:

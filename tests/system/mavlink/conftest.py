@@ -1,7 +1,7 @@
-"""The drone side and fixtures of `tests/unit/mavlink`."""
+"""Fixtures of `tests/unit/mavlink`."""
 
 from tests.unit.mavlink.conftest import (  # noqa: F401  # fixtures
-    make_pulse_fixture,
+    make_world,
     thesis_tag,
     until_fixture,
     world,

@@ -1,13 +1,12 @@
-"""The file server against clients that nobody here wrote."""
+"""The file server against clients that share no code with it."""
 
 import asyncio
-import contextlib
 import re
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,35 +14,18 @@ import pytest
 from mavproxy import mavproxy
 from tests.unit.mavlink.test_ftp import CONTENT, flights_fixture  # noqa: F401  # fixture
 
-from uavrt.mavlink import Priority
-from uavrt.mavlink.ftp_files import FileTree
-from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import checksum
+from world import World
 
 
-@contextlib.asynccontextmanager
-async def served(world: Any, flights: Path) -> AsyncIterator[FileServer]:
-    """The world's drone with a file server, as in the connection process."""
-    connection = world.drone.connection
-    server = FileServer(FileTree(flights), connection.tunnel.wake)
-    connection.tunnel.add_source(server, Priority.FILE)
-    world.drone.files = server
-
-    async def work() -> None:
-        while True:
-            server.work()
-            await asyncio.sleep(0.02)
-
-    async with world.flying():
-        task = asyncio.create_task(work())
-        try:
-            yield server
-        finally:
-            task.cancel()
-            server.close()
+@pytest.fixture
+def world(make_world: Callable[..., World], flights: Path) -> World:
+    return make_world(flights=flights)
 
 
-def test_mavsdk_lists_downloads_and_compares(world: Any, flights: Path, tmp_path: Path) -> None:
+def test_mavsdk_lists_downloads_and_compares(
+    world: World, until: Callable[..., Awaitable[None]], tmp_path: Path
+) -> None:
     import mavsdk
     from mavsdk.plugins.ftp import Ftp
 
@@ -72,10 +54,10 @@ def test_mavsdk_lists_downloads_and_compares(world: Any, flights: Path, tmp_path
             sdk.destroy()
 
     async def main() -> None:
-        async with served(world, flights) as server:
+        async with world.flying():
             await asyncio.to_thread(client)
             # Opcode 16, and an end of a session that listing did not open.
-            assert server.refused == 2
+            await until(lambda: world.counter("ftp_refused") == 2)
             assert world.autopilot.counters()["dropped_to_ground"] == 0
 
     asyncio.run(main())
@@ -85,7 +67,7 @@ def names_in(listing: Any) -> set[str]:
     return set(re.findall(r"[\w.]+", str([vars(entry) for entry in listing.entries])))
 
 
-def test_pymavlinks_client_lists_and_reads(world: Any, flights: Path, tmp_path: Path) -> None:
+def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -> None:
     local = tmp_path / "got.bin"
 
     def client() -> str:
@@ -102,7 +84,7 @@ def test_pymavlinks_client_lists_and_reads(world: Any, flights: Path, tmp_path: 
         return finished.stdout + finished.stderr
 
     async def main() -> None:
-        async with served(world, flights):
+        async with world.flying():
             said = await asyncio.to_thread(client)
             assert local.exists(), said
             assert "flight.sqlite" in said
@@ -144,7 +126,7 @@ ftp get /flight_log_1/flight.sqlite {local}
 """
 
 
-def test_mavproxy_lists_compares_and_reads(world: Any, flights: Path, tmp_path: Path) -> None:
+def test_mavproxy_lists_compares_and_reads(world: World, tmp_path: Path) -> None:
     pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
     local = tmp_path / "got.bin"
 
@@ -158,7 +140,7 @@ def test_mavproxy_lists_compares_and_reads(world: Any, flights: Path, tmp_path: 
         )
 
     async def main() -> None:
-        async with served(world, flights):
+        async with world.flying():
             said = await asyncio.to_thread(client)
             assert "flight.sqlite" in said, said
             assert f"0x{checksum(CONTENT):08x}" in said.lower(), said

@@ -4,7 +4,6 @@ import asyncio
 import json
 from collections.abc import Awaitable, Callable
 from contextlib import aclosing
-from typing import Any
 
 import pytest
 from mavsdk.asyncio.mavsdk import Configuration, Mavsdk
@@ -12,10 +11,10 @@ from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
 from uavrt import tunnel
-from uavrt.messages import PulsePose, Tag
+from uavrt.messages import SystemState, Tag
+from world import World
 
 Until = Callable[..., Awaitable[None]]
-World = Any  # tests/unit/mavlink/conftest.py
 
 
 class MavsdkStation:
@@ -63,7 +62,6 @@ def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
     world: World,
     thesis_tag: Tag,
     until: Until,
-    make_pulse: Callable[[int, int], PulsePose],
     numbers: tuple[int, int],
 ) -> None:
     commands = [
@@ -79,7 +77,12 @@ def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
             await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
             system = await mavsdk.first_autopilot(timeout_s=20.0)
             assert system is not None
-            await until(lambda: world.drone.connection.status() == "ready")
+            await until(
+                lambda: (
+                    "connection" in world.health
+                    and world.health["connection"].status == "ready"
+                )
+            )
             direct = MavlinkDirectAsync(system)
             station = MavsdkStation(direct)
             collector = asyncio.create_task(station.collect())
@@ -88,10 +91,10 @@ def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
                 await station.send(payload)
                 await until(lambda count=count: len(station.acknowledged()) == count)
             assert station.acknowledged() == [2, 4, 3, 5]
-            assert world.drone.tags == [thesis_tag]
-            assert world.drone.detecting
+            assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
+            assert world.mission.state is SystemState.DETECTING
             for index in range(10):
-                world.drone.send_pulse(make_pulse(index, world.clock.now_ns()))
+                world.find_pulse(index)
             await until(lambda: len(station.pulses()) == 10)
             assert [p.frequency_hz for p in station.pulses()] == [
                 148_710_000 + index for index in range(10)

@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mavproxy import mavproxy
@@ -15,61 +14,54 @@ from mavsdk.asyncio.plugins.component_metadata import ComponentMetadataAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.plugins.component_metadata import MetadataType
 from mavsdk.plugins.param import ParamError, ProtocolVersion
-from tests.unit.mavlink.test_parameters import ParameterDrone
+from tests.unit.mavlink.test_parameters import ready, values_of
 
 from uavrt.config.parameters import OFFERED
-from uavrt.mavlink.component import ParameterEncoding
+from world import World
 
 Until = Callable[..., Awaitable[None]]
-World = Any  # tests/unit/mavlink/conftest.py
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 def test_mavsdk_lists_sets_and_reads_our_parameters(
-    world: World, until: Until, tmp_path: Path, flavour: str
+    world: World, until: Until, flavour: str
 ) -> None:
-    drone = world.drone = ParameterDrone(world.clock, tmp_path)
-
     async def main() -> None:
         configuration = Configuration.create_manual(255, 190, True)
         async with world.flying(flavour=flavour), Mavsdk(configuration) as mavsdk:
             await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
             system = await mavsdk.first_autopilot(timeout_s=20.0)
-            await until(lambda: drone.connection.status() == "ready")
+            await until(lambda: ready(world))
             param = ParamAsync(system)
             with contextlib.suppress(ParamError):  # answers UNKNOWN, and does it
                 await param.select_component(191, ProtocolVersion.V1)
             everything = await param.get_all_params()
             whole = {p.name: float(p.value) for p in everything.int_params}
             real = {p.name: p.value for p in everything.float_params}
-            assert {**whole, **real} == drone.values
+            assert {**whole, **real} == values_of(world)
             assert set(real) == {n for n, row in OFFERED.items() if row.kind == "real"}
             await param.set_param_int("RADIO_GAIN", 15)
             await param.set_param_int("RADIO_FREQ_KHZ", 148_705)
             await param.set_param_float("DET_FALSE_ALARM", 0.005)
-            assert drone.mission.settings.radio.gain == 15
-            assert drone.mission.settings.radio.center_frequency_hz == 148_705_000.0
-            assert drone.mission.settings.detection.false_alarm_probability == 0.005
+            assert world.mission.settings.radio.gain == 15
+            assert world.mission.settings.radio.center_frequency_hz == 148_705_000.0
+            assert world.mission.settings.detection.false_alarm_probability == 0.005
             assert await param.get_param_int("RADIO_GAIN") == 15
             await param.set_param_int("RADIO_GAIN", -1)
-            assert drone.mission.settings.radio.gain is None
+            assert world.mission.settings.radio.gain is None
             param.destroy()
         configuration.destroy()
 
     asyncio.run(main())
 
 
-def test_mavsdk_gets_our_metadata_by_file_transfer(
-    world: World, until: Until, tmp_path: Path
-) -> None:
-    drone = world.drone = ParameterDrone(world.clock, tmp_path)
-
+def test_mavsdk_gets_our_metadata_by_file_transfer(world: World, until: Until) -> None:
     async def main() -> None:
         configuration = Configuration.create_manual(255, 190, True)
         async with world.flying(), Mavsdk(configuration) as mavsdk:
             await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
             system = await mavsdk.first_autopilot(timeout_s=20.0)
-            await until(lambda: drone.connection.status() == "ready")
+            await until(lambda: ready(world))
             metadata = ComponentMetadataAsync(system)
             updates = metadata.subscribe_metadata_available()
             waiting = asyncio.create_task(anext(updates))
@@ -100,25 +92,25 @@ param show RADIO_GAIN
 
 @pytest.mark.parametrize(("flavour", "encoding"), [("px4", "float"), ("ardupilot", "auto")])
 def test_mavproxy_shows_and_sets_our_parameters(
-    world: World, tmp_path: Path, flavour: str, encoding: ParameterEncoding
+    make_world: Callable[..., World], tmp_path: Path, flavour: str, encoding: str
 ) -> None:
     pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
-    drone = world.drone = ParameterDrone(world.clock, tmp_path, encoding=encoding)
+    world = make_world(mavlink={"parameter_encoding": encoding})
 
     def client() -> str:
         return mavproxy(
             world.ground_port,
             MAVPROXY_COMMANDS,
             tmp_path,
-            done=lambda: drone.values["DET_FALSE_ALARM"] != 0.0,
+            done=lambda: values_of(world)["DET_FALSE_ALARM"] != 0.0,
             patience_s=30.0,
         )
 
     async def main() -> None:
         async with world.flying(flavour=flavour):
             said = await asyncio.to_thread(client)
-            assert drone.mission.settings.radio.gain == 15, said
-            assert drone.mission.settings.detection.false_alarm_probability == 0.005, said
+            assert world.mission.settings.radio.gain == 15, said
+            assert world.mission.settings.detection.false_alarm_probability == 0.005, said
             assert re.search(r"RADIO_GAIN\s+15", said), said
 
     asyncio.run(main())

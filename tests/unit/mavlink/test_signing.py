@@ -11,14 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt import tunnel
 from uavrt.errors import ConfigError, LinkError
-from uavrt.ground.link.drone_link import GroundLink
-from uavrt.mavlink import Connection, Handlers, dialect
+from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.mavlink.signing import EPOCH_S, Signing, SigningKey, read_signing_key
+from uavrt.messages import Command
+from world import World
 
-World = Any  # tests/unit/mavlink/conftest.py
 Until = Callable[..., Awaitable[None]]
 KEY = SigningKey(hashlib.sha256(b"over the hills").digest())
 OTHER = SigningKey(bytes(32))
@@ -166,46 +165,27 @@ def test_a_key_file_holds_64_digits_and_the_key_is_never_shown(tmp_path: Path) -
 
 @pytest.mark.parametrize("flavour", ["ardupilot"])
 def test_a_signing_ground_station_commands_through_ardupilot_and_another_does_not(
-    world: World, until: Until, flavour: str
+    make_world: Callable[..., World], until: Until, tmp_path: Path, flavour: str
 ) -> None:
-    taken: list[bytes] = []
-    handlers = Handlers(
-        attitude=lambda _: None,
-        position=lambda _: None,
-        tunnel=lambda payload, _peer: taken.append(payload),
-    )
-    ours = Signing(KEY, world.clock.now_ns)
-    connection = Connection(handlers, world.clock.now_ns, signing=ours)
-    world.drone.connection = connection
-    stop = tunnel.HeaderMessage(command=tunnel.CommandId.STOP_DETECTION).encode()
+    path = tmp_path / "key"
+    path.write_text(KEY.secret.hex())
+    path.chmod(0o600)
+    world = make_world(mavlink={"signing_key_file": str(path)}, flavour=flavour)
 
     async def main() -> None:
-        async with world.flying(flavour=flavour):
-            stranger = GroundLink(world.clock.now_ns, ack_wait_s=0.1)
-            task = asyncio.create_task(stranger.run(world.ground_address))
-            await stranger.wait_for_drone(20.0)
-            with pytest.raises(LinkError, match=r"did not answer .* signs its frames") as told:
-                await stranger.command(stop)
-            assert "--signing-key" in (told.value.remedy or "")
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
-            assert taken == []
-            refused = ours.counters["unsigned_refused"]
-            assert refused >= 4
-            other = GroundLink(world.clock.now_ns, signing_key=SigningKey(bytes(32)))
-            task = asyncio.create_task(other.run(world.ground_address))
+        async with world.flying():
+            async with world.station(ack_wait_s=0.1) as (stranger, _):
+                with pytest.raises(LinkError, match=r"not answer .* signs its frames") as told:
+                    await stranger.ask("stop_detection")
+                assert "--signing-key" in (told.value.remedy or "")
+            assert not world.of(Command)
+            await until(lambda: world.counter("unsigned_refused") >= 4)
             with pytest.raises(LinkError, match="not signed with the key given"):
-                await other.wait_for_drone(2.5)
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
-            friend = GroundLink(world.clock.now_ns, ack_wait_s=0.1, signing_key=KEY)
-            task = asyncio.create_task(friend.run(world.ground_address))
-            await friend.wait_for_drone(20.0)
-            with pytest.raises(LinkError, match="did not answer"):
-                await friend.command(stop)  # this drone side acknowledges nothing
-            assert set(taken) == {stop}
-            assert friend.refused == {}
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
+                async with world.station(signing_key=OTHER):
+                    pass
+            async with world.station(signing_key=KEY) as (friend, _):
+                await friend.ask("stop_detection")
+                assert friend.refused == {}
+            assert [command.name for command in world.of(Command)] == ["stop_detection"]
 
     asyncio.run(main())

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import math
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
@@ -11,6 +10,7 @@ from typing import Any
 
 import pytest
 from pulses import pulse_at
+from relay import Relay
 
 from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
@@ -31,18 +31,9 @@ from uavrt.messages import (
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.recording import FlightRecorder
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from world import turning_vehicle, until
 
-
-def turning(time_ns: int) -> Pose:
-    half = math.radians(30.0 * (time_ns % 10**12) / 1e9) / 2
-    return Pose(
-        time_ns=time_ns,
-        latitude_deg=35.178241,
-        longitude_deg=-111.656587,
-        altitude_amsl_m=2157.0,
-        altitude_relative_m=50.0,
-        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
-    )
+turning = turning_vehicle(30.0)
 
 
 def make_pulse(number: int, time_ns: int) -> Pulse:
@@ -52,48 +43,6 @@ def make_pulse(number: int, time_ns: int) -> Pulse:
         group_index=1 + number % 3,
         group_sequence=number // 3,
     )
-
-
-class Relay:
-    """A stretch of Wi-Fi between two UDP ends, that can be cut."""
-
-    def __init__(self, port: int, towards: int) -> None:
-        self.port, self._towards = port, towards
-        self.cut = False
-        self.passed = 0
-        self._client: Any = None
-
-    @contextlib.asynccontextmanager
-    async def running(self) -> AsyncIterator["Relay"]:
-        loop = asyncio.get_running_loop()
-        inside, outside = (
-            socket.socket(type=socket.SOCK_DGRAM),
-            socket.socket(type=socket.SOCK_DGRAM),
-        )
-        for end in (inside, outside):
-            end.setblocking(False)
-        inside.bind(("127.0.0.1", self.port))
-        outside.bind(("127.0.0.1", 0))
-
-        def up() -> None:
-            data, self._client = inside.recvfrom(2048)
-            if not self.cut:
-                outside.sendto(data, ("127.0.0.1", self._towards))
-
-        def down() -> None:
-            data, _ = outside.recvfrom(2048)
-            if not self.cut and self._client is not None:
-                self.passed += 1
-                inside.sendto(data, self._client)
-
-        loop.add_reader(inside, up)
-        loop.add_reader(outside, down)
-        try:
-            yield self
-        finally:
-            for end in (inside, outside):
-                loop.remove_reader(end)
-                end.close()
 
 
 class Bay:
@@ -252,12 +201,6 @@ class Bay:
             self.health = record
 
 
-async def until(condition: Callable[[], object], timeout_s: float = 20.0) -> None:
-    async with asyncio.timeout(timeout_s):
-        while not condition():  # noqa: ASYNC110 - any condition, not one object's
-            await asyncio.sleep(0.01)
-
-
 @pytest.fixture(name="until")
 def until_fixture() -> Callable[..., Awaitable[None]]:
     return until
@@ -279,5 +222,5 @@ def two_link_bay(tmp_path: Path) -> Bay:
     """With a link over Wi-Fi as well; `relay` is the stretch between."""
     port = free_udp_port()
     bay = Bay(tmp_path, direct_links=(f"udpin://127.0.0.1:{port}",))
-    bay.relay = Relay(free_udp_port(), port)
+    bay.relay = Relay(port)
     return bay

@@ -1,8 +1,8 @@
 """What the guide plans, and from where."""
 
 import json
-import os
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from flown import Flown
-from joined import joined
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings, Settings
@@ -44,7 +43,16 @@ class Hub:
             send=lambda _, record: self.sent.append(record),
         )
         self.flown = Flown("px4")
-        self.guide = Guide(frame)
+        self.begun: list[Callable[[], None]] = []
+        """Plans that are being made; done at once unless `plans_at_once` is False."""
+        self.plans_at_once = True
+        self.guide = Guide(frame, self.begin)
+
+    def begin(self, work: Callable[[], None]) -> None:
+        if self.plans_at_once:
+            work()
+        else:
+            self.begun.append(work)
 
     def report(self, north_m: float = 0.0, **values: Any) -> VehicleReport:
         latitude, longitude = self.flown.place(north_m, 0.0)
@@ -71,14 +79,11 @@ class Hub:
         return self.offer()
 
     def offer(self) -> MotionOffer:
-        """Wait for what is being planned."""
-        for _ in range(3):
-            self.guide.tick()
-            if isinstance(self.sent[-1], MotionOffer):
-                offer: MotionOffer = self.sent.pop()
-                return offer
-            joined("plan")
-        raise AssertionError
+        """What was planned."""
+        self.guide.tick()
+        offer = self.sent.pop()
+        assert isinstance(offer, MotionOffer)
+        return offer
 
     def confirmed(self, offer: MotionOffer, north_m: float, **values: Any) -> VehicleWish:
         values = {"standing": "confirmed", "order_id": offer.order_id} | values
@@ -304,27 +309,23 @@ def test_what_nobody_foresaw_refuses_the_order(hub: Hub) -> None:
 
 
 def test_an_order_is_flown_on_while_another_is_being_planned(
-    tmp_path: Path, clock_of_test: VirtualClock
+    hub: Hub, clock_of_test: VirtualClock
 ) -> None:
-    farm = tmp_path / "farm.geojson"
-    ring = [[8.1, 47.1], [8.2, 47.1], [8.1, 47.2]]
-    text = json.dumps({"type": "Polygon", "coordinates": [ring]})
-    farm.write_text(text)
-    hub = Hub(guidance={"keep_out_file": str(farm)})
-    hub.guide.take("vehicle", hub.report())
     flown = hub.ask("hold")
     hub.confirmed(flown, 0.0)
-    farm.unlink()
-    os.mkfifo(farm)  # it takes as long to read as we like
+    hub.plans_at_once = False
     for number in (4, 5):
         hub.guide.take("motion", MotionRequest(request_id=number, asker=(1, 1), action="hold"))
     begun = len(hub.sent)
-    while not any(one.kind == "alive" for one in hub.sent[begun:]):
+    for _ in range(20):
+        clock_of_test.now_s += 0.1
         hub.guide.take("vehicle", hub.report(standing="confirmed", order_id=flown.order_id))
         hub.guide.tick()
-        clock_of_test.now_s += 0.01
+    assert any(one.kind == "alive" for one in hub.sent[begun:])
     assert not any(isinstance(one, MotionOffer) for one in hub.sent)
-    for number in (4, 5):
-        farm.write_text(text)
+    for number in (4, 5):  # one after the other
+        (plan,) = hub.begun
+        hub.begun.clear()
+        plan()
         offer = hub.offer()
         assert (offer.request_id, offer.refused) == (number, False)

@@ -3,9 +3,9 @@
 The acknowledgement of a start says that it was accepted; that samples flow is another matter.
 """
 
-import time
 from collections.abc import Callable
 
+from uavrt.clock import monotonic_s
 from uavrt.messages import CommandName, FlightInfo, Health, Operation
 
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
@@ -37,7 +37,7 @@ class FlightProgress:
         self._name = "start_detection" if flight.capture_s is None else "raw_capture"
         self._deadline_s = float("inf")
         if flight.capture_s is not None:
-            self._deadline_s = time.monotonic() + flight.capture_s + PATIENCE_S
+            self._deadline_s = monotonic_s() + flight.capture_s + PATIENCE_S
         self._say("running", "waiting for samples")
 
     def heard(self, health: Health) -> None:
@@ -55,7 +55,7 @@ class FlightProgress:
         """Whether the capture has ended by itself, or will never begin."""
         if self._capture_s is None:
             return False
-        if time.monotonic() > self._deadline_s and not self._over:
+        if monotonic_s() > self._deadline_s and not self._over:
             self._over, self._fault = True, "the radio gives no samples"
         return self._over
 

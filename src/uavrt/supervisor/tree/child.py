@@ -5,9 +5,9 @@ import os
 import select
 import signal
 import socket
-import time
 from collections.abc import Callable, Sequence
 
+from uavrt.clock import monotonic_s
 from uavrt.ipc import LINK_VARIABLE, PARENT_VARIABLE, LineBuffer
 from uavrt.log import get_logger
 from uavrt.supervisor.tree.child_records import Intake
@@ -74,10 +74,11 @@ class Child:
         self.heard = False
         """It has said something: it is past its imports."""
         self.killed = False
-        self.last_heard_s = time.monotonic()
+        self.last_heard_s = monotonic_s()
         self.cpu_s = self.own_cpu_s = 0.0
         self.own_memory_mb = 0.0
         self._loop = asyncio.get_running_loop()
+        self._launcher = launcher
         self._intake = intake
         self._outbox = outbox
         self._on_line, self._on_output, self._on_exit = on_line, on_output, on_exit
@@ -97,7 +98,7 @@ class Child:
                     PARENT_VARIABLE: str(os.getpid()),
                 },
             )
-            self._pidfd = os.pidfd_open(self.pid)
+            self._pidfd = launcher.watch(self.pid)
         except OSError:
             self._sock.close()
             os.close(self._stdout)
@@ -146,7 +147,7 @@ class Child:
 
     def _signal_group(self, number: signal.Signals) -> None:
         try:
-            os.killpg(self.pid, number)
+            self._launcher.signal(self.pid, number)
         except ProcessLookupError:
             log.debug("already gone", child=self.name)
 
@@ -162,7 +163,7 @@ class Child:
             self._intake.remove(self._sock.fileno())
             return False
         self.heard = True
-        self.last_heard_s = time.monotonic()
+        self.last_heard_s = monotonic_s()
         for line in self._lines.feed(data):
             self._on_line(line)
         return True
@@ -183,13 +184,13 @@ class Child:
     def _reap(self) -> None:
         self._loop.remove_reader(self._pidfd)
         os.close(self._pidfd)
-        _, status, usage = os.wait4(self.pid, 0)
-        self.cpu_s = max(self.cpu_s, usage.ru_utime + usage.ru_stime)
+        exit_code, cpu_s = self._launcher.reap(self.pid)
+        self.cpu_s = max(self.cpu_s, cpu_s)
         # A radio program that the child left behind must not keep the radio.
         self._signal_group(signal.SIGKILL)
         self._drain()
-        self.exit_code = os.waitstatus_to_exitcode(status)
-        self._on_exit(self.exit_code)
+        self.exit_code = exit_code
+        self._on_exit(exit_code)
 
     def _drain(self) -> None:
         """Read everything it still said before it ended, and close our ends."""

@@ -6,9 +6,9 @@ import math
 import os
 import signal
 import socket
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
+from uavrt.clock import monotonic_s
 from uavrt.config import Receiver, Settings
 from uavrt.ipc import Assignment, encode_record, make_sample_sockets
 from uavrt.log import get_logger
@@ -19,7 +19,6 @@ from uavrt.supervisor.tree.child_records import Intake
 from uavrt.supervisor.tree.instance import Instance
 from uavrt.supervisor.tree.launcher import Launcher
 from uavrt.supervisor.tree.table import ProcessRow
-from uavrt.supervisor.tree.usage import children_of
 
 log = get_logger()
 
@@ -71,7 +70,7 @@ class Fleet:
         self._on_line, self._on_output, self._wake = on_line, on_output, wake
         self._intake = Intake()
         self._instances: dict[str, Instance] = {}
-        self._strangers = set(children_of(os.getpid()))
+        self._strangers = set(launcher.children())
         """Children of this program that were here before; they are no orphans of ours."""
         self._spared: set[int] = set()
         self._ending: set[int] = set()
@@ -105,7 +104,7 @@ class Fleet:
         self._end_orphans()
         if self._launcher.worth_waiting:
             return
-        now_s = time.monotonic()
+        now_s = monotonic_s()
         for instance in self._wanted():
             if instance.child is None and now_s >= instance.restarts.not_before_s:
                 self._start(instance)
@@ -161,7 +160,7 @@ class Fleet:
         instance.health = None
         if "command" in instance.row.produces:
             self._mission.forget_replies()
-        instance.restarts.started(time.monotonic())
+        instance.restarts.started(monotonic_s())
         try:
             instance.child = Child(
                 name=instance.name,
@@ -212,7 +211,7 @@ class Fleet:
 
     def _report_restart(self, instance: Instance, reason: str) -> None:
         restarts = instance.restarts
-        delay_s = restarts.ended(time.monotonic(), reason)
+        delay_s = restarts.ended(monotonic_s(), reason)
         if restarts.in_a_row < restarts.policy.degraded_after:
             self._tell(4, f"{instance.name} {reason}: restarting it")
         elif restarts.in_a_row == restarts.policy.degraded_after:
@@ -239,7 +238,7 @@ class Fleet:
         known = {i.child.pid for i in self._instances.values() if i.child is not None}
         if self._launcher.pid is not None:
             known.add(self._launcher.pid)
-        orphans = set(children_of(os.getpid())) - known - self._strangers - self._spared
+        orphans = set(self._launcher.children()) - known - self._strangers - self._spared
         for pid in orphans:
             with contextlib.suppress(ProcessLookupError, ChildProcessError, PermissionError):
                 if pid not in self._ending:
@@ -274,17 +273,17 @@ class Fleet:
             # What ended in this flight says nothing of the next.
             instance.restarts.forgive()
         for instance in running:
-            instance.stop_asked_s = time.monotonic()
+            instance.stop_asked_s = monotonic_s()
             if instance.child is not None:
                 instance.child.terminate()
-        deadline_s = time.monotonic() + row.stop_timeout_s
+        deadline_s = monotonic_s() + row.stop_timeout_s
         while any(i.child is not None for i in running):
-            if time.monotonic() > deadline_s:
+            if monotonic_s() > deadline_s:
                 for instance in running:
                     if instance.child is not None:
                         self._tell(4, f"{instance.name} did not stop: killed")
                         instance.child.kill()
-                deadline_s = time.monotonic() + row.stop_timeout_s
+                deadline_s = monotonic_s() + row.stop_timeout_s
             await asyncio.sleep(0.02)
 
     # --------------------------------------------------------------- assignment
@@ -317,10 +316,10 @@ class Fleet:
 
     async def taken(self, topic: str, limit_s: float) -> bool:
         """Wait until every process that says so has taken all records of a topic."""
-        deadline_s = time.monotonic() + limit_s
+        deadline_s = monotonic_s() + limit_s
         takers = [i for i in self._instances.values() if i.row.says_taken]
         while any(instance.outbox.holds(topic) for instance in takers):
-            if time.monotonic() > deadline_s:
+            if monotonic_s() > deadline_s:
                 return False
             await asyncio.sleep(0.02)
         return True

@@ -1,10 +1,10 @@
 """One process of the table, running or not; outlives its child."""
 
 import os
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from uavrt.clock import monotonic_s
 from uavrt.messages import Health, ProcessStatus, SystemState
 from uavrt.supervisor.pace import PaceWatch
 from uavrt.supervisor.tree.budget import BudgetWatch
@@ -54,7 +54,7 @@ class Instance:
         child, health = self.child, self.health
         if child is not None:
             self.memory_mb = child.measure()
-        degraded = self.restarts.degraded(time.monotonic())
+        degraded = self.restarts.degraded(monotonic_s())
         word = health.status if health else ("starting" if child else "stopped")
         if child is not None and self.pace.slow:
             word = f"{word}, too slow"

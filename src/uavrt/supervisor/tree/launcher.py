@@ -10,14 +10,15 @@ import select
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Mapping, Sequence
 
 from uavrt.blas import blas_environment
+from uavrt.clock import monotonic_s
 from uavrt.ipc import adopts_orphans
 from uavrt.log import get_logger
 from uavrt.supervisor.tree.nursery import NURSERY_VARIABLE
 from uavrt.supervisor.tree.restarts import Restarts
+from uavrt.supervisor.tree.usage import children_of
 
 log = get_logger()
 
@@ -51,7 +52,7 @@ class Launcher:
         self._sock: socket.socket | None = None
         self._ready = False
         self._ever_ready = False
-        self._born_s = time.monotonic()
+        self._born_s = monotonic_s()
         self._heard_s = 0.0
         self._asked_s: float | None = None
         """Since when a sign of life is awaited."""
@@ -76,7 +77,7 @@ class Launcher:
         return (
             self._process is not None
             and not self._ever_ready
-            and time.monotonic() - self._born_s < FIRST_WAIT_S
+            and monotonic_s() - self._born_s < FIRST_WAIT_S
         )
 
     def fileno(self) -> int | None:
@@ -98,10 +99,10 @@ class Launcher:
                 )
             except OSError as error:
                 ours.close()
-                self._restarts.ended(time.monotonic(), str(error.strerror))
+                self._restarts.ended(monotonic_s(), str(error.strerror))
                 return
         self._sock = ours
-        self._asked_s = time.monotonic()
+        self._asked_s = monotonic_s()
         self._restarts.started(self._asked_s)
 
     def tend(self) -> str | None:
@@ -112,7 +113,7 @@ class Launcher:
         str or None
             How it ended, if it has.
         """
-        now_s = time.monotonic()
+        now_s = monotonic_s()
         if self._process is None:
             if now_s >= self._restarts.not_before_s:
                 self.warm_up()
@@ -203,6 +204,25 @@ class Launcher:
         process.returncode = 0  # the caller waits for it, not subprocess
         return process.pid
 
+    # ------------------------------------------------------- what was started
+
+    def watch(self, pid: int) -> int:
+        """Get a descriptor that can be read once a process has ended; raises `OSError`."""
+        return os.pidfd_open(pid)
+
+    def signal(self, pid: int, number: int) -> None:
+        """Send a signal to a process's group; raises `ProcessLookupError`."""
+        os.killpg(pid, number)
+
+    def reap(self, pid: int) -> tuple[int, float]:
+        """Get the exit code and the CPU time [s] of a process that has ended."""
+        _, status, usage = os.wait4(pid, 0)
+        return os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime
+
+    def children(self) -> tuple[int, ...]:
+        """Get the process ids of all that this program has started and that still live."""
+        return children_of(os.getpid())
+
     def _fork(
         self,
         module: str,
@@ -246,9 +266,9 @@ class Launcher:
 
     def _answer(self) -> dict[str, int | str] | None:
         """Wait for the answer to a request; signs of life may come before it."""
-        deadline_s = time.monotonic() + ANSWER_S
+        deadline_s = monotonic_s() + ANSWER_S
         answer: dict[str, int | str] | None = {}
-        while answer == {} and self._readable(max(0.0, deadline_s - time.monotonic())):
+        while answer == {} and self._readable(max(0.0, deadline_s - monotonic_s())):
             answer = self._receive()
         return answer or None
 

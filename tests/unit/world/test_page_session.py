@@ -1,0 +1,245 @@
+"""The page's server and a drone: what is shown, stored and judged."""
+
+import asyncio
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from asked_page import AskedPage
+from past_flight import write_flight
+from pulses import pulse_at
+
+from uavrt.recording import read_flight, read_quiet_noise_db, vehicle_note
+from uavrt.units import NANOSECONDS_PER_SECOND
+from world import THESIS_TAG, World
+
+SECOND_NS = NANOSECONDS_PER_SECOND
+Flight = Callable[[World, AskedPage], Any]
+
+
+@pytest.fixture
+def fly(tmp_path: Path) -> Callable[[Flight], None]:
+    """Do something with a drone and a page that has found it."""
+
+    def run(flight: Flight) -> None:
+        async def main() -> None:
+            world = World(tmp_path)
+            page = AskedPage(tmp_path / "ground", world.ground_address)
+            async with world.flying(), page.served():
+                await page.until(lambda state: state["drone"]["state"] == "idle")
+                await flight(world, page)
+
+        asyncio.run(main())
+
+    return run
+
+
+def find(world: World, old_s: float = 1.0, **changes: Any) -> None:
+    """Let a detector find a pulse of some time ago."""
+    start_ns = world.clock.now_ns() - round(old_s * SECOND_NS)
+    frequency_hz = THESIS_TAG.frequency_hz
+    world.to_find.append(replace(pulse_at(start_ns, frequency_hz=frequency_hz), **changes))
+
+
+def pulses(count: int) -> Callable[[dict[str, Any]], bool]:
+    return lambda state: bool(state["flight"]["pulses"] == count)
+
+
+def test_a_drone_is_found_and_its_state_shown(
+    fly: Callable[[Flight], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uavrt.processes.ground_status.cpu_temperature_c", lambda: 51.5)
+
+    async def flight(_: World, page: AskedPage) -> None:
+        state = await page.state()
+        assert state["drone"]["cpu_temperature_c"] == 51.5
+        assert state["actions"]["start"]["reason"] == "Send the tags first"
+
+    fly(flight)
+
+
+def test_the_noise_of_one_tag_is_judged_by_past_flights(fly: Callable[[Flight], None]) -> None:
+    row = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20}
+    row |= {"interval_uncertainty_ms": 20, "interval_jitter_ms": 20, "k": 3}
+
+    async def flight(world: World, page: AskedPage) -> None:
+        assert (await page.ask("PUT", "/api/tags", [row])).status == 200
+        world.detect()
+
+        async def noise(text: str) -> dict[str, Any]:
+            async with asyncio.timeout(60.0):
+                while True:
+                    find(world, noise_psd=1e-3)
+                    found = (await page.ask("GET", "/api/first-flight")).json
+                    (one,) = [one for one in found if one["what"] == "noise"]
+                    if text in one["text"]:
+                        return dict(one)
+                    await asyncio.sleep(0.3)
+
+        first = await noise("cannot be judged yet")
+        assert (first["ok"], first["open"]) == (False, True)
+        past = write_flight(page.directory, 120.0, 300.0)
+        assert read_quiet_noise_db(page.directory / past) == pytest.approx(-90.0)
+        loud = await noise("60 dB more than in past flights")
+        assert (loud["ok"], loud["open"]) == (False, False)
+        # Of another vehicle nobody knows what is normal for this one.
+        with closing(sqlite3.connect(page.directory / past / "flight.sqlite")) as database:
+            database.execute("INSERT INTO notes VALUES (1, ?)", [vehicle_note(7, "kite")])
+            database.commit()
+        await noise("cannot be judged yet")
+
+    fly(flight)
+
+
+def test_a_pulse_is_stored_once_however_often_it_comes(fly: Callable[[Flight], None]) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        world.detect()
+        world.radio.copied = 1.0
+        for place in range(5):
+            find(world, 1.0 + place / 10)
+        state = await page.until(pulses(5))
+        assert state["flight"]["ended"] is False
+        await asyncio.sleep(2.0)
+        (one,) = (await page.ask("GET", "/api/flights")).json
+        assert one["pulses"] == 5
+        recorded = read_flight(page.directory / one["flight_id"])
+        assert len(recorded.pulse_poses) == 5
+        records = (await page.ask("GET", f"/api/flights/{one['flight_id']}/pulses")).json
+        assert [record["snr_db"] for record in records] == [20.0] * 5
+        assert state["link"]["counters"]["repeated_pulses"] >= 1
+
+    fly(flight)
+
+
+def test_what_is_inside_a_burst_is_put_into_its_record(fly: Callable[[Flight], None]) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        world.detect()
+        await asyncio.sleep(3.0)
+        # A time that the wire's seconds hold exactly, as the key of a pulse must be.
+        start_ns = (world.clock.now_ns() // SECOND_NS - 1) * SECOND_NS
+        starts_ns = tuple(start_ns + ms * 1_000_000 for ms in (0, 25, 80, 111))
+        inside: dict[str, Any] = {
+            "burst_starts_ns": starts_ns,
+            "burst_snrs_db": (20.0, 20.5, 19.5, 20.0),
+            "also_possible_tag_ids": (4,),
+        }
+        find(world, start_time_ns=start_ns, end_time_ns=start_ns + 131_000_000, **inside)
+        await page.until(lambda state: state["link"]["counters"].get("BurstInside"))
+        (one,) = (await page.ask("GET", "/api/flights")).json
+        (record,) = (await page.ask("GET", f"/api/flights/{one['flight_id']}/pulses")).json
+        assert record["burst_starts_ns"] == list(starts_ns)
+        (stored,) = read_flight(page.directory / one["flight_id"]).pulse_poses
+        assert {name: getattr(stored.pulse, name) for name in inside} == inside
+        assert stored.pose is not None
+
+    fly(flight)
+
+
+def test_a_drone_whose_clock_is_an_hour_late_is_told(fly: Callable[[Flight], None]) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        world.detect()
+        for place in range(6):
+            find(world, 3600.0 + 7.0 * (place % 2) + place / 100)
+        state = await page.until(pulses(6))
+        assert state["drone"]["clock_skew_s"] == pytest.approx(3600.0, abs=15.0)
+        log = (await page.ask("GET", "/api/log")).json
+        assert any("clock differs by -360" in line["text"] for line in log)
+
+    fly(flight)
+
+
+def test_old_pulses_sent_again_are_no_clock_that_is_late(
+    fly: Callable[[Flight], None],
+) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        world.detect()
+        for old_s in (60, 50, 40, 30, 20, 1, 10):
+            find(world, old_s)
+        state = await page.until(pulses(7))
+        assert state["drone"]["clock_skew_s"] == 0.0
+
+    fly(flight)
+
+
+def test_another_start_is_another_flight(fly: Callable[[Flight], None]) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        for number in (1, 2):
+            world.detect()
+            await page.until(lambda state: not state["flight"]["ended"])
+            find(world, 0.1)
+            await page.until(pulses(1))
+            assert (await page.ask("POST", "/api/commands/stop", {})).status == 200
+            await page.until(lambda state: state["flight"]["ended"])
+            assert len((await page.ask("GET", "/api/flights")).json) == number
+            await asyncio.sleep(2.0)
+
+    fly(flight)
+
+
+def test_what_the_drone_says_is_kept_as_it_is(fly: Callable[[Flight], None]) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        said = '<script>alert(1)</script> "quoted" & more'
+        world.computer.supervisor._tell(4, said)
+        await asyncio.sleep(1.0)
+        log = (await page.ask("GET", "/api/log")).json
+        (line,) = [line for line in log if line["text"] == said]
+        assert (line["severity"], line["source"]) == (4, "drone")
+
+    fly(flight)
+
+
+def test_a_command_that_nobody_acknowledges_fails_in_words(
+    fly: Callable[[Flight], None],
+) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        world.detect()
+        await page.until(lambda state: state["drone"]["state"] == "detecting")
+        world.radio_cut()
+        answer = await page.ask("POST", "/api/commands/stop", {})
+        assert answer.status == 409
+        assert "did not answer" in answer.json["message"]
+
+    fly(flight)
+
+
+def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
+    fly: Callable[[Flight], None], tmp_path: Path
+) -> None:
+    async def flight(world: World, page: AskedPage) -> None:
+        world.detect()
+        await page.until(lambda state: not state["flight"]["ended"])
+        other = World(tmp_path / "other", ground_port=world.ground_port, system_id=2)
+        async with other.flying():
+            world.radio_cut()
+            await page.until(lambda state: not state["drone"]["present"])
+            other.detect()
+            find(other)
+            state = await page.until(lambda state: state["drone"]["others"] == [2])
+            assert state["drone"]["system_id"] == 1
+            assert not state["drone"]["present"]
+            assert "not heard" in state["actions"]["stop"]["reason"]
+            assert state["flight"]["pulses"] == 0
+            world.radio_back()
+            find(world)
+            await page.until(pulses(1))
+            log = (await page.ask("GET", "/api/log")).json
+            told = "another vehicle, 2, is heard; this page keeps to 1"
+            assert told in [line["text"] for line in log]
+            flight_id = state["flight"]["flight_id"]
+            refused = await page.ask("POST", "/api/vehicle", {"system_id": "2"})
+            assert refused.status == 422
+            taken = await page.ask("POST", "/api/vehicle", {"system_id": 2})
+            assert taken.json["system_id"] == 2
+            state = await page.until(
+                lambda state: (
+                    state["flight"]["flight_id"] not in (None, flight_id)
+                    and not state["flight"]["ended"]
+                )
+            )
+            assert state["drone"]["system_id"] == 2
+
+    fly(flight)

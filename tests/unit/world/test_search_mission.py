@@ -1,0 +1,70 @@
+"""A search of ten minutes, from the operator's word to an animal's place."""
+
+import asyncio
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from searched import Animal
+
+from uavrt.geodesy import distance_m
+from uavrt.ground.link.motion import ask, confirm, motion_request
+from uavrt.guidance.authority import Standing
+from uavrt.messages import PulsePose, SearchNote
+from world import World, until
+
+SEARCH_S = 600.0
+CPU_S = 60.0
+"""It takes 21 s on a machine that is shared with nine others."""
+GUIDANCE = {"battery_wh": 120.0, "speed_m_s": 8.0, "keep_away_m": 0.0}
+
+
+def heard_in(events: list[Any]) -> set[int]:
+    """Times of the pulses that have come to the ground, to the millisecond."""
+    return {round(e.pulse.start_time_ns, -6) for e in events if isinstance(e, PulsePose)}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)  # a machine that is shared with others
+def test_a_search_of_ten_minutes_goes_on_through_every_fault(tmp_path: Path) -> None:
+    animals = [Animal(90.0, 60.0, level_db=42.0), Animal(-90.0, -70.0, level_db=42.0)]
+    world = World(tmp_path, animals=animals, guidance=GUIDANCE, flies=True)
+    radio = world.radio
+
+    def bad_radio() -> None:
+        radio.loss, radio.late_s, radio.copied = 0.1, 0.05, 0.05
+
+    script = [
+        (20.0, bad_radio),
+        (100.0, world.radio_cut),
+        (103.0, world.radio_back),
+        (200.0, lambda: world.kill("recorder")),
+        (300.0, lambda: world.kill("detector-1")),
+    ]
+
+    async def main() -> None:
+        async with world.flying(script), world.station() as (link, events):
+            await link.upload_tags(world.tags)
+            await link.start_detection()
+            search = motion_request("search", radius_m=200.0, wish_m=25.0, duration_s=SEARCH_S)
+            await asyncio.sleep(5.0)  # by then the drone knows its autopilot
+            offer = await ask(link, search)
+            await confirm(link, offer, sticks_unseen=True)
+            begun_ns = world.clock.now_ns()
+            await until(lambda: world.standing is Standing.IN_COMMAND)
+            await until(lambda: world.standing is Standing.OUT, 1.2 * SEARCH_S)
+            assert (world.clock.now_ns() - begun_ns) / 1e9 == pytest.approx(SEARCH_S, abs=60.0)
+            assert world.vehicle_report.reason == "returning: the autopilot flies home"
+            radio.loss = radio.late_s = radio.copied = 0.0
+            found = {round(one.pulse.start_time_ns, -6) for one in world.of(PulsePose)}
+            assert len(found) > 300
+            await until(lambda: found <= heard_in(events), 60.0)
+
+    cpu_s = time.process_time()
+    asyncio.run(main())
+    assert time.process_time() - cpu_s < CPU_S
+    notes = {one.tag_id: one for one in world.of(SearchNote) if one.event == "found"}
+    (told,) = [one for one in notes[4].tags if one.tag_id == 4]
+    true = world.flown.plane.to_geodetic(animals[1].north_m, animals[1].east_m)
+    assert distance_m(told.latitude_deg, told.longitude_deg, *true) < 40.0
