@@ -4,16 +4,19 @@ import contextlib
 import json
 import os
 import socket
+import sqlite3
 import subprocess
 import sys
 import time
 import urllib.request
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from past_flight import write_flight
 from pulses import pulse_at as heard_pulse
 
 from uavrt.demo.programs import free_udp_port
@@ -21,6 +24,7 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import Pose, PulsePose, SystemState
+from uavrt.recording import read_quiet_noise_db, vehicle_note
 from uavrt.tunnel import (
     BURST_TYPE,
     PAYLOAD_TYPE,
@@ -102,6 +106,35 @@ def until(served: Any, what: Any) -> dict[str, Any]:
             return state
         time.sleep(0.03)
     raise AssertionError(f"never came to be: {state}")
+
+
+def test_the_noise_of_one_tag_is_judged_by_past_flights(served: Any, drone: Drone) -> None:
+    row = {"id": 2, "frequency_mhz": 148.7, "interval_ms": 1200, "pulse_width_ms": 20}
+    row |= {"interval_uncertainty_ms": 20, "interval_jitter_ms": 20, "k": 3}
+    assert served.ask("PUT", "/api/tags", [row]).status == 200
+
+    def noise(noise_psd: float, text: str) -> dict[str, Any]:
+        for _ in range(1000):
+            drone.heartbeat(SystemState.DETECTING)
+            drone.pulse(time.time_ns() - SECOND_NS, noise_psd=noise_psd)
+            found = served.ask("GET", "/api/first-flight").json
+            (one,) = [one for one in found if one["what"] == "noise"]
+            if text in one["text"]:
+                return dict(one)
+            time.sleep(0.03)
+        raise AssertionError(f"never told: {one}")
+
+    first = noise(1e-3, "cannot be judged yet")
+    assert (first["ok"], first["open"]) == (False, True)
+    past = write_flight(served.directory, 120.0, 300.0)
+    assert read_quiet_noise_db(served.directory / past) == pytest.approx(-90.0)
+    loud = noise(1e-3, "60 dB more than in past flights")
+    assert (loud["ok"], loud["open"]) == (False, False)
+    # Of another vehicle nobody knows what is normal for this one.
+    with closing(sqlite3.connect(served.directory / past / "flight.sqlite")) as database:
+        database.execute("INSERT INTO notes VALUES (1, ?)", [vehicle_note(7, "kite")])
+        database.commit()
+    noise(1e-3, "cannot be judged yet")
 
 
 def test_a_bursts_inside_that_is_broken_or_of_no_burst_is_counted(

@@ -37,7 +37,7 @@ def test_tags_go_up_and_pulses_come_down_without_loss(
             await ground.upload_tags([thesis_tag])
             await ground.start_detection(center_frequency_hz=148.7e6)
             assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
-            assert world.mission.state is SystemState.DETECTING
+            await until(lambda: world.mission.state is SystemState.DETECTING)
             for index in range(30):
                 world.find_pulse(index)
             await until(lambda: len(pulses_of(events)) == 30)

@@ -7,6 +7,7 @@ from pathlib import Path
 from asked_page import AskedPage
 
 from uavrt.demo.programs import free_udp_port
+from uavrt.messages import SystemState
 from uavrt.recording import read_flight
 from world import THESIS_TAG, World, until
 
@@ -36,12 +37,13 @@ def test_no_pulse_of_five_drones_is_missing_at_20_percent_loss_on_each_link(
             for drone in drones.values():
                 drone.radio.loss = LOSS
                 drone.detect(THESIS_TAG)
+            sessions = page.station.fleet.sessions
+            assert len(sessions) == VEHICLES
+            await until(lambda: all(one.state is SystemState.DETECTING for one in sessions))
             for number in range(PULSES):
                 for drone in drones.values():
                     drone.find_pulse(number)
                 await asyncio.sleep(1.0 / PULSES_HZ)
-            sessions = page.station.fleet.sessions
-            assert len(sessions) == VEHICLES
             await until(lambda: all(one.flight.pulses == PULSES for one in sessions), 60.0)
             told = (await page.ask("GET", "/api/flights")).json
             assert {one["vehicle"] for one in told} == {str(number) for number in numbers}

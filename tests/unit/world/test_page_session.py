@@ -1,19 +1,16 @@
 """The page's server and a drone: what is shown, stored and judged."""
 
 import asyncio
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from asked_page import AskedPage
-from past_flight import write_flight
 from pulses import pulse_at
 
-from uavrt.recording import read_flight, read_quiet_noise_db, vehicle_note
+from uavrt.recording import read_flight
 from uavrt.units import NANOSECONDS_PER_SECOND
 from world import THESIS_TAG, World
 
@@ -58,39 +55,6 @@ def test_a_drone_is_found_and_its_state_shown(
         state = await page.state()
         assert state["drone"]["cpu_temperature_c"] == 51.5
         assert state["actions"]["start"]["reason"] == "Send the tags first"
-
-    fly(flight)
-
-
-def test_the_noise_of_one_tag_is_judged_by_past_flights(fly: Callable[[Flight], None]) -> None:
-    row = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20}
-    row |= {"interval_uncertainty_ms": 20, "interval_jitter_ms": 20, "k": 3}
-
-    async def flight(world: World, page: AskedPage) -> None:
-        assert (await page.ask("PUT", "/api/tags", [row])).status == 200
-        world.detect()
-
-        async def noise(text: str) -> dict[str, Any]:
-            async with asyncio.timeout(60.0):
-                while True:
-                    find(world, noise_psd=1e-3)
-                    found = (await page.ask("GET", "/api/first-flight")).json
-                    (one,) = [one for one in found if one["what"] == "noise"]
-                    if text in one["text"]:
-                        return dict(one)
-                    await asyncio.sleep(0.3)
-
-        first = await noise("cannot be judged yet")
-        assert (first["ok"], first["open"]) == (False, True)
-        past = write_flight(page.directory, 120.0, 300.0)
-        assert read_quiet_noise_db(page.directory / past) == pytest.approx(-90.0)
-        loud = await noise("60 dB more than in past flights")
-        assert (loud["ok"], loud["open"]) == (False, False)
-        # Of another vehicle nobody knows what is normal for this one.
-        with closing(sqlite3.connect(page.directory / past / "flight.sqlite")) as database:
-            database.execute("INSERT INTO notes VALUES (1, ?)", [vehicle_note(7, "kite")])
-            database.commit()
-        await noise("cannot be judged yet")
 
     fly(flight)
 
