@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from uavrt.ground.session import GroundSession
+from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.page import PageSettings, PageStation
 from uavrt.ground.web.server import ServerSettings
 from world import until
@@ -57,14 +60,16 @@ class AskedPage:
 
     @contextlib.asynccontextmanager
     async def served(self) -> AsyncIterator["AskedPage"]:
-        """Serve while the block runs."""
-        serving = asyncio.create_task(self.station.run())
-        try:
-            await until(lambda: self._port or serving.done())
-            yield self
-        finally:
-            self.station.stop()
-            await serving
+        """Serve while the block runs; foreign files are read in this program."""
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(ForeignWorker, "result", lambda _, function, *given: function(*given))
+            serving = asyncio.create_task(self.station.run())
+            try:
+                await until(lambda: self._port or serving.done())
+                yield self
+            finally:
+                self.station.stop()
+                await serving
 
     async def ask(
         self, method: str, path: str, body: object = None, headers: dict[str, str] | None = None

@@ -4,12 +4,9 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-import fsspec
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, heard_amplitude, record
 from archived import write_flight as write_turned
-from command_line import uavrt
-from http_store import served
 
 from uavrt.analysis.measure import TagSource
 from uavrt.batch import (
@@ -21,7 +18,6 @@ from uavrt.batch import (
     find_recordings,
     read_manifest,
     run_batch,
-    stores,
 )
 
 SOUGHT = TagSource(tags=TAGS[:1])
@@ -60,41 +56,6 @@ def flown(tmp_path: Path) -> tuple[Path, Found, Path]:
     assert count(output) > 40
     assert count(output, "positions") == 1
     return flight, found, output
-
-
-def test_a_store_that_is_away_takes_no_pulse_along(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("aiohttp", reason="fsspec[http] is not installed")
-    web, output = tmp_path / "web", tmp_path / "searched"
-    web.mkdir()
-    record(web / "walk.cf32", 30.0, 1, tags=TAGS[:1])
-    (tmp_path / "tags.txt").write_text("2, 148706000, 1210, 20, 20, 10, 3, 0.02\n")
-    nothing = tmp_path / "local"
-    nothing.mkdir()
-    with served(web) as (_, address):
-        url = f"{address}/walk.cf32"
-        found_in(tmp_path, url, nothing)
-        command = (
-            *("batch", str(nothing), "--tags", str(tmp_path / "tags.txt"), "--workers", "1"),
-            *("--manifest", str(tmp_path / "manifest.csv"), "-o", str(output)),
-        )
-        assert uavrt(*command) == 0
-        before = count(output)
-        assert before > 20
-    # Another run knows nothing of the lines that this one opened.
-    fsspec.filesystem("http").clear_instance_cache()
-    stores._opened.cache_clear()
-    capsys.readouterr()
-    assert uavrt(*command) == 1
-    said = capsys.readouterr().err
-    assert f"{url}: kept from before: not reachable now:" in said
-    assert "1 kept from before" in said
-    assert count(output) == before
-    assert ask(output, "select state from recordings")["state"].to_pylist() == ["done"]
-    # The same with other settings, of which nothing is done yet.
-    assert uavrt(*command, "--cell", "70") == 1
-    assert count(output) == before
 
 
 def test_a_recording_that_cannot_be_reached_keeps_its_pulses_and_its_flight(

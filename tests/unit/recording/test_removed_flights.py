@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numbered
 import pytest
 
 from uavrt.errors import RecordingError
@@ -60,7 +61,7 @@ def test_a_database_that_is_removed_under_the_recorder_is_written_again_and_whol
 def test_a_flight_whose_directory_cannot_be_made_again_waits_and_loses_nothing(
     make_info: MakeInfo, make_pulse_pose: MakePulsePose, tmp_path: Path
 ) -> None:
-    info = make_info(tmp_path / "card" / "flight")
+    info = numbered.info(tmp_path / "card" / "flight")
     recorder = FlightRecorder.open(info, durable=True)
     recorder.write_pulse_poses([make_pulse_pose(0)])
     recorder.commit()
@@ -80,7 +81,7 @@ def test_a_flight_that_has_not_begun_or_whose_disk_is_full_is_suspect(
     make_info: MakeInfo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("")
-    unbegun = FlightRecorder.open(make_info(tmp_path / "file" / "flight"))
+    unbegun = FlightRecorder.open(numbered.info(tmp_path / "file" / "flight"))
     assert unbegun.is_suspect()
     recorder = FlightRecorder.open(make_info())
     assert not recorder.is_suspect()
