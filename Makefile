@@ -25,17 +25,16 @@ check: $(STAMP)         ## before each commit: style, types, import contracts, q
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools  ## everything that belongs to a change: check, manual, all tests
-	$(MAKE) --no-print-directory -j 2 flights computing
-	$(MAKE) --no-print-directory system
+	$(MAKE) --no-print-directory -j 3 flights system computing
 
-computing: $(STAMP)     ## what only computes, at low priority: flights at the same time must lose nothing
+computing: $(STAMP)     ## what only computes, at low priority: tests in real time run at the same time
 	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
 
 unit: $(STAMP)          ## all unit tests
 	$(PYTEST) -n 2 --dist loadfile tests/unit
 
 system: $(STAMP)        ## tests with sockets, programs and threads in real time
-	$(PYTEST) -n 4 --dist loadfile tests/system
+	$(PYTEST) -n 3 --dist loadfile tests/system
 
 flights: $(STAMP)       ## whole flights in real time, and the page in a browser
 	$(PYTEST) -n 2 --dist loadfile tests/flight

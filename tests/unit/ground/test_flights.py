@@ -16,13 +16,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from pulses import pulse_at as heard_pulse
+from virtual_time import VirtualClock
 
 from uavrt.analysis.positions import read_positions
 from uavrt.analysis.survey import read_survey
 from uavrt.clock import Clock, iso_utc
 from uavrt.errors import UsageError
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
-from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.flight_keeper import RETRY_S, FlightKeeper
 from uavrt.ground.store.flights import Columns, FlightLibrary
 from uavrt.ground.store.settings import GroundSettings
 from uavrt.ground.web import maps
@@ -506,7 +507,7 @@ def test_no_name_leads_out_of_the_directory(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_is_told_and_mended(
-    keeper: FlightKeeper, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    keeper: FlightKeeper, clock_of_test: VirtualClock, tmp_path: Path
 ) -> None:
     directory = tmp_path / (keeper.flight_id or "")
     keeper.commit()
@@ -518,6 +519,7 @@ def test_a_full_disk_is_told_and_mended(
         assert "cannot write" in keeper.fault
         other.rollback()
     other.close()
+    clock_of_test.now_s += RETRY_S
     keeper.commit()
     assert keeper.fault is None
     assert len(read_flight(directory).pulse_poses) == 1

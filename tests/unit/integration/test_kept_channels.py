@@ -125,7 +125,9 @@ def test_the_command_takes_what_the_flight_kept_by_itself(
     assert [one["found"] for one in told] == [True, False]
     # Whose samples it held nobody knows.
     for one in told:
-        assert "channel_1_Hz_0001.sigmf-meta is not JSON" in str(one["limitations"])
+        assert "channel_1_Hz_0001.sigmf-meta cannot be read: it is not JSON" in str(
+            one["limitations"]
+        )
 
 
 def test_a_flight_without_tags_is_told_what_it_lacks(

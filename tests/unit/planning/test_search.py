@@ -295,10 +295,10 @@ def test_others_add_planners_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> 
     )
     monkeypatch.setattr(PLANNERS, "_added", None)
     monkeypatch.setattr(EntryPoint, "load", lambda self: Stay)
+    monkeypatch.setattr(PLANNERS, "_loaded", {})
     assert isinstance(planner_named("stay"), Stay)
     with pytest.raises(UsageError, match="no planner 'nobody'"):
         planner_named("nobody")
-    monkeypatch.setattr(PLANNERS, "_added", None)
 
 
 class Stay:
