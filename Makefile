@@ -37,7 +37,8 @@ system: $(STAMP)        ## tests with sockets, programs and threads in real time
 	$(PYTEST) -n 3 --dist loadfile tests/system
 
 flights: $(STAMP)       ## whole flights in real time, and the page in a browser
-	$(PYTEST) -n 2 --dist loadfile tests/flight
+	$(PYTEST) -m full_rate tests/flight
+	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/flight
 
 claims: $(STAMP) browser disk-tools  ## hours: campaigns, guides word by word, new random examples, emulated ARM
 	UAVRT_NEW_EXAMPLES=1 $(PYTEST) -n 2 --dist loadfile tests/claims tests/unit/property

@@ -14,6 +14,8 @@ from command_line import started
 from uavrt.errors import UavrtError
 from uavrt.recording import read_flight
 
+pytestmark = pytest.mark.full_rate
+
 CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
 
 

@@ -10,7 +10,7 @@ from uavrt_experiments.resources import Plan as ResourcePlan
 from uavrt_experiments.resources import run_resources
 from uavrt_experiments.resources.report import SAMPLES_LIMIT_MB_H, WRITTEN_LIMIT_MB_H
 
-pytestmark = pytest.mark.timeout(400)
+pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(400)]
 
 
 def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(

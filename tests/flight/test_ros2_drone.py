@@ -19,7 +19,7 @@ from uavrt.messages import SystemState, SystemStatus
 from uavrt.recording import read_flight
 from uavrt.ros2.convert import tag_to_ros
 
-pytestmark = pytest.mark.timeout(150)
+pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(150)]
 
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 BURST = "uavrt_interfaces/msg/Burst"

@@ -4,7 +4,7 @@ import pytest
 
 from uavrt_experiments.resources import run_shapes
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(300)]
 
 
 def test_every_shape_of_the_table_detects_and_loses_nothing() -> None:
