@@ -197,8 +197,8 @@ class Gateway:
     def tick(self) -> None:
         """Handle what has arrived and send what is due; call it 20 times a second."""
         now_ns = self._now_ns()
-        if not self._resumed:
-            self._resume_upload()
+        if not self._resumed and self._status is not None:
+            self._resume_upload(self._status)
         arrivals = self._bus.inbox.take()
         if not arrivals:
             self._upload.quiet(self._lost_tags())
@@ -414,16 +414,13 @@ class Gateway:
             status.state is SystemState.DETECTING and not status.ending
         )
 
-    def _resume_upload(self) -> None:
-        """Take over the upload that was open when an earlier gateway process ended.
-
-        The supervisor's status is there before the first message is handled.
-        """
-        self._resumed, status = True, self._status
+    def _resume_upload(self, status: SystemStatus) -> None:
+        """Take over the upload that was open when an earlier gateway process ended."""
+        self._resumed = True
         if (
-            status is not None
-            and status.state is SystemState.RECEIVING_TAGS
+            status.state is SystemState.RECEIVING_TAGS
             and status.commander == SOURCE
+            and not self._begun
         ):
             self._upload.resume((tag.tag_id for tag in status.tags), self._lost_tags())
             self.log(4, "the gateway restarted while tags came: send all tags again")
