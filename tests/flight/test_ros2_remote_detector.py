@@ -36,9 +36,13 @@ from uavrt.recording import read_flight
 pytestmark = pytest.mark.timeout(150)
 
 RATE_HZ = 3750.0
-CENTER_HZ = 150.3e6
+CENTER_HZ = 148.74e6
 REMOTE_TAG = made.tag(
-    44, CENTER_HZ + 300.0, 1.0, interval_uncertainty_s=0.02, interval_jitter_s=0.005
+    *(44, CENTER_HZ + 300.0, 1.0),
+    interval_uncertainty_s=0.02,
+    interval_jitter_s=0.005,
+    # The drone searches for it too, and finds nothing.
+    false_alarm_probability=1e-5,
 )
 OTHER_COMPUTER = "127.0.0.2"
 
@@ -156,7 +160,7 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
 ) -> None:
     sender, port = band
     remote = start_remote(port)
-    tags = msgspec.json.encode(thesis_scenario.tags).decode()
+    tags = msgspec.json.encode([*thesis_scenario.tags, REMOTE_TAG]).decode()
     settings = Ros2Settings(enabled=True, domain_id=ros_domain, accept_pulses=True)
     drone = drone_bay.launch(thesis_scenario, tags, ros2=settings)
     newest: list[SystemStatus] = []
@@ -243,13 +247,20 @@ def test_two_computers_with_a_cable_find_each_other_and_survive_its_cut(
     ros_domain: int,
     two_computers: tuple[str, str],
     start_remote: StartRemote,
+    tmp_path: Path,
 ) -> None:
     drone, other = two_computers
     port = 20_000
     settings = Ros2Settings(
         enabled=True, domain_id=ros_domain, interfaces=("eth0",), accept_pulses=True
     )
-    gateway = launch(settings, prefix=("ip", "netns", "exec", drone))
+    flight = made.flight_info(
+        tmp_path,
+        (REMOTE_TAG,),
+        start_time_ns=Clock.start().now_ns(),
+        center_frequency_hz=CENTER_HZ,
+    )
+    gateway = launch(settings, flight, prefix=("ip", "netns", "exec", drone))
     start_remote(port, "10.99.7.2", "eth0", ("ip", "netns", "exec", other))
     sender = Band(port, "10.99.7.2", drone)
     try:
