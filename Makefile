@@ -25,9 +25,10 @@ check: $(STAMP)         ## before each commit: style, types, import contracts, q
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools  ## everything that belongs to a change: check, manual, all tests
-	$(MAKE) --no-print-directory -j 3 flights system computing
+	$(MAKE) --no-print-directory -j 2 flights computing
+	$(MAKE) --no-print-directory system
 
-computing: $(STAMP)     ## what only computes, at low priority: tests in real time run at the same time
+computing: $(STAMP)     ## what only computes, at low priority: flights run at the same time
 	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
 
 unit: $(STAMP)          ## all unit tests

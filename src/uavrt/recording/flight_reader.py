@@ -169,7 +169,10 @@ def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
         return tuple(time_ns for (time_ns,) in rows)
 
 
-DAMAGED = (sqlite3.Error, OSError, ValueError, TypeError, ArithmeticError, LookupError)
+DAMAGED = (
+    *(sqlite3.Error, OSError, ValueError, TypeError, ArithmeticError, LookupError),
+    RecursionError,
+)
 """What a database raises, or whoever reckons with what it holds, where it is damaged."""
 
 

@@ -16,6 +16,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -139,12 +140,23 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
         absent="--absent" in given,
         serial=_serial(given.get("-s")),
         frequency_hz=frequency_mhz * 1e6,
-        sample_rate_hz=_number(given, "-a", SAMPLE_RATES_HZ[0]),
+        sample_rate_hz=_rate_hz(given),
         integers=given.get("-t", "2") == "2",
         gain=_gain(given),
         samples=_whole(given, "-n", 0, 2**63, "num_samples") or None,
         verbose="-d" in given,
     )
+
+
+def _rate_hz(given: dict[str, str]) -> float:
+    """Sample rate: one of the radio's, or that of the scenario's radio."""
+    rate_hz = _number(given, "-a", SAMPLE_RATES_HZ[0])
+    if rate_hz not in SAMPLE_RATES_HZ:
+        with suppress(UavrtError):
+            if rate_hz == load_scenario(Path(given["--world"])).radio.sample_rate_hz:
+                return rate_hz
+        raise ArgumentFault("airspy_set_samplerate() failed: AIRSPY_ERROR_INVALID_PARAM (-2)")
+    return rate_hz
 
 
 def _number(given: dict[str, str], option: str, default: float) -> float:
@@ -334,10 +346,6 @@ def main(command_line: Sequence[str]) -> int:
         scenario = load_scenario(arguments.world)
     except UavrtError as error:
         _say(f"airspy_rx: {error}")
-        return 1
-    if arguments.sample_rate_hz not in (*SAMPLE_RATES_HZ, scenario.radio.sample_rate_hz):
-        _say("airspy_set_samplerate() failed: AIRSPY_ERROR_INVALID_PARAM (-2)")
-        sys.stderr.write(USAGE)
         return 1
     if arguments.start_time_ns is not None:
         scenario = scenario.starting_at(arguments.start_time_ns)

@@ -10,8 +10,6 @@ import asyncio
 import contextlib
 import os
 import pickle
-import resource
-import select
 import signal
 import struct
 import subprocess
@@ -37,7 +35,7 @@ _REMEDY = "Give a smaller or simpler one"
 _TOO_LONG = f"this takes more than {CPU_S} s of computing"
 _EXIT_LARGE = 70
 _ENDS = {
-    -signal.SIGXCPU: _TOO_LONG,
+    -getattr(signal, "SIGXCPU", 24): _TOO_LONG,
     _EXIT_LARGE: f"this takes more than {MEMORY_BYTES // 10**6} MB of memory",
 }
 
@@ -134,12 +132,24 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 def _asked(process: "subprocess.Popen[bytes]", question: bytes) -> tuple[bool, Any]:
     assert process.stdin is not None
     assert process.stdout is not None
-    _write_frame(process.stdin, question)
-    poll = select.poll()
-    poll.register(process.stdout, select.POLLIN)
-    if not poll.poll(WALL_S * 1e3):
-        raise TimeoutError
-    found: tuple[bool, Any] = pickle.loads(_read_frame(process.stdout))
+    expired = threading.Event()
+
+    def end() -> None:
+        expired.set()
+        process.kill()
+
+    timer = threading.Timer(WALL_S, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        _write_frame(process.stdin, question)
+        found: tuple[bool, Any] = pickle.loads(_read_frame(process.stdout))
+    except (EOFError, OSError):
+        if expired.is_set():
+            raise TimeoutError from None
+        raise
+    finally:
+        timer.cancel()
     return found
 
 
@@ -169,7 +179,8 @@ def _exactly(pipe: BinaryIO | Any, size: int) -> bytes:
 
 def main() -> None:
     """Answer one question after the other, until the pipe ends."""
-    os.nice(_NICE)
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
     questions = os.fdopen(os.dup(0), "rb", buffering=0)
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     with open(os.devnull, "r+b") as nothing:  # libraries print
@@ -208,10 +219,19 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Let the kernel end what takes too long, and refuse too much memory."""
+    """Let the kernel end what takes too long, and refuse too much memory.
+
+    Windows has no such limits, macOS none of memory; there the longest time alone holds.
+    """
+    try:
+        import resource
+    except ImportError:
+        return
     used = resource.getrusage(resource.RUSAGE_SELF)
     spent_s = used.ru_utime + used.ru_stime
     resource.setrlimit(resource.RLIMIT_CPU, (int(spent_s) + CPU_S + 1, resource.RLIM_INFINITY))
+    if not os.path.exists("/proc/self/statm"):
+        return
     with open("/proc/self/statm", encoding="ascii") as file:
         data_bytes = int(file.read().split()[5]) * resource.getpagesize()
     most = data_bytes + MEMORY_BYTES
