@@ -1,6 +1,6 @@
 /** After the landing: what a whole flight's samples say, where a tag would have been heard, and where it is not. */
 
-import { ApiError, send } from "./api";
+import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { askForMap, forgetHeard, heardElements, numberOf, tellHeard } from "./heard";
 import { isPlace } from "./features";
@@ -93,7 +93,7 @@ async function lookBelow(): Promise<void> {
     }
     await store.hindsightAgain();
   } catch (error) {
-    told = error instanceof ApiError ? error.message : "the server cannot be reached";
+    told = reasonOf(error);
   }
   say(by("integrate-told"), told);
   button.disabled = false;
@@ -220,6 +220,6 @@ async function judge(): Promise<void> {
       `Not here, p ${found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`}. There it would have been heard with ${Math.round(100 * found.heard)}\u202f%; before the flight it was there with ${found.prior.toFixed(3)}, were it anywhere on the map alike.`,
     );
   } catch (error) {
-    if (ticket === asked) say(by("absence-told"), error instanceof ApiError ? error.message : "the server cannot be reached");
+    if (ticket === asked) say(by("absence-told"), reasonOf(error));
   }
 }

@@ -36,6 +36,11 @@ export class ApiError extends Error {
   }
 }
 
+/** Why a request failed, for whom it was made. */
+export function reasonOf(error: unknown): string {
+  return error instanceof ApiError ? error.message : "the server cannot be reached";
+}
+
 export async function get<T>(path: string): Promise<T> {
   return answer<T>(await fetch(`${BASE}/api${path}`));
 }

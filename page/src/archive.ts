@@ -1,6 +1,6 @@
 /** Flights of the archive that `uavrt batch` wrote: thousands, by tag and day. */
 
-import { ApiError, get } from "./api";
+import { get, reasonOf } from "./api";
 import { by, fill, h, say } from "./dom";
 import { dateTime, span } from "./format";
 import { pager } from "./pager";
@@ -57,7 +57,7 @@ async function show(): Promise<void> {
     if (number !== asked) return;
     by("archive").hidden = false;
     fill(by("archive-pager"));
-    fill(by("archive-list"), h("p", { class: "fault-line" }, error instanceof ApiError ? error.message : "the server cannot be reached"));
+    fill(by("archive-list"), h("p", { class: "fault-line" }, reasonOf(error)));
   }
 }
 

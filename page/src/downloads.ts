@@ -1,6 +1,6 @@
 /** Flights that are still on the drone. */
 
-import { ApiError, send } from "./api";
+import { reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { toast } from "./notice";
 import { store } from "./store";
@@ -58,7 +58,7 @@ async function list(): Promise<void> {
       ),
     );
   } catch (error) {
-    fill(holder, h("p", { class: "fault-line" }, words(error)));
+    fill(holder, h("p", { class: "fault-line" }, reasonOf(error)));
   }
 }
 
@@ -67,12 +67,12 @@ async function start(flight: string): Promise<void> {
   try {
     await send("POST", "/drone/download", { flight_id: flight, everything });
   } catch (error) {
-    toast(words(error), 4);
+    toast(reasonOf(error), 4);
   }
 }
 
 async function stop(): Promise<void> {
-  await send("DELETE", "/drone/download", {}).catch((error: unknown) => toast(words(error), 4));
+  await send("DELETE", "/drone/download", {}).catch((error: unknown) => toast(reasonOf(error), 4));
 }
 
 function draw(): void {
@@ -104,8 +104,4 @@ function told(now: Download): string {
 
 function size(bytes: number): string {
   return bytes < 1e6 ? `${Math.round(bytes / 1e3)}\u202fkB` : `${(bytes / 1e6).toFixed(1)}\u202fMB`;
-}
-
-function words(error: unknown): string {
-  return error instanceof ApiError ? error.message : "the server cannot be reached";
 }

@@ -1,6 +1,6 @@
 /** The drone's upkeep: its radio, its parameters, its flights. */
 
-import { ApiError, send } from "./api";
+import { reasonOf, send } from "./api";
 import { by, describe, fill, h, say } from "./dom";
 import { toast } from "./notice";
 import { store } from "./store";
@@ -90,7 +90,7 @@ async function ask(name: string, body: unknown): Promise<string> {
     say(by("drone-note"), answer.message);
     return "";
   } catch (error) {
-    const words = error instanceof ApiError ? error.message : "the server cannot be reached";
+    const words = reasonOf(error);
     say(by("drone-note"), words);
     if (!FIRST_STEP.test(words)) toast(words, 4);
     return words;
@@ -106,7 +106,7 @@ async function read(): Promise<void> {
     fill(by("parameters"), ...names.map((name) => row(name, found[name]!)));
     say(note, `${names.length} parameters`);
   } catch (error) {
-    say(note, error instanceof ApiError ? error.message : "the server cannot be reached");
+    say(note, reasonOf(error));
   }
 }
 

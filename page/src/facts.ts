@@ -1,6 +1,6 @@
 /** Who flew what: told once, printed by the reports of all flights. */
 
-import { ApiError, get, send } from "./api";
+import { get, reasonOf, send } from "./api";
 import { by, h, say } from "./dom";
 
 interface Field {
@@ -52,7 +52,7 @@ function draw(facts: Record<string, string>): void {
 }
 
 function complain(error: unknown): void {
-  say(by("fact-fault"), error instanceof ApiError ? error.message : "the server cannot be reached");
+  say(by("fact-fault"), reasonOf(error));
 }
 
 async function change(key: string): Promise<void> {

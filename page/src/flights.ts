@@ -1,6 +1,6 @@
 /** Past flights: the list by tag and day, and each to be looked at and exported. */
 
-import { ApiError, BASE, get, send } from "./api";
+import { BASE, get, reasonOf, send } from "./api";
 import { archiveSection, showArchive } from "./archive";
 import { compare } from "./compare";
 import { by, describe, fill, h, say } from "./dom";
@@ -102,7 +102,7 @@ async function refresh(): Promise<void> {
     found = await get(`/found-flights?${query}`);
   } catch (error) {
     if (number !== asked) return;
-    instead(h("p", { class: "fault-line" }, error instanceof ApiError ? error.message : "the server cannot be reached"));
+    instead(h("p", { class: "fault-line" }, reasonOf(error)));
     fill(by("flights-pager"));
     return;
   }
@@ -185,7 +185,7 @@ function starButton(flight: FlightSummary): HTMLElement {
       if (asDrawn) drawn = keyOf(listed); // this row is not made anew
       void refresh(); // an answer that is on its way tells the star as it was
     } catch (error) {
-      toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
+      toast(reasonOf(error), 3);
     }
   };
   draw();
@@ -197,7 +197,7 @@ async function open(id: string): Promise<void> {
     await store.open(id);
     openView("fly");
   } catch (error) {
-    toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
+    toast(reasonOf(error), 3);
   }
 }
 
@@ -220,6 +220,6 @@ async function compareTicked(): Promise<void> {
     await compare(first, second, openView);
   } catch (error) {
     say(by("compare"), "");
-    toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
+    toast(reasonOf(error), 3);
   }
 }

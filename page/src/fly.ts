@@ -1,7 +1,7 @@
 /** The view of a flight: buttons, tags, map, and where to walk. */
 
 import { afterPanel, openAfter } from "./after";
-import { ApiError, get, send } from "./api";
+import { get, reasonOf, send } from "./api";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { mayCommand } from "./commands";
 import { append, by, describe, fill, h, say } from "./dom";
@@ -13,6 +13,7 @@ import { MapView } from "./map";
 import { motionPanel, openMotion } from "./motion";
 import { toast } from "./notice";
 import { drawReplay, replayBar } from "./replay";
+import { tagsSent } from "./setup";
 import { store } from "./store";
 import type { Choices, TagRow } from "./types";
 import { tapBox } from "./tap";
@@ -143,7 +144,7 @@ export async function act(name: string): Promise<void> {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
     toast(`${action.label}: ${answer.message}`, 6);
   } catch (error) {
-    toast(`${action.label} failed: ${error instanceof ApiError ? error.message : "the server cannot be reached"}`, 3);
+    toast(`${action.label} failed: ${reasonOf(error)}`, 3);
   }
 }
 
@@ -153,7 +154,7 @@ function drawActions(): void {
   for (const [name, button] of buttons) {
     const action = state.actions[name];
     if (!action) continue;
-    const label = name === "send_tags" && state.tags_sent ? "Tags sent" : action.label;
+    const label = name === "send_tags" && tagsSent() ? "Tags sent" : action.label;
     if (button.textContent !== label) fill(button, label, h("kbd", {}, KEYS[name]));
     const off = !action.enabled || (store.review !== null && name !== "stop") || (store.looksOn() && name !== "stop" && name !== "mark");
     // Not "disabled": a button that can be focused can say why it does nothing.
@@ -182,7 +183,7 @@ function nextStep(): string | null {
   const actions = store.state?.actions;
   if (!actions) return null;
   if (store.review || store.looksOn()) return actions.stop?.enabled && store.state?.drone.state === "detecting" ? "stop" : null;
-  if (actions.send_tags?.enabled && !store.state?.tags_sent) return "send_tags";
+  if (actions.send_tags?.enabled && !tagsSent()) return "send_tags";
   if (actions.start?.enabled) return "start";
   if (actions.stop?.enabled && store.state?.drone.state === "detecting") return "stop";
   return null;

@@ -1,6 +1,6 @@
 /** Maps of where a tag is heard: asked for until they are there, and told in words. */
 
-import { ApiError, send } from "./api";
+import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import type { HeardMap, MapAnswer } from "./types";
 
@@ -43,7 +43,7 @@ export async function askForMap<Made extends HeardMap>(name: string, path: strin
     }
   } catch (error) {
     if (!wanted()) return null;
-    say(by(`${name}-fault`), error instanceof ApiError ? error.message : "the server cannot be reached");
+    say(by(`${name}-fault`), reasonOf(error));
   }
   bar.hidden = true;
   return made;

@@ -2,7 +2,7 @@
 
 import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
 import { by, fill, h } from "./dom";
-import { get, upload } from "./api";
+import { get, reasonOf, upload } from "./api";
 import { toast } from "./notice";
 import { toggleMe } from "./tap";
 import type { FlightMap } from "./view";
@@ -141,7 +141,7 @@ async function bring(input: HTMLInputElement): Promise<void> {
     offerMaps(await get<Choices>("/choices"));
     toast(`${file.name}: here`, 6);
   } catch (error) {
-    toast(error instanceof Error ? error.message : "the server cannot be reached", 4);
+    toast(reasonOf(error), 4);
   }
 }
 

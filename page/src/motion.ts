@@ -3,7 +3,7 @@
  * The drone decides; the ground station's server carries the words, as for `uavrt fly`.
  */
 
-import { ApiError, PAGE, send } from "./api";
+import { PAGE, reasonOf, send } from "./api";
 import { beforeBox, openBefore, setPlan, type Plan } from "./before";
 import { by, fill, h, say, svg } from "./dom";
 import { metres } from "./format";
@@ -254,7 +254,7 @@ async function take(get: () => Promise<Area>, frame = false): Promise<void> {
     setArea(got.places);
     if (frame) view.show(area.map(([lat, lon]) => [lon, lat]));
   } catch (error) {
-    say(by("move-fault"), textOf(error));
+    say(by("move-fault"), reasonOf(error));
   }
 }
 
@@ -309,7 +309,7 @@ async function replan(): Promise<void> {
     say(by("move-plan"), way.length > 1 ? `${metres(found.length_m)}${far}` : "");
     tellPlan();
   } catch (error) {
-    if (ticket === planTicket) say(by("move-fault"), textOf(error));
+    if (ticket === planTicket) say(by("move-fault"), reasonOf(error));
   }
   drawOnMap();
 }
@@ -347,7 +347,7 @@ async function ask(): Promise<void> {
   try {
     await send("POST", "/motion/ask", wish());
   } catch (error) {
-    say(by("move-fault"), textOf(error));
+    say(by("move-fault"), reasonOf(error));
   } finally {
     asking = false;
     drawMotion();
@@ -384,7 +384,7 @@ async function upload(): Promise<void> {
     const done = await send<{ items: number }>("POST", "/motion/upload", wish());
     toast(`The vehicle holds the survey: ${done.items} items, read back. A pilot starts it.`, 5);
   } catch (error) {
-    say(by("move-fault"), textOf(error));
+    say(by("move-fault"), reasonOf(error));
   } finally {
     button.classList.remove("busy");
     say(button, UPLOAD);
@@ -408,7 +408,7 @@ async function confirm(): Promise<void> {
     await send("POST", "/motion/confirm", { order_id: offer.order_id, sticks_unseen: unseen });
     catchTaps(null);
   } catch (error) {
-    say(by("move-fault"), textOf(error));
+    say(by("move-fault"), reasonOf(error));
   }
 }
 
@@ -419,7 +419,7 @@ async function takeBack(): Promise<void> {
     await send("POST", "/motion/stop", {});
     toast("Taken back: the drone stands. The pilot flies.", 5);
   } catch (error) {
-    toast(`Not taken back: ${textOf(error)}. Use the remote control.`, 2);
+    toast(`Not taken back: ${reasonOf(error)}. Use the remote control.`, 2);
   } finally {
     button.classList.remove("busy");
   }
@@ -534,8 +534,4 @@ function value(id: string): string {
 function numberIn(id: string): number | null {
   const number = Number(value(id).replace(",", "."));
   return Number.isFinite(number) && value(id).trim() !== "" ? number : null;
-}
-
-function textOf(error: unknown): string {
-  return error instanceof ApiError ? error.message : "the server cannot be reached";
 }

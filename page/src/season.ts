@@ -1,6 +1,6 @@
 /** A season in numbers: flights, minutes for each animal, batteries. */
 
-import { ApiError, get } from "./api";
+import { get, reasonOf } from "./api";
 import { by, fill, h, say } from "./dom";
 import { dateTime, fixed } from "./format";
 import type { SeasonRecord } from "./types";
@@ -27,7 +27,7 @@ async function show(): Promise<void> {
   try {
     draw(await get<SeasonRecord>("/season"));
   } catch (error) {
-    say(by("season-note"), error instanceof ApiError ? error.message : "the server cannot be reached");
+    say(by("season-note"), reasonOf(error));
     fill(by("season-table"));
   }
 }

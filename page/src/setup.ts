@@ -1,6 +1,6 @@
 /** Set-up: connection, tags, antenna, radio. Mistakes are shown where they are made. */
 
-import { ApiError, BASE, get, send } from "./api";
+import { ApiError, BASE, get, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { doorsSection } from "./doors";
 import { droneSection } from "./drone";
@@ -238,7 +238,7 @@ async function keepLeftOut(out: number[]): Promise<void> {
   try {
     store.settings = await send<Settings>("PUT", "/settings", { left_out: out });
   } catch (error) {
-    toast(error instanceof Error ? error.message : "the server cannot be reached", 3);
+    toast(reasonOf(error), 3);
     drawFlown();
   }
 }
@@ -250,6 +250,7 @@ function remove(place: number): void {
 }
 
 function touched(): void {
+  if (!changed) store.emit("state"); // "Tags sent" is no longer true
   changed = true;
   say(by("tag-state"), "not saved");
   const ticket = ++checking;
@@ -296,6 +297,11 @@ export function unsaved(): boolean {
   return changed;
 }
 
+/** Whether the drone has the table as this page shows it. */
+export function tagsSent(): boolean {
+  return store.state?.tags_sent === true && !changed && begun === store.tagsVersion;
+}
+
 /** Keep what is typed; false where it has a fault, or another page was first. */
 export async function save(): Promise<boolean> {
   checking += 1;
@@ -321,7 +327,7 @@ export async function save(): Promise<boolean> {
       store.tagsVersion = String(error.body.version);
       store.tags = error.body.tags as TagRow[];
       drawConflict();
-    } else toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
+    } else toast(reasonOf(error), 3);
     return false;
   }
 }
@@ -382,7 +388,7 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
       toast(`${rows.length} tags read; look at them, then save. Not selected in the file, so left out of this flight: ${leftOut.join(", ")}`, 4);
     } else toast(`${rows.length} tags read; look at them, then save`, 6);
   } catch (error) {
-    say(by("tag-fault"), error instanceof ApiError ? error.message : "the server cannot be reached");
+    say(by("tag-fault"), reasonOf(error));
   }
 }
 
@@ -492,7 +498,7 @@ async function change(values: Record<string, string>, id?: string): Promise<void
     await send("PUT", "/settings", cleaned);
     if (fault) say(fault, "");
   } catch (error) {
-    const text = error instanceof ApiError ? error.message : "the server cannot be reached";
+    const text = reasonOf(error);
     if (fault) say(fault, text);
     else toast(text, 3);
   }
@@ -503,7 +509,7 @@ async function connect(open: boolean): Promise<void> {
   try {
     await send("POST", "/connection", { address: open ? value("link-address") : "" });
   } catch (error) {
-    say(by("link-state"), error instanceof ApiError ? error.message : "the server cannot be reached");
+    say(by("link-state"), reasonOf(error));
     return;
   }
   drawConnection();

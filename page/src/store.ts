@@ -3,7 +3,8 @@
  * after a restart of the server the same is fetched again.
  */
 
-import { BASE, columns, get, PAGE } from "./api";
+import { BASE, columns, get, PAGE, reasonOf } from "./api";
+import { toast } from "./notice";
 import { PULSE_NAMES, Pulses } from "./pulses";
 import { emptyTrack, extend, MOST_POSES, POSE_NAMES, type Track, trackFrom } from "./track";
 import type {
@@ -102,7 +103,9 @@ class Store {
   private offsetMs = 0;
   private liveFlight: string | null = null;
   private waiting: PulseRecord[] | null = null;
+  /** The newest of the requests for the live flight, and for a past one: earlier answers come too late. */
   private loading = 0;
+  private opening = 0;
 
   on(topics: Topic[], listener: () => void): void {
     for (const topic of topics) {
@@ -240,9 +243,9 @@ class Store {
   // ---------------------------------------------------------------- past flights
 
   async open(flightId: string): Promise<void> {
-    const ticket = ++this.loading;
+    const ticket = ++this.opening;
     const { summary, pulses, track } = await flightOf(flightId);
-    if (ticket !== this.loading) return;
+    if (ticket !== this.opening) return;
     this.review = summary;
     this.until = Infinity;
     // Chosen now and not by the list of tags, which would have all of it drawn once more.
@@ -265,25 +268,29 @@ class Store {
 
   /** Ask again what the whole flight that is shown said. */
   async hindsightAgain(): Promise<void> {
-    if (this.review) await this.loadHindsight(this.review.flight_id, this.loading);
+    if (this.review) await this.loadHindsight(this.review.flight_id, this.opening);
   }
 
   private async loadHindsight(flightId: string, ticket: number): Promise<void> {
     const found = await get<Hindsight>(`/flights/${encodeURIComponent(flightId)}/integrated`).catch(() => null);
-    if (ticket !== this.loading) return;
+    if (ticket !== this.opening) return;
     this.hindsight = found;
     this.folds = {};
     this.emit("hindsight");
     if (!found?.tags.length) return;
     const folds = await get<Folds>(`/flights/${encodeURIComponent(flightId)}/folds`).catch(() => ({}));
-    if (ticket !== this.loading) return;
+    if (ticket !== this.opening) return;
     this.folds = folds;
     this.emit("hindsight");
   }
 
   private async loadEstimates(flightId: string, ticket: number): Promise<void> {
-    const found = await estimatesOf(flightId).catch(() => null);
-    if (found && ticket === this.loading) this.take(found);
+    try {
+      const found = await estimatesOf(flightId);
+      if (ticket === this.opening) this.take(found);
+    } catch (error) {
+      if (ticket === this.opening) toast(`Bearings and positions cannot be shown: ${reasonOf(error)}`, 3);
+    }
   }
 
   /** Lay another flight over the one that is shown. */
@@ -293,6 +300,7 @@ class Store {
   }
 
   backToLive(): void {
+    ++this.opening;
     this.review = null;
     this.hindsight = null;
     this.emit("hindsight");
@@ -355,6 +363,8 @@ class Store {
         this.takeState(message.record as State);
         break;
       case "tags_version":
+        // The state after this is the first that speaks of the new table.
+        if (this.state) this.state.tags_sent &&= this.tagsVersion === message.record;
         this.tagsVersion = String(message.record);
         break;
       case "tags":

@@ -1,7 +1,7 @@
 /** A tap on the map: where that is, how far from me and the drone; marks and measuring. */
 
 import { told } from "./i18n";
-import { get, send } from "./api";
+import { get, reasonOf, send } from "./api";
 import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
 import { metres } from "./format";
@@ -94,7 +94,7 @@ async function mark([longitude, latitude]: LonLat, close: () => void): Promise<v
     await send("POST", "/commands/mark", { text, latitude_deg: latitude, longitude_deg: longitude });
     close();
   } catch (error) {
-    toast(error instanceof Error ? error.message : "the server cannot be reached", 4);
+    toast(reasonOf(error), 4);
   }
 }
 

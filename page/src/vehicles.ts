@@ -1,6 +1,6 @@
 /** Several vehicles of one station: who they are, the way to the page of each, letting another be served. */
 
-import { ApiError, BASE, send } from "./api";
+import { BASE, reasonOf, send } from "./api";
 import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
 import { toast } from "./notice";
@@ -116,6 +116,6 @@ async function askAll(name: string): Promise<void> {
     );
     fill(by("all-answers"), h("ul", {}, ...rows), h("button", { id: "all-close", onclick: () => fill(by("all-answers")) }, "Close"));
   } catch (error) {
-    toast(error instanceof ApiError ? error.message : "the server cannot be reached", 3);
+    toast(reasonOf(error), 3);
   }
 }

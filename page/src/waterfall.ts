@@ -1,6 +1,6 @@
 /** The waterfall of a channel: of recorded samples, or live where the channel's datagrams come. */
 
-import { ApiError, get, send } from "./api";
+import { get, reasonOf, send } from "./api";
 import { by, h, say } from "./dom";
 import { clock } from "./format";
 import { store } from "./store";
@@ -74,7 +74,7 @@ async function toggleLive(): Promise<void> {
     }
     draw();
   } catch (error) {
-    say(by("waterfall-note"), error instanceof ApiError ? error.message : "the server cannot be reached");
+    say(by("waterfall-note"), reasonOf(error));
   }
 }
 
@@ -116,7 +116,7 @@ async function loadRecorded(): Promise<void> {
       say(note, "0\u202fHz is the tag's nominal frequency; brightness from the noise to 30\u202fdB above it");
     }
   } catch (error) {
-    if (mine === asked) say(note, error instanceof ApiError ? error.message : "the server cannot be reached");
+    if (mine === asked) say(note, reasonOf(error));
   }
   draw();
 }

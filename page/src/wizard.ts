@@ -3,7 +3,7 @@
  * each judged and written by the server. It comes by itself until it has been finished.
  */
 
-import { ApiError, BASE, get, send } from "./api";
+import { ApiError, BASE, get, reasonOf, send } from "./api";
 import { fill, h, say } from "./dom";
 import { choose, language, LANGUAGES } from "./i18n";
 import type { Choices, Finding, SetUp } from "./types";
@@ -249,7 +249,7 @@ async function keep(): Promise<boolean> {
 }
 
 function tell(error: unknown): void {
-  say(dialog.querySelector("#wizard-fault")!, error instanceof ApiError ? error.message : "the server cannot be reached");
+  say(dialog.querySelector("#wizard-fault")!, reasonOf(error));
 }
 
 /** Try what the step has set; true where it is well. */

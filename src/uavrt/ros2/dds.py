@@ -60,7 +60,7 @@ from uavrt.ros2.graph import (
     TOPICS,
     RosTopic,
 )
-from uavrt.ros2.inbox import Inbox
+from uavrt.ros2.inbox import Inbox, SendingOrder
 from uavrt.ros2.interface import Field, dds_name, fields_of, type_hash
 from uavrt.ros2.messages import RosMessage
 from uavrt.ros2.parameter_messages import SERVICES, ServiceMessage
@@ -78,7 +78,7 @@ READER_DEPTH = 4000
 """Messages of a topic that may wait in its reader: those of 0.4 s at 10 000 a second. Further
 ones replace the oldest."""
 PASSES = 3
-"""Times that all readers are emptied in one round, as long as there is something."""
+"""Times that all readers are emptied in one round at most, while messages wait for it."""
 ANNOUNCED_LIMIT = 2000
 """Participants and publishers taken in at once."""
 SERVICE_DEPTH = 100
@@ -319,6 +319,9 @@ class Participant:
             time.monotonic_ns, closed=() if settings.accept_pulses else ("pulse",)
         )
         """Messages that have arrived."""
+        self._in_order: SendingOrder[tuple[RosTopic, Sample]] = SendingOrder(
+            lambda one: (one[1].sample_info.source_timestamp, ORDER_OF_USE.get(one[0].name, 2))
+        )
         self._senders = Senders()
         self._warnings: DdsWarnings | None = None
         self._closing = threading.Event()
@@ -406,7 +409,7 @@ class Participant:
         """Read samples until the end; the only reader (a thread of its own)."""
         while not self._closing.is_set():
             try:
-                if self._waitset.wait(duration(milliseconds=200)):
+                if self._in_order or self._waitset.wait(duration(milliseconds=200)):
                     self._read_once()
                     time.sleep(READ_PAUSE_S)
                 self._count_too_long()
@@ -415,26 +418,26 @@ class Participant:
                 time.sleep(READ_PAUSE_S)
 
     def _read_once(self) -> None:
-        """Take all that has come, from all readers, and put it into the order of its sending.
+        """Take what has come, from all readers, and what comes meanwhile.
 
-        Readers are looked at one after the other: without that order, the release of a hundred
-        tags could overtake some of them.
+        Without the order of its sending, the release of a hundred tags could overtake some of
+        them, and a start the release.
         """
-        found = self._take_all()
-        self._learn_senders()
-        found.sort(
-            key=lambda a: (a[1].sample_info.source_timestamp, ORDER_OF_USE.get(a[0].name, 2))
-        )
-        for topic, sample in found:
-            info = sample.sample_info
-            self.inbox.put(
-                Arrival(
-                    topic=topic,
-                    cdr=sample.cdr,
-                    sent_ns=info.source_timestamp,
-                    sender=self._senders.of(info.publication_handle),
+        for _ in range(PASSES):
+            found = self._take_all()
+            self._learn_senders()
+            for topic, sample in self._in_order.add_pass(found):
+                info = sample.sample_info
+                self.inbox.put(
+                    Arrival(
+                        topic=topic,
+                        cdr=sample.cdr,
+                        sent_ns=info.source_timestamp,
+                        sender=self._senders.of(info.publication_handle),
+                    )
                 )
-            )
+            if not self._in_order:
+                break
 
     def _count_too_long(self) -> None:
         """Count what DDS itself has dropped."""
@@ -443,19 +446,15 @@ class Participant:
                 self.inbox.drop(self._read_topics[name])
 
     def _take_all(self) -> list[tuple[RosTopic, Sample]]:
-        """Take all that waits in the readers, and what comes meanwhile."""
+        """Take what waits in the readers, one after the other."""
         found: list[tuple[RosTopic, Sample]] = []
-        for _ in range(PASSES):
-            before = len(found)
-            for _, topic, reader in self._readers:
-                samples = reader.take(READER_DEPTH)
-                # One that is none says that a publisher has gone.
-                found += [(topic, s) for s in samples if isinstance(s, Sample)]
-                if len(samples) == READER_DEPTH:
-                    self.inbox.drop(topic)  # at least one was replaced
-                    self.overruns += 1
-            if len(found) == before:
-                break
+        for _, topic, reader in self._readers:
+            samples = reader.take(READER_DEPTH)
+            # One that is none says that a publisher has gone.
+            found += [(topic, s) for s in samples if isinstance(s, Sample)]
+            if len(samples) == READER_DEPTH:
+                self.inbox.drop(topic)  # at least one was replaced
+                self.overruns += 1
         return found
 
     def _learn_senders(self) -> None:

@@ -6,6 +6,7 @@ on one topic delays no message of another. What exceeds them is dropped and coun
 
 from collections import deque
 from collections.abc import Callable, Collection
+from typing import Generic, TypeVar
 
 from uavrt.allowance import Allowance
 from uavrt.ros2.graph import RosTopic
@@ -78,3 +79,35 @@ class Inbox:
             for waiting in (self._commands, self._data)
             for _ in range(len(waiting))
         ]
+
+
+T = TypeVar("T")
+
+
+class SendingOrder(Generic[T]):
+    """Put messages that several readers bring back into the order of their sending.
+
+    Readers are emptied one after the other, pass by pass. Whatever was sent before a message
+    has come before it, so it is found at the latest one pass later; a message waits that long.
+
+    Parameters
+    ----------
+    sent : callable
+        The place of a message in the order of sending, e.g. its time.
+    """
+
+    def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:
+        self._sent = sent
+        self._waiting: list[T] = []
+
+    def __bool__(self) -> bool:
+        """Whether a message waits for the next pass."""
+        return bool(self._waiting)
+
+    def add_pass(self, found: list[T]) -> list[T]:
+        """Take what one pass over all readers found; get what no later one can precede."""
+        last = max(map(self._sent, self._waiting), default=())
+        both = sorted(self._waiting + found, key=self._sent)
+        ready = [one for one in both if self._sent(one) <= last]
+        self._waiting = both[len(ready) :]
+        return ready

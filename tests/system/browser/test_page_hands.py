@@ -495,8 +495,17 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     assert watched.errors == ["dialog: "], "the browser asks, and the test stays"
     expect(interval).to_have_value("1333")
     page.click("#tab-fly")
-    page.click("#act-send_tags")
-    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+    button = page.locator("#act-send_tags")
+    expect(button).not_to_contain_text("Tags sent")
+    held: list[Any] = []
+    page.route("**/api/tags", lambda route: held.append(route))
+    button.click()
+    while not held:
+        page.wait_for_timeout(50)
+    page.wait_for_timeout(1500)  # states come meanwhile, of the table as it was
+    expect(button).not_to_contain_text("Tags sent", timeout=1)
+    held.pop().continue_()
+    expect(button).to_contain_text("Tags sent")
     page.click("#act-start")
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     page.reload()
@@ -527,9 +536,17 @@ def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
     expect(page.locator("#chip-state")).to_have_text("Ready")
 
     # What cannot be done is said: a mark in the past, and copying where browsers forbid it.
-    drone.state = drone.state.DETECTING
     page.click("#tab-flights")
+    held: list[Any] = []
+    page.route(f"**/api/flights/{flight}", lambda route: held.append(route))
     page.click(f'tr[data-flight="{flight}"] .open-flight')
+    while not held:
+        page.wait_for_timeout(50)
+    # A flight that begins while another is opened does not keep that from being shown.
+    drone.state = drone.state.DETECTING
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    page.wait_for_timeout(1000)
+    held.pop().continue_()
     page.wait_for_selector(".fix")
     page.locator("#map canvas").first.click(position={"x": 450, "y": 380})
     page.click("#tap-mark")

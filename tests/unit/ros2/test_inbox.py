@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.ros2 import TOPICS
-from uavrt.ros2.inbox import BYTES_OF_ONE, Inbox
+from uavrt.ros2.inbox import BYTES_OF_ONE, Inbox, SendingOrder
 from uavrt.ros2.senders import Arrival, Sender
 
 OPERATOR = Sender(key="operator")
@@ -71,3 +71,25 @@ def test_pulses_wait_behind_commands() -> None:
     inbox.put(arrival("pulse"))
     inbox.put(arrival(STOP))
     assert [one.topic.name for one in inbox.take()] == [STOP, "pulse"]
+
+
+@given(st.integers(1, 5), st.integers(0, 200), st.integers(0, 10**6))
+def test_messages_that_come_while_the_readers_are_emptied_stay_in_their_order(
+    readers: int, count: int, seed: int
+) -> None:
+    """One sender writes to several readers in turn; each comes at any moment of a pass."""
+    rng = random.Random(seed)
+    waiting: list[list[int]] = [[] for _ in range(readers)]
+    coming = iter([(number, rng.randrange(readers)) for number in range(count)])
+    in_order: SendingOrder[int] = SendingOrder(lambda number: (number,))
+    taken: list[int] = []
+    for _ in range(20 * count + 2):
+        found: list[int] = []
+        for reader in waiting:
+            found += reader
+            reader.clear()
+            for _ in range(rng.randrange(3)):
+                if (one := next(coming, None)) is not None:
+                    waiting[one[1]].append(one[0])
+        taken += in_order.add_pass(found)
+    assert taken == list(range(count))
