@@ -103,6 +103,29 @@ def test_what_is_inside_a_burst_of_the_flight_before_reaches_that_flight(
     assert item.pulse.also_possible_tag_ids == (4,)
 
 
+def test_what_comes_before_its_burst_is_refused_until_the_burst_is_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Refused, it is not acknowledged, and the drone sends it again."""
+    now_s = 100.0
+    monkeypatch.setattr(flight_keeper, "monotonic_s", lambda: now_s)
+    keeper = FlightKeeper(tmp_path, Clock.start())
+    flight_id = keeper.begin(())
+    for _ in range(2):
+        with pytest.raises(RecordingError, match="has not come"):
+            keeper.put_inside(inside(pulse(0)))
+    with pytest.raises(RecordingError, match="has not come"):
+        keeper.put_inside(inside(pulse(1)))
+    assert keeper.add_pulse(pulse(0))
+    assert keeper.put_inside(inside(pulse(0)))
+    now_s += flight_keeper.BURST_COMES_WITHIN_S
+    assert not keeper.put_inside(inside(pulse(1)))
+    assert keeper.without_burst == 1, "of a flight that is not here: the drone may forget it"
+    keeper.close()
+    (item,) = read_flight(tmp_path / flight_id).pulse_poses
+    assert item.pulse.burst_starts_ns == inside(item).burst_starts_ns
+
+
 def test_lines_of_pulses_are_whole_once_and_go_on_after_a_kill(tmp_path: Path) -> None:
     path = tmp_path / "pulses.jsonl"
     lines = PulseLines(path)

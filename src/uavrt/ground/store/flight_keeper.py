@@ -46,6 +46,11 @@ MOST_WAITING = 10_000
 what is not acknowledged."""
 RETRY_S = 1.0
 """Between two tries of a disk that fails."""
+BURST_COMES_WITHIN_S = 60.0
+"""A burst and what is inside it are each sent until acknowledged, so either may come first.
+If no burst has come after this time, it belongs to a flight that is not here."""
+MOST_EARLY = 1000
+"""Bursts that are waited for."""
 PULSE_WIDTH = len(PULSE_COLUMNS)
 POSE_WIDTH = 8
 
@@ -70,6 +75,10 @@ class FlightKeeper:
         self._retry_at_s = 0.0
         self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._keys: set[tuple[int, int]] = set()
+        self._early_s: dict[tuple[int, int], float] = {}
+        """Bursts that have not come, and when what is inside them came first."""
+        self.without_burst = 0
+        """Times that a burst did not come: what is inside it was discarded."""
         self._pulses = array("d")
         self._poses = array("d")
         self._told = ToldStates()
@@ -181,33 +190,38 @@ class FlightKeeper:
             return False
         self._room().write_pulse_poses([item])
         self._keys.add(key)
+        self._early_s.pop(key, None)
         self._pulses.extend(pulse_cells(item))
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Put into a burst of this flight what came after it; False where there is none.
+        """Put into a burst of this flight what came after it; False if it is of another flight.
 
         Raises
         ------
         RecordingError
-            It was not taken: too many wait for the disk.
+            It was not taken: its burst has not come yet, or too many wait for the disk.
         """
-        if burst.key not in self._keys:
-            self._put_before(burst)
-            return False
-        self._room().write_inside(burst)
-        if burst.also_possible_tag_ids:
-            self._doubt(burst)
-        return True
-
-    def _put_before(self, burst: BurstInside) -> None:
-        """Put it into a burst of the flight before this one, if it is there."""
+        if burst.key in self._keys:
+            self._room().write_inside(burst)
+            if burst.also_possible_tag_ids:
+                self._doubt(burst)
+            return True
         path, keys = self._before
-        if path is None or burst.key not in keys:
-            return
-        recorder = FlightRecorder.reopen(path, durable=True)
-        recorder.write_inside(burst)
-        self._ending.append(recorder)
+        if path is not None and burst.key in keys:
+            recorder = FlightRecorder.reopen(path, durable=True)
+            recorder.write_inside(burst)
+            self._ending.append(recorder)
+            return False
+        if len(self._early_s) >= MOST_EARLY:
+            self._early_s.clear()
+        now_s = monotonic_s()
+        if now_s < self._early_s.setdefault(burst.key, now_s) + BURST_COMES_WITHIN_S:
+            raise RecordingError("the burst that it belongs to has not come")
+        del self._early_s[burst.key]
+        self.without_burst += 1
+        log.seldom(self.without_burst, "inside of a burst discarded: the burst never came")
+        return False
 
     def _doubt(self, burst: BurstInside) -> None:
         """Let the estimates know whose else a burst may be."""
