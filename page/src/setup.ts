@@ -472,7 +472,7 @@ function antennaForm(): HTMLElement {
     number("set-offset", "Turned clockwise from the told heading, °", "antenna_offset_deg", "0 when the drone's uavrt.toml holds the mounting"),
     number("set-heading-error", "Headings err in common by, ° (0: trusted)", "heading_error_deg", "Compass, mounting, declination: one standard deviation for a whole flight"),
     number("set-height-error", "Heights err in common by, m (monopole)", "height_error_m", "Ground, a tag on a tree, a take-off on a hill: one standard deviation for a whole flight"),
-    number("set-gain", "Gain, 0 to 21 (empty: the drone's)", "gain", "Of the Airspy"),
+    number("set-gain", "Gain (empty: the drone's)", "gain", "In the radio's own steps: Airspy 0 to 21"),
     h("label", { title: "Shown where several vehicles are served, and with its flights" }, "Name of this vehicle", h("input", {
       id: "set-vehicle-name",
       autocomplete: "off",

@@ -8,6 +8,7 @@ import json
 import os
 import textwrap
 import tomllib
+from collections.abc import Iterator
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,10 +64,13 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
     except (ValueError, RecursionError) as error:
         raise _error(name, [f"not TOML: {error}"]) from None
     lines = find_lines(text)
-    faults = _unknown_radio(document, lines)
-    faults += [
-        (line_of(lines, ("guidance", key)) or 1, text)
-        for key, text in guidance_faults(document)
+    faults = [
+        (line_of(lines, (table, key)) or 1, text)
+        for table, found in (
+            ("radio", _radio_faults(document)),
+            ("guidance", guidance_faults(document)),
+        )
+        for key, text in found
     ]
     try:
         # By way of JSON, where a list may be a tuple and strict still means strict: "3" is no
@@ -84,19 +88,21 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
     return settings
 
 
-def _unknown_radio(
-    document: dict[str, Any], lines: dict[tuple[str | int, ...], int]
-) -> list[tuple[int, str]]:
-    """Line and text of the fault, if the radio's kind is neither ours nor any package's."""
+def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Key and text of each fault: a kind that no package has, a gain that the radio has not."""
     table = document.get("radio")
-    kind = table.get("kind", "airspy") if isinstance(table, dict) else "airspy"
+    if not isinstance(table, dict):
+        return
+    kind, gain = table.get("kind", "airspy"), table.get("gain")
     kinds = Registry[object](RADIO_GROUP, dict.fromkeys(RADIOS))
-    if not isinstance(kind, str) or kind in kinds:
-        return []
-    given = json.dumps(kind, ensure_ascii=False)[:60]
-    *most, last = (repr(one) for one in kinds)
-    text = f"[radio] kind is {given}, but must be {', '.join(most)} or {last}"
-    return [(line_of(lines, ("radio", "kind")) or 1, text)]
+    if isinstance(kind, str) and kind not in kinds:
+        given = json.dumps(kind, ensure_ascii=False)[:60]
+        *most, last = (repr(one) for one in kinds)
+        yield "kind", f"[radio] kind is {given}, but must be {', '.join(most)} or {last}"
+    elif isinstance(kind, str) and kind in RADIOS and type(gain) is int:
+        low, high = RADIOS[kind].gains
+        if not low <= gain <= high:
+            yield "gain", f"[radio] gain is {gain}, but must be {low} to {high} ({kind})"
 
 
 def settings_schema() -> dict[str, Any]:

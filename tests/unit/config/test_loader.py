@@ -92,6 +92,21 @@ def test_all_faults_are_told_at_once_each_with_its_line() -> None:
 
 
 @pytest.mark.parametrize(
+    ("kind", "gain", "highest"),
+    [("airspy", 22, 21), ("hackrf", 103, 102), ("soapy", 121, 120), ("rtlsdr", 51, 50)],
+)
+def test_a_gain_that_the_radio_does_not_have_is_refused_at_the_start(
+    kind: str, gain: int, highest: int
+) -> None:
+    text = f'[radio]\nkind = "{kind}"\ngain = {{}}\n'
+    with pytest.raises(ConfigError) as caught:
+        parse_settings(text.format(gain).encode(), name="uavrt.toml")
+    assert f"line 3: [radio] gain is {gain}, but must be" in caught.value.message
+    settings = parse_settings(text.format(highest).encode(), name="uavrt.toml")
+    assert settings.radio.gain == highest
+
+
+@pytest.mark.parametrize(
     ("text", "line", "said"),
     [
         (
