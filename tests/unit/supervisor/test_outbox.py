@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from uavrt.ipc import TOPICS, decode_record, encode_record
 from uavrt.messages import FlightInfo, PulsePose, StatusText
+from uavrt.supervisor.tree.table import PROCESSES
 from uavrt.supervisor.tree.waiting_records import BARREN_LIVES, MOST_KEPT, Outbox
 
 
@@ -163,3 +164,14 @@ def test_what_is_kept_for_a_disk_that_fails_for_hours_is_bounded_and_counted() -
     outbox.taken(11)  # the process counts those that are not kept any more, too
     outbox.process_ended(by_itself=False)
     assert drain(outbox)[0] == pulse(11)
+
+
+def test_who_consumes_pulses_gets_those_that_a_hundred_tags_bring_at_once() -> None:
+    """All tags' groups of three may end in one turn of the supervisor."""
+    consumers = [row for row in PROCESSES if {"pulse", "pulse_pose"} & {*row.consumes}]
+    assert {row.name for row in consumers} >= {"recorder", "connection", "guide", "ros2"}
+    for row in consumers:
+        outbox = Outbox(row.backlog)
+        for number in range(300):
+            outbox.put(pulse(number))
+        assert len(outbox) == 300, row.name

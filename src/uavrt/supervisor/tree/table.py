@@ -69,8 +69,8 @@ class ProcessRow:
     configured: Callable[[Settings], bool] = on_every_drone
     """Whether these settings ask for it at all."""
     backlog: int | None = None
-    """Keep at most so many records of a topic for it while it is away, even of those that are
-    lossless for others; for a mere onlooker."""
+    """Keep at most so many records of a topic for it, even of those that are lossless for others.
+    More than come at once: groups of a hundred tags bring hundreds of pulses in one turn."""
     says_taken: bool = False
     """Says by `taken` how far it is; what it has not taken goes to its successor again."""
     per_worker: bool = False
@@ -195,7 +195,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "search_report",
         ),
         produces=("motion_offer", "wish", "course", "search_note", "health", "status_text"),
-        backlog=1,
+        backlog=500,
         cpu_budget_percent=5.0,
         memory_limit_mb=80.0,
     ),
@@ -218,7 +218,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "settings",
         ),
         produces=("pulse", "command", "health", "status_text"),
-        backlog=200,
+        backlog=500,
         cpu_budget_percent=3.0,
         memory_limit_mb=80.0,
     ),
