@@ -133,3 +133,15 @@ def test_an_incomplete_upload_does_not_replace_the_last_tags(tmp_path: Path) -> 
     afterwards = Drone(tmp_path)
     assert afterwards.ask("set_parameter", parameter="DET_RUN", value=1.0).accepted
     assert list(afterwards.mission.tags.values()) == TAGS
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_a_start_that_is_asked_for_again_is_answered_with_the_same_flight(
+    tmp_path: Path, source: str
+) -> None:
+    drone = Drone(tmp_path)
+    drone.send_tags(TAGS, source)
+    first, again = (drone.ask("start_detection", source) for _ in range(2))
+    assert first.accepted and again.accepted
+    assert Path(first.message).is_dir()
+    assert again.message == first.message

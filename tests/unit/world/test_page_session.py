@@ -10,6 +10,7 @@ import pytest
 from asked_page import AskedPage
 from pulses import pulse_at
 
+from uavrt.ground.web.tag_table import table_version
 from uavrt.recording import read_flight
 from uavrt.units import NANOSECONDS_PER_SECOND
 from world import THESIS_TAG, World
@@ -55,6 +56,21 @@ def test_a_drone_is_found_and_its_state_shown(
         state = await page.state()
         assert state["drone"]["cpu_temperature_c"] == 51.5
         assert state["actions"]["start"]["reason"] == "Send the tags first"
+
+    fly(flight)
+
+
+def test_a_start_right_after_the_tags_is_taken(fly: Callable[[Flight], None]) -> None:
+    """The drone's next heartbeat is a second away."""
+
+    async def flight(_: World, page: AskedPage) -> None:
+        row = {"id": 2, "frequency_mhz": 148.7, "interval_ms": 1254, "pulse_width_ms": 20}
+        headers = {"If-Match": f'"{table_version(page.session.store.tags)}"'}
+        saved = await page.ask("PUT", "/api/tags", [row], headers=headers)
+        assert saved.status == 200, saved.json
+        for name in ("send_tags", "start"):
+            answer = await page.ask("POST", f"/api/commands/{name}", {})
+            assert answer.status == 200, answer.json
 
     fly(flight)
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from math import nan
 from typing import TYPE_CHECKING, Any
 
-from uavrt.commands import Button
+from uavrt.commands import Button, SystemState
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.web import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
@@ -71,6 +71,9 @@ class Commands:
         async with self._working("send_tags", f"sending {len(tags)} tags"):
             await link.upload_tags(tags, self._progress)
             self._session.sent_tags = tags
+            if self._session.state is not None:
+                # In force as it is acknowledged; the heartbeat that says so may be 1 s away.
+                self._session.state = SystemState.HAS_TAGS
             return f"{len(tags)} tags sent"
 
     async def start(self) -> str:

@@ -228,7 +228,9 @@ class Mission:
                 reason = f"detecting {searched_text(self.tags.values())}: send stop first"
             return _reply(command, False, reason)
         if isinstance(result, Repeated):
-            return _reply(command, True, result.message)
+            # Who asks again wants to know the same: the answer to a start is its directory.
+            known = self.flight if command.name == "start_detection" else None
+            return _reply(command, True, known.directory if known else result.message)
         try:
             message = self._carry_out(command)
         except UavrtError as error:
