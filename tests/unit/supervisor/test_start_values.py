@@ -142,6 +142,7 @@ def test_a_start_that_is_asked_for_again_is_answered_with_the_same_flight(
     drone = Drone(tmp_path)
     drone.send_tags(TAGS, source)
     first, again = (drone.ask("start_detection", source) for _ in range(2))
-    assert first.accepted and again.accepted
+    assert first.accepted
+    assert again.accepted
     assert Path(first.message).is_dir()
     assert again.message == first.message
