@@ -210,9 +210,8 @@ class FirstSetup:
         ):
             text = f"a whole number from {lowest} to {highest}, or empty"
             faults.append(StepFault(field="gain", text=text))
-        slowest, fastest = (max(rate, 3e3) / 1e6 for rate in row.rates_hz)
-        if rate_msps is None or not slowest <= rate_msps <= min(fastest, 100.0):
-            text = f"a number from {slowest:g} to {min(fastest, 100.0):g}"
+        if rate_msps is None or not row.takes_rate(round(rate_msps * 1e6, 3)):
+            text = f"a number of megasamples: {row.rates_text} a second"
             faults.append(StepFault(field="sample_rate_msps", text=text))
         if faults or rate_msps is None:
             return tuple(faults)

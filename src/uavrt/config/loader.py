@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uavrt.config.guidance_rules import guidance_faults
-from uavrt.config.radios import RADIOS
+from uavrt.config.radios import RADIOS, RadioRow
 from uavrt.config.settings import RADIO_GROUP, Settings
 from uavrt.config.text_files import decode_text, write_text_atomically
 from uavrt.config.toml_lines import find_lines, line_of
@@ -89,20 +89,33 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and text of each fault: a kind that no package has, a gain that the radio has not."""
+    """Key and text of each fault: a kind that no package has, what the radio does not have."""
     table = document.get("radio")
     if not isinstance(table, dict):
         return
-    kind, gain = table.get("kind", "airspy"), table.get("gain")
+    kind = table.get("kind", "airspy")
     kinds = Registry[object](RADIO_GROUP, dict.fromkeys(RADIOS))
-    if isinstance(kind, str) and kind not in kinds:
+    if not isinstance(kind, str):
+        return
+    if kind not in kinds:
         given = json.dumps(kind, ensure_ascii=False)[:60]
         *most, last = (repr(one) for one in kinds)
         yield "kind", f"[radio] kind is {given}, but must be {', '.join(most)} or {last}"
-    elif isinstance(kind, str) and kind in RADIOS and type(gain) is int:
-        low, high = RADIOS[kind].gains
-        if not low <= gain <= high:
-            yield "gain", f"[radio] gain is {gain}, but must be {low} to {high} ({kind})"
+    elif kind in RADIOS:
+        yield from _faults_of_radio(RADIOS[kind], table)
+
+
+def _faults_of_radio(radio: RadioRow, table: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    gain, rate_hz = table.get("gain"), table.get("sample_rate_hz")
+    low, high = radio.gains
+    if type(gain) is int and not low <= gain <= high:
+        yield "gain", f"[radio] gain is {gain}, but must be {low} to {high} ({radio.kind})"
+    # A program in place of the radio's own may offer any rate.
+    if not isinstance(rate_hz, int | float) or table.get("program"):
+        return
+    if not radio.takes_rate(rate_hz):
+        text = f"{rate_hz:.10g}, but must be {radio.rates_text} ({radio.kind})"
+        yield "sample_rate_hz", f"[radio] sample_rate_hz is {text}"
 
 
 def settings_schema() -> dict[str, Any]:

@@ -32,8 +32,8 @@ class RadioRow:
     """Program that tells whether a device is there."""
     sample_format: str = "cf32"
     """Of the program's samples (`uavrt.radio.formats`)."""
-    rates_hz: tuple[float, float] = (0.0, float("inf"))
-    """Lowest and highest sample rate."""
+    rates_hz: tuple[tuple[float, float], ...] = ((3e3, 100e6),)
+    """Lowest and highest of each span of sample rates that it takes."""
     usual_rate_hz: float = 3e6
     """What the first set-up proposes."""
     overruns_option: str = ""
@@ -44,6 +44,20 @@ class RadioRow:
     """What its program wants before the hexadecimal serial number that the USB tells."""
     usb: tuple[tuple[str, str, str], ...] = ()
     """USB vendor, product and name."""
+
+    def takes_rate(self, rate_hz: float) -> bool:
+        """Whether it gives samples at this rate."""
+        return any(low <= rate_hz <= high for low, high in self.rates_hz)
+
+    @property
+    def rates_text(self) -> str:
+        """The sample rates that it takes, in samples a second."""
+        spans = (f"{a:.0f}" if a == b else f"{a:.0f} to {b:.0f}" for a, b in self.rates_hz)
+        return " or ".join(spans)
+
+
+def _single(*rates_hz: float) -> tuple[tuple[float, float], ...]:
+    return tuple((one, one) for one in rates_hz)
 
 
 RADIOS: dict[str, RadioRow] = {
@@ -58,7 +72,8 @@ RADIOS: dict[str, RadioRow] = {
             inform=("airspy_info",),
             gains=(0, 21),  # "sensitivity" gain
             default_gain=21,
-            rates_hz=(1e6, 10e6),
+            # R2: 2.5 and 10 MS/s; Mini: 3 and 6. Another number is taken for an index.
+            rates_hz=_single(2.5e6, 3e6, 6e6, 10e6),
             absent=("_ERROR_NOT_FOUND",),
             serial_prefix="0x",
             usb=(("1d50", "60a1", "Airspy Mini and R2"),),
@@ -72,7 +87,7 @@ RADIOS: dict[str, RadioRow] = {
             inform=("airspyhf_info",),
             gains=(0, 8),  # steps of 6 dB, 8 is no attenuation
             default_gain=8,
-            rates_hz=(1e5, 1e6),
+            rates_hz=_single(192e3, 256e3, 384e3, 456e3, 768e3, 912e3),
             usual_rate_hz=768e3,
             absent=("No devices attached", "airspyhf_open() failed"),
             serial_prefix="0x",
@@ -89,8 +104,8 @@ RADIOS: dict[str, RadioRow] = {
             # Decibel; 0 would be its automatic gain, which follows the pulses themselves.
             gains=(1, 50),
             default_gain=40,
-            # The RTL2832 resamples properly only within 225 to 300 kS/s and 0.9 to 3.2 MS/s.
-            rates_hz=(225e3, 3.2e6),
+            # At any other rate rtl_sdr complains and streams on at the rate of before.
+            rates_hz=((225_001, 300e3), (900_001, 3.2e6)),
             usual_rate_hz=250e3,
             absent=("No supported devices", "No matching devices"),
             usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
@@ -105,7 +120,7 @@ RADIOS: dict[str, RadioRow] = {
             sample_format="ci8",
             gains=(0, 102),  # LNA and VGA together
             default_gain=64,
-            rates_hz=(2e6, 20e6),
+            rates_hz=((2e6, 20e6),),
             overruns_option="-B",
             absent=("_ERROR_NOT_FOUND", "No HackRF boards", "HackRF not found"),
             usb=(("1d50", "6089", "HackRF One"),),

@@ -29,13 +29,12 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
             f"gain {gain} is not possible with {program.title}",
             remedy=f"Set [radio] gain between {lowest} and {highest}",
         )
-    slowest, fastest = program.rates_hz
     # A stand-in (`program`) may offer any rate.
-    if not settings.program and not slowest <= settings.sample_rate_hz <= fastest:
+    if not settings.program and not program.takes_rate(settings.sample_rate_hz):
         raise ConfigError(
             f"{settings.sample_rate_hz:.0f} samples a second are not possible with "
             f"{program.title}",
-            remedy=f"Set [radio] sample_rate_hz between {slowest:.0f} and {fastest:.0f}",
+            remedy=f"Set [radio] sample_rate_hz to {program.rates_text}",
         )
     if not 1e6 <= center_frequency_hz <= 6e9:
         raise ConfigError(

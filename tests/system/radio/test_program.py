@@ -175,7 +175,7 @@ def test_a_program_in_place_of_the_usual_one_gets_its_arguments_after_its_own() 
 
 @pytest.mark.parametrize("kind", PROGRAMS)
 def test_a_program_that_is_not_there_names_its_package(install: Install, kind: str) -> None:
-    settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0])
+    settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0][0])
     with pytest.raises(RadioMissing, match=f"sudo apt install {PROGRAMS[kind].package}"):
         open_radio(settings, 148e6)
     with pytest.raises(RadioMissing, match=f"sudo apt install {PROGRAMS[kind].package}"):
@@ -223,7 +223,7 @@ def test_the_end_of_a_program_is_reported_with_its_last_words(
     install("rtl_biast", "")
     # hackrf_transfer prints its usage on stdout when it fails; that must not become samples.
     install(PROGRAMS[kind].receive, f"print('Usage' * 300); sys.exit({words!r})")
-    settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0])
+    settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0][0])
     source = open_radio(settings, 148e6)
     with pytest.raises(error, match=remedy) as caught:
         source.read(timeout_s=10.0)

@@ -107,6 +107,31 @@ def test_a_gain_that_the_radio_does_not_have_is_refused_at_the_start(
 
 
 @pytest.mark.parametrize(
+    ("kind", "refused", "taken"),
+    [
+        ("airspy", (1e6, 2.4e6, 12e6), (2.5e6, 3e6, 6e6, 10e6)),
+        ("airspyhf", (600e3,), (768e3, 192e3)),
+        ("rtlsdr", (500e3, 225e3, 3.3e6), (250e3, 2.4e6)),
+        ("hackrf", (1e6, 21e6), (3e6,)),
+    ],
+)
+def test_a_sample_rate_that_the_radio_does_not_take_is_refused_at_the_start(
+    kind: str, refused: tuple[float, ...], taken: tuple[float, ...]
+) -> None:
+    text = f'[radio]\nkind = "{kind}"\nsample_rate_hz = {{}}\n'
+    for rate_hz in refused:
+        with pytest.raises(ConfigError) as caught:
+            parse_settings(text.format(rate_hz).encode(), name="uavrt.toml")
+        said = f"line 3: [radio] sample_rate_hz is {rate_hz:.0f}, but must be"
+        assert said in caught.value.message
+    for rate_hz in taken:
+        settings = parse_settings(text.format(rate_hz).encode(), name="uavrt.toml")
+        assert settings.radio.sample_rate_hz == rate_hz
+    program = text + 'program = ["of", "mine"]\n'
+    parse_settings(program.format(refused[0]).encode(), name="uavrt.toml")
+
+
+@pytest.mark.parametrize(
     ("text", "line", "said"),
     [
         (
