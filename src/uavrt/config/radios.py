@@ -40,6 +40,9 @@ class RadioRow:
     """Option, in versions that have it, that makes the program count its overruns on stderr."""
     absent: tuple[str, ...] = ()
     """Words of its programs that mean that there is no device."""
+    lists: tuple[str, ...] = ()
+    """Program that lists the devices with place and serial number, where `receive` takes a
+    serial number of digits for a place."""
     serial_prefix: str = ""
     """What its program wants before the hexadecimal serial number that the USB tells."""
     usb: tuple[tuple[str, str, str], ...] = ()
@@ -108,6 +111,8 @@ RADIOS: dict[str, RadioRow] = {
             rates_hz=((225_001, 300e3), (900_001, 3.2e6)),
             usual_rate_hz=250e3,
             absent=("No supported devices", "No matching devices"),
+            # It lists all devices and ends, as none has this serial number.
+            lists=("rtl_sdr", "-d", "none", "/dev/null"),
             usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
         ),
         RadioRow(

@@ -8,6 +8,7 @@ import signal
 import subprocess
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
@@ -75,6 +76,7 @@ class ProgramSource(StreamSource):
         startup_s: float = _STARTUP_S,
         stall_s: float = _STALL_S,
     ) -> None:
+        settings = _by_place(settings)
         command = receive_command(settings, center_frequency_hz)
         self._program = PROGRAMS[settings.kind]
         command += _talkative(self._program, settings)
@@ -306,6 +308,34 @@ def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[st
         raise RadioStalled(
             f"{command[0]} does not answer", remedy="Unplug the radio and plug it in again"
         ) from error
+
+
+_LISTED = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
+"""A line of librtlsdr's list: ``  0:  Realtek, RTL2838UHIDIR, SN: 00000001``."""
+_MOST_PLACES = 16
+
+
+def _by_place(settings: RadioSettings) -> RadioSettings:
+    """Name a device by its place in its program's list, if its serial number is of digits.
+
+    rtl_sdr and rtl_biast would take 00000001 for the second device, and put the bias voltage
+    on it.
+    """
+    wanted, program = settings.serial, PROGRAMS.get(settings.kind)
+    if program is None or settings.program or not program.lists:
+        return settings
+    if wanted is None or not wanted.isdigit():
+        return settings
+    finished = _run(program.lists, program.package)
+    places = {serial: place for place, serial in _LISTED.findall(finished.stderr)}
+    if wanted in places:
+        return replace(settings, serial=places[wanted])
+    if places and (wanted != str(int(wanted)) or int(wanted) >= _MOST_PLACES):
+        raise RadioMissing(
+            f"no {program.title} has the serial number {wanted}",
+            remedy=f"Set [radio] serial to one of {', '.join(sorted(places))}",
+        )
+    return settings
 
 
 def _talkative(program: RadioRow, settings: RadioSettings) -> list[str]:

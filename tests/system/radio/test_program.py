@@ -167,6 +167,48 @@ def test_the_bias_tee_of_an_rtl_dongle_is_switched_before_it_is_started(
     assert (tmp_path / "said").read_text() == "-d 9 -b 1"
 
 
+DONGLES = """
+import itertools
+serials = ["77770001", "00000001", "AB"]
+print("Found 3 device(s):", file=sys.stderr)
+for place, serial in enumerate(serials):
+    print(f"  {place}:  Realtek, RTL2838UHIDIR, SN: {serial}", file=sys.stderr)
+wanted = sys.argv[sys.argv.index("-d") + 1]
+# As librtlsdr does: a number below the count is a place, else the serial number counts.
+place = int(wanted) if wanted.isdigit() and int(wanted) < 3 else None
+if place is None and wanted not in serials:
+    sys.exit("No matching devices found.")
+opened = serials[place] if place is not None else wanted
+open(RECORD, "a").write(opened + " ")
+os.write(1, bytes(10**6))
+"""
+
+
+@pytest.mark.parametrize("serial", ["00000001", "77770001", "AB", "2"])
+def test_the_dongle_with_the_serial_number_is_opened_and_not_the_one_at_that_place(
+    install: Install, tmp_path: Path, serial: str
+) -> None:
+    record = tmp_path / "opened"
+    for name in ("rtl_sdr", "rtl_biast"):
+        install(name, f"RECORD = {str(record)!r}\n{DONGLES}")
+    settings = RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, bias_tee=True, serial=serial)
+    source = open_radio(settings, 148e6)
+    assert source.read(timeout_s=10.0) is not None
+    source.close()
+    wanted = "AB" if serial == "2" else serial  # a place, as it was
+    assert record.read_text().split() == [wanted, wanted], "bias voltage and samples"
+
+
+def test_a_serial_number_of_digits_that_is_not_there_names_those_that_are(
+    install: Install,
+) -> None:
+    for name in ("rtl_sdr", "rtl_biast"):
+        install(name, f"RECORD = '/dev/null'\n{DONGLES}")
+    settings = RadioSettings(kind="rtlsdr", sample_rate_hz=250e3, serial="00000002")
+    with pytest.raises(RadioMissing, match=r"00000002.*00000001, 77770001, AB"):
+        open_radio(settings, 148e6)
+
+
 def test_a_program_in_place_of_the_usual_one_gets_its_arguments_after_its_own() -> None:
     settings = RadioSettings(program=("python3", "-m", "x"))
     command = receive_command(settings, 148.5e6)
