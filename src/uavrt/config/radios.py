@@ -34,6 +34,8 @@ class RadioRow:
     """Of the program's samples (`uavrt.radio.formats`)."""
     rates_hz: tuple[tuple[float, float], ...] = ((3e3, 100e6),)
     """Lowest and highest of each span of sample rates that it takes."""
+    rates_note: str = ""
+    """Which of its models takes which."""
     usual_rate_hz: float = 3e6
     """What the first set-up proposes."""
     overruns_option: str = ""
@@ -56,7 +58,7 @@ class RadioRow:
     def rates_text(self) -> str:
         """The sample rates that it takes, in samples a second."""
         spans = (f"{a:.0f}" if a == b else f"{a:.0f} to {b:.0f}" for a, b in self.rates_hz)
-        return " or ".join(spans)
+        return " or ".join(spans) + (f" ({self.rates_note})" if self.rates_note else "")
 
 
 def _single(*rates_hz: float) -> tuple[tuple[float, float], ...]:
@@ -75,8 +77,9 @@ RADIOS: dict[str, RadioRow] = {
             inform=("airspy_info",),
             gains=(0, 21),  # "sensitivity" gain
             default_gain=21,
-            # R2: 2.5 and 10 MS/s; Mini: 3 and 6. Another number is taken for an index.
+            # airspy_rx takes a number that is no rate for a place in its list.
             rates_hz=_single(2.5e6, 3e6, 6e6, 10e6),
+            rates_note="Mini: 3 and 6 MS/s, R2: 2.5 and 10",
             absent=("_ERROR_NOT_FOUND",),
             serial_prefix="0x",
             usb=(("1d50", "60a1", "Airspy Mini and R2"),),

@@ -12,6 +12,7 @@ from pathlib import Path
 from uavrt.config import RADIOS, RadioSettings
 
 SYSFS_USB = Path("/sys/bus/usb/devices")
+NODES = Path("/dev/bus/usb")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +62,7 @@ def _found() -> Iterator[UsbRadio]:
             yield UsbRadio(
                 kind=row.kind,
                 serial=serial and f"{row.serial_prefix}{serial}",
-                node=Path(f"/dev/bus/usb/{bus:03d}/{number:03d}"),
+                node=NODES / f"{bus:03d}/{number:03d}",
             )
 
 

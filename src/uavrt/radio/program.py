@@ -33,7 +33,9 @@ _STALL_S: Final = 1.0
 """A radio gives a buffer every few milliseconds; programs pass them on at once."""
 _TERMINATE_S: Final = 2.0
 """From SIGTERM to SIGKILL: airspy_rx stops in 0.1 s, if its USB transfers end."""
-_LINES: Final = 12
+_FIRST_LINES: Final = 4
+"""They hold the cause; a usage of thirty lines may follow."""
+_LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C")
 """Lines that some programs write every second, and that say nothing."""
 
@@ -76,11 +78,13 @@ class ProgramSource(StreamSource):
         startup_s: float = _STARTUP_S,
         stall_s: float = _STALL_S,
     ) -> None:
+        self._settings = settings
         settings = _by_place(settings)
         command = receive_command(settings, center_frequency_hz)
         self._program = PROGRAMS[settings.kind]
         command += _talkative(self._program, settings)
         self._startup_s, self._stall_s = startup_s, stall_s
+        self._first: list[str] = []
         self._lines: deque[str] = deque(maxlen=_LINES)
         self._line = b""
         self._lost = 0
@@ -113,8 +117,8 @@ class ProgramSource(StreamSource):
 
     @property
     def last_lines(self) -> tuple[str, ...]:
-        """What the program wrote to stderr last, progress lines left out."""
-        return tuple(self._lines)
+        """What the program wrote to stderr first and last, progress lines left out."""
+        return (*self._first, *self._lines)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`.
@@ -194,7 +198,7 @@ class ProgramSource(StreamSource):
             line = raw.decode("utf-8", "replace").strip()
             self._note_overruns(line)
             if line and not any(words in line for words in _PROGRESS):
-                self._lines.append(line)
+                self._say(line)
                 if found := _LOST.search(line):
                     self._lost += int(found[1])
                 log.info("radio says", program=self.name, line=line)
@@ -229,28 +233,23 @@ class ProgramSource(StreamSource):
         self._filled = 0
         self._listen()
         if self._line:
-            self._lines.append(self._line.decode("utf-8", "replace").strip())
+            self._say(self._line.decode("utf-8", "replace").strip())
         said = (
             f"was killed by {_signal_name(-code)}" if code < 0 else f"ended with status {code}"
         )
-        raise exit_error(
-            self._program.title, self._program.package, code, said, " | ".join(self._lines)
-        )
+        raise exit_error(self._settings, code, said, " | ".join(self.last_lines))
+
+    def _say(self, line: str) -> None:
+        (self._lines if len(self._first) == _FIRST_LINES else self._first).append(line)
 
     def _tail(self) -> str:
-        return f" ({' | '.join(self._lines)})" if self._lines else ""
+        return f" ({' | '.join(self.last_lines)})" if self._first else ""
 
     def _run_before(self, command: Sequence[str]) -> None:
         finished = _run(command, self._program.package)
         if finished.returncode:
             said = f"{finished.stdout}\n{finished.stderr}".strip().replace("\n", " | ")
-            raise exit_error(
-                self._program.title,
-                self._program.package,
-                finished.returncode,
-                f"{command[0]} failed",
-                said,
-            )
+            raise exit_error(self._settings, finished.returncode, f"{command[0]} failed", said)
 
 
 def check_device(settings: RadioSettings) -> str:
@@ -281,8 +280,7 @@ def check_device(settings: RadioSettings) -> str:
     # airspy_info ends with status 0 also when there is no radio, so its words count.
     if finished.returncode or says_absent(said):
         raise exit_error(
-            program.title,
-            program.package,
+            settings,
             finished.returncode,
             f"({program.inform[0]}) finds no usable device",
             said.replace("\n", " | "),

@@ -1,13 +1,15 @@
-"""The radios' own programs: what they are started with, and what their last words mean.
+"""The radios' own programs: what they are started with, and what their words mean.
 
 The table is `uavrt.config.radios`; what each program's arguments are stands in its module. The
 programs are run as they are; nothing of them is linked.
 """
 
+import os
 from importlib import import_module
 
 from uavrt.config import RADIOS, RadioRow, RadioSettings
 from uavrt.errors import ConfigError, RadioError, RadioMissing, RadioStopped
+from uavrt.radio.devices import usb_radios
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}
 """The radios that have one."""
@@ -69,6 +71,13 @@ def _known(kind: str) -> str:
 
 _FORBIDDEN = ("usb_open error -3", "LIBUSB_ERROR_ACCESS", "Access denied", "Permission denied")
 _BUSY = ("usb_claim_interface error -6", "LIBUSB_ERROR_BUSY", "_ERROR_BUSY", "Resource busy")
+_RATE = (
+    "set_samplerate() failed",
+    "unsupported sample rate",
+    "sample_rate_hz should be",
+    "Failed to set sample rate",
+)
+_FREQUENCY = ("argument error: frequency", "set_freq() failed", "Failed to set center freq")
 
 
 def says_absent(text: str) -> bool:
@@ -76,36 +85,58 @@ def says_absent(text: str) -> bool:
     return any(words in text for row in RADIOS.values() for words in row.absent)
 
 
-def exit_error(title: str, package: str, code: int, said: str, last_lines: str) -> RadioError:
+def exit_error(settings: RadioSettings, code: int, said: str, words: str) -> RadioError:
     """Turn the end of a radio's program into an error that names the remedy.
 
     Parameters
     ----------
-    title, package : str
-        The radio, and the Debian package of its program.
+    settings : RadioSettings
+        Of the radio.
     code : int
         Exit status; negative for a signal.
     said : str
         The status in words.
-    last_lines : str
-        What it wrote to stderr last.
+    words : str
+        What it wrote to stderr: its first lines, which hold the cause, and the last ones.
     """
-    message = f"{title}: the radio's program {said}"
-    if last_lines:
-        message += f": {last_lines}"
-    if any(words in last_lines for words in _FORBIDDEN):
-        return RadioMissing(
-            message,
-            remedy=f"Plug the radio in again (the package {package} has installed a rule that "
-            "lets users open it), or add the user to the group plugdev",
-        )
-    if any(words in last_lines for words in _BUSY):
-        return RadioMissing(message, remedy="Close the other program that uses the radio")
-    if says_absent(last_lines):
-        return RadioMissing(message, remedy="Plug the radio in, or try another cable or port")
-    remedy = (
-        "It runs out of memory or was killed by somebody"
-        if code == -9
-        else "Check the radio's cable and power; it is started again by itself in flight"
-    )
+    row = RADIOS[settings.kind]
+    message = f"{row.title}: the radio's program {said}"
+    if words:
+        message += f": {words}"
+    remedy = _remedy_of_missing(settings, row, words)
+    if remedy is not None:
+        return RadioMissing(message, remedy=remedy)
+    if any(one in words for one in _RATE):
+        remedy = f"Set [radio] sample_rate_hz to {row.rates_text}"
+    elif any(one in words for one in _FREQUENCY):
+        remedy = "Set [radio] center_frequency_hz, or the tags, to what this radio receives"
+    elif code == -9:
+        remedy = "It runs out of memory or was killed by somebody"
+    else:
+        remedy = "Check the radio's cable and power; it is started again by itself in flight"
     return RadioStopped(message, remedy=remedy)
+
+
+def _remedy_of_missing(settings: RadioSettings, row: RadioRow, words: str) -> str | None:
+    """What helps where no radio could be opened; None where one could.
+
+    The programs say "not found" also of a radio that another program uses, or that may not be
+    opened; the kernel's list of USB devices distinguishes them.
+    """
+    forbidden = any(one in words for one in _FORBIDDEN)
+    busy = any(one in words for one in _BUSY)
+    if not (forbidden or busy or says_absent(words)):
+        return None
+    there = [one for one in usb_radios() if one.kind == row.kind]
+    chosen = [one for one in there if settings.serial in (None, one.serial)]
+    if there and not chosen and not (forbidden or busy):
+        serials = ", ".join(f'"{one.serial}"' for one in there)
+        return f"Set [radio] serial to {serials}, which is plugged in"
+    if forbidden or any(not os.access(one.node, os.R_OK | os.W_OK) for one in chosen):
+        return (
+            f"Plug the radio in again (the package {row.package} has installed a rule that "
+            "lets users open it), or add the user to the group plugdev"
+        )
+    if busy or chosen:
+        return "Close the other program that uses the radio"
+    return "Plug the radio in, or try another cable or port"

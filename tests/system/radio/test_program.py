@@ -256,7 +256,8 @@ def test_a_device_that_is_there_is_described(install: Install) -> None:
         ("rtlsdr", "usb_claim_interface error -6", RadioMissing, "other program"),
         ("rtlsdr", "usb_open error -3", RadioMissing, "plugdev"),
         ("hackrf", "hackrf_open() failed: HackRF not found (-5)", RadioMissing, "Plug"),
-        ("airspy", "airspy_set_samplerate() failed", RadioStopped, "cable"),
+        ("airspy", "airspy_set_samplerate() failed", RadioStopped, "sample_rate_hz"),
+        ("airspy", "Exiting...", RadioStopped, "cable"),
     ],
 )
 def test_the_end_of_a_program_is_reported_with_its_last_words(

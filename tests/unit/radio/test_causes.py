@@ -1,0 +1,74 @@
+"""Why a radio's program ended: the words of the real ones (Debian 12), and the remedy."""
+
+from pathlib import Path
+
+import pytest
+
+from uavrt.config import RADIOS, RadioSettings
+from uavrt.errors import RadioError, RadioMissing, RadioStopped
+from uavrt.radio import devices
+from uavrt.radio.programs import exit_error
+
+NOT_FOUND = {
+    "airspy": "airspy_open_sn() failed: AIRSPY_ERROR_NOT_FOUND (-5)",
+    "airspyhf": "airspyhf_open() failed",
+    "rtlsdr": "Found 1 device(s): | 0:  Realtek, RTL2838UHIDIR, SN: 7 | No matching devices",
+    "hackrf": "hackrf_open() failed: HackRF not found (-5)",
+}
+
+
+def cause(kind: str, words: str, code: int = 1, serial: str | None = None) -> RadioError:
+    return exit_error(RadioSettings(kind=kind, serial=serial), code, "ended", words)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("airspy", "airspy_set_samplerate() failed: AIRSPY_ERROR_LIBUSB (-1000)"),
+        ("airspy", "argument error: unsupported sample rate"),
+        ("airspyhf", "argument error: unsupported sample rate: 600000"),
+        ("rtlsdr", "Invalid sample rate: 500000 Hz | WARNING: Failed to set sample rate."),
+        ("hackrf", "argument error: sample_rate_hz should be greater than or equal to 2000000"),
+    ],
+)
+def test_a_rate_that_the_radio_refuses_is_answered_with_those_that_it_takes(
+    kind: str, words: str
+) -> None:
+    error = cause(kind, words)
+    assert isinstance(error, RadioStopped)
+    assert error.remedy == f"Set [radio] sample_rate_hz to {RADIOS[kind].rates_text}"
+
+
+def test_a_frequency_that_the_radio_does_not_receive_is_named() -> None:
+    words = "argument error: frequency 40000000 Hz out of range | airspyhf_rx | Usage:"
+    assert "center_frequency_hz" in (cause("airspyhf", words).remedy or "")
+    assert "cable" in (cause("rtlsdr", "Library error -5, exiting...", 5).remedy or "")
+
+
+@pytest.mark.parametrize("kind", NOT_FOUND)
+def test_absent_forbidden_busy_and_another_one_have_each_their_remedy(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The libraries say "not found" to all four."""
+    monkeypatch.setattr(devices, "SYSFS_USB", tmp_path / "sys")
+    monkeypatch.setattr(devices, "NODES", tmp_path / "dev")
+
+    def remedy(serial: str | None = None) -> str:
+        error = cause(kind, NOT_FOUND[kind], serial=serial)
+        assert isinstance(error, RadioMissing)
+        return error.remedy or ""
+
+    assert remedy().startswith("Plug the radio in, or try another cable")
+    device = tmp_path / "sys" / "1-1"
+    device.mkdir(parents=True)
+    vendor, product, _ = RADIOS[kind].usb[0]
+    values = {"idVendor": vendor, "idProduct": product, "busnum": "1", "devnum": "4"}
+    for name, text in (values | {"serial": "AB12"}).items():
+        (device / name).write_text(text)
+    assert "group plugdev" in remedy(), "there is a device that we may not open"
+    node = tmp_path / "dev" / "001" / "004"
+    node.parent.mkdir(parents=True)
+    node.touch()
+    assert remedy() == "Close the other program that uses the radio"
+    other = f'Set [radio] serial to "{RADIOS[kind].serial_prefix}AB12", which is plugged in'
+    assert remedy(serial="77") == other
