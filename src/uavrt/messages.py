@@ -288,6 +288,8 @@ class ProcessStatus:
     """CPU time of all its instances since the supervisor started, their children included."""
     memory_mb: float
     counters: dict[str, float] = field(default_factory=dict)
+    reason: str = ""
+    """What it said last of a state that is not `ok`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -149,6 +149,7 @@ def test_a_missing_radio_is_reported_and_the_system_goes_on(
         30.0,
     )
     assert process(status, "connection").ok
+    assert "no-such-radio-program" in process(status, "receiver").reason
     log = (drone.directory / "supervisor.log").read_text()
     assert "no-such-radio-program" in log
 

@@ -40,3 +40,14 @@ def test_a_pulse_that_may_be_of_another_tag_is_shown_with_both_numbers() -> None
 def test_the_snr_of_a_clipped_pulse_is_shown_as_a_lower_bound() -> None:
     assert "≥ 21.0 dB" in shown(replace(PULSE, clipped=True))
     assert "≥" not in shown(PULSE)
+
+
+def test_a_radio_that_was_absent_before_the_monitor_began_is_shown_with_the_reason() -> None:
+    reason = "receiver: radio absent (reason: Plug the radio in)"
+    status = made.system_status(PULSE.start_time_ns, center_frequency_hz=148.7e6, tags=(TAG,))
+    process = made.process_status("receiver", status="radio absent", ok=False, reason=reason)
+    view = MonitorView()
+    view.take("status", replace(status, processes=(process,)), 0.0)
+    screen = io.StringIO()
+    Console(width=160, file=screen).print(view.render(1.0))
+    assert reason in screen.getvalue()

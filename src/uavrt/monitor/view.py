@@ -79,7 +79,13 @@ class MonitorView:
         if self.status is None:
             return Panel("waiting for the supervisor …", title="uavrt monitor")
         return Panel(
-            Group(self._head(), self._tags(now_s), self._processes(), *self._texts()),
+            Group(
+                self._head(),
+                self._tags(now_s),
+                self._processes(),
+                *self._reasons(),
+                *self._texts(),
+            ),
             title="uavrt monitor",
         )
 
@@ -139,6 +145,11 @@ class MonitorView:
                 f"{lost:.0f}",
             )
         return table
+
+    def _reasons(self) -> list[RenderableType]:
+        """Why a process is not well, whenever it began."""
+        assert self.status is not None
+        return [Text(one.reason, "bold red") for one in self.status.processes if one.reason]
 
     def _texts(self) -> list[RenderableType]:
         return [

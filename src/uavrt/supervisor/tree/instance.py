@@ -56,6 +56,8 @@ class Instance:
             self.memory_mb = child.measure()
         degraded = self.restarts.degraded(monotonic_s())
         word = health.status if health else ("starting" if child else "stopped")
+        known = child is not None or self.stop_asked_s is not None
+        ok = not degraded and (health.ok if health else known)
         if child is not None and self.pace.slow:
             word = f"{word}, too slow"
         return ProcessStatus(
@@ -63,12 +65,12 @@ class Instance:
             running=child is not None,
             pid=child.pid if child is not None else None,
             status=f"degraded: {self.restarts.last_reason}" if degraded else word,
-            ok=not degraded
-            and (health.ok if health else child is not None or self.stop_asked_s is not None),
+            ok=ok,
             restarts=self.restarts.total,
             cpu_s=self.cpu_s_before + (child.cpu_s if child is not None else 0.0),
             memory_mb=self.memory_mb,
             counters=health.counters if health else {},
+            reason="" if ok else self.last_words,
         )
 
     def over_budget(self, now_s: float) -> str | None:
