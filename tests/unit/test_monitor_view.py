@@ -9,6 +9,7 @@ from rich.console import Console
 from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import Pulse
 from uavrt.monitor import MonitorView
+from uavrt.recording.outline import HeardTag
 
 PULSE = made.pulse(
     1_700_000_000_000_000_000,
@@ -51,3 +52,22 @@ def test_a_radio_that_was_absent_before_the_monitor_began_is_shown_with_the_reas
     screen = io.StringIO()
     Console(width=160, file=screen).print(view.render(1.0))
     assert reason in screen.getvalue()
+
+
+def test_what_was_recorded_before_the_monitor_began_counts_and_nothing_counts_twice() -> None:
+    view = MonitorView()
+    status = made.system_status(PULSE.start_time_ns, center_frequency_hz=148.7e6, tags=(TAG,))
+    view.take("status", replace(status, time_ns=PULSE.start_time_ns + 90_000_000_000), 100.0)
+    heard = HeardTag(pulses=30, first_ns=1, last_ns=PULSE.start_time_ns)
+    view.take_recorded({2: heard}, 100.0)
+    view.take("pulse", PULSE, 100.0)  # recorded already, and still on its way here
+    assert view.heard[2].pulses == 30
+    view.take("pulse", replace(PULSE, start_time_ns=PULSE.start_time_ns + 1), 100.0)
+    assert view.heard[2].pulses == 31
+
+    view = MonitorView()
+    view.take("status", status, 0.0)
+    view.take_recorded({2: heard}, 100.0)
+    screen = io.StringIO()
+    Console(width=160, file=screen).print(view.render(190.0))
+    assert "90 s ago" in screen.getvalue()

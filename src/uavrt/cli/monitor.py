@@ -2,6 +2,7 @@
 
 import json
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +23,7 @@ from uavrt.monitor import (
     status_socket_path,
     stop_detection,
 )
+from uavrt.recording.outline import read_outline
 
 REFRESH_S = 0.25
 FIRST_STATUS_S = 5.0
@@ -92,14 +94,23 @@ def _show_once(reader: StatusReader, *, as_json: bool) -> None:
     while time.monotonic() < deadline_s and (
         view.status is None or not (as_json or view.cpu_percent)
     ):
-        for topic, record in reader.read(REFRESH_S):
-            view.take(topic, record, time.monotonic())
+        _read_into(view, reader)
     if view.status is None:
         raise UavrtError("the supervisor does not answer")
     if as_json:
         print(json.dumps(_plain(view.status)))
     else:
         Console().print(view.render(time.monotonic()))
+
+
+def _read_into(view: MonitorView, reader: StatusReader) -> None:
+    for topic, record in reader.read(REFRESH_S):
+        first = view.status is None
+        view.take(topic, record, time.monotonic())
+        if first and view.status is not None and view.status.flight_directory is not None:
+            with suppress(UavrtError):  # a flight of which nothing is on the disk yet
+                heard = read_outline(view.status.flight_directory).heard
+                view.take_recorded(heard, time.monotonic())
 
 
 def _plain(status: SystemStatus) -> object:
@@ -110,6 +121,5 @@ def _watch(reader: StatusReader) -> None:
     view = MonitorView()
     with Live(get_renderable=lambda: view.render(time.monotonic()), refresh_per_second=4):
         while reader.is_open:
-            for topic, record in reader.read(REFRESH_S):
-                view.take(topic, record, time.monotonic())
+            _read_into(view, reader)
     print("the supervisor has ended")

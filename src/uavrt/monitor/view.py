@@ -1,6 +1,7 @@
 """The terminal view: state, processes, rates, losses, tags."""
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from uavrt.messages import ProcessStatus, Pulse, StatusText, SystemStatus
+from uavrt.recording.outline import HeardTag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 RATE_WINDOW_S = 60.0
@@ -28,10 +30,13 @@ LOSSES = (
 
 @dataclass(slots=True)
 class Heard:
-    """What we heard from one tag since the monitor started."""
+    """What was heard from one tag in this flight."""
 
     pulses: int = 0
+    recorded_ns: int = 0
+    """Start of the last pulse that was recorded before the monitor started; 0 if none was."""
     last: Pulse | None = None
+    last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)
 
 
@@ -50,8 +55,8 @@ class MonitorView:
         match record:
             case Pulse() if topic == "pulse":
                 heard = self.heard.setdefault(record.tag_id, Heard())
-                heard.pulses += 1
-                heard.last = record
+                heard.pulses += record.start_time_ns > heard.recorded_ns
+                heard.last, heard.last_s = record, now_s
                 heard.times_s.append(now_s)
             case StatusText():
                 self.texts.append(record)
@@ -59,6 +64,15 @@ class MonitorView:
                 self.status = record
                 for process in record.processes:
                     self._measure(process, record.time_ns)
+
+    def take_recorded(self, heard: Mapping[int, HeardTag], now_s: float) -> None:
+        """Take what the flight has recorded before the monitor started."""
+        assert self.status is not None
+        for tag_id, one in heard.items():
+            ago_s = (self.status.time_ns - one.last_ns) / NANOSECONDS_PER_SECOND
+            self.heard[tag_id] = Heard(
+                pulses=one.pulses, recorded_ns=one.last_ns, last_s=now_s - max(0.0, ago_s)
+            )
 
     def _measure(self, process: ProcessStatus, time_ns: int) -> None:
         before = self._cpu_before.get(process.process)
@@ -115,7 +129,7 @@ class MonitorView:
             while heard.times_s and heard.times_s[0] < now_s - RATE_WINDOW_S:
                 heard.times_s.popleft()
             last = heard.last
-            ago_s = now_s - heard.times_s[-1] if heard.times_s else None
+            ago_s = None if heard.last_s is None else now_s - heard.last_s
             frequency = last.frequency_hz if last else tag.frequency_hz
             table.add_row(
                 " ".join(filter(None, (_number(tag.tag_id, last), tag.name))),
