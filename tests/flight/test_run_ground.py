@@ -91,7 +91,7 @@ def test_what_the_page_receives_lies_beside_the_drones_flight_under_its_name(
         state = asked(address, "state", lambda one: one["drone"]["state"] == "detecting")
         copy = state["flight"]["flight_id"]
         asked(address, f"flights/{copy}", lambda one: one["pulses"] >= 2)
-        running.send_signal(signal.SIGTERM)
+        running.send_signal(signal.SIGINT)
         assert running.wait(60) == 0
     own, beside = flights_in_order(tmp_path / "flights")
     assert (beside.name, own.name) == (copy, copy.removesuffix("_ground"))

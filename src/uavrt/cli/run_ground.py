@@ -31,7 +31,7 @@ def run_both(
 ) -> int:
     """Run the supervisor and the page until the supervisor ends.
 
-    Ctrl-C reaches both from the terminal, SIGTERM is passed on. The page may end before: the
+    Ctrl-C reaches both from the terminal; what this process gets is passed on. The page may end before: the
     flight goes on. If this process is killed, both go on.
 
     Parameters
@@ -69,8 +69,8 @@ def run_both(
             *([] if browser else ["--no-browser"]),
         ]
     )
-    signal.signal(signal.SIGINT, lambda *_: None)
-    signal.signal(signal.SIGTERM, lambda *_: drone.terminate())
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: drone.terminate())
     status = drone.wait()
     # The last pulses are in when the drone side has ended.
     page.terminate()
