@@ -31,8 +31,8 @@ def run_both(
 ) -> int:
     """Run the supervisor and the page until the supervisor ends.
 
-    Ctrl-C reaches both from the terminal; what this process gets is passed on. The page may end before: the
-    flight goes on. If this process is killed, both go on.
+    Ctrl-C reaches both from the terminal; SIGINT and SIGTERM to this process are passed on. The
+    page may end before: the flight goes on. If this process is killed, both go on.
 
     Parameters
     ----------
