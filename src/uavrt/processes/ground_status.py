@@ -60,6 +60,8 @@ class GroundStatus:
         self._tag_limiter = TextLimiter()
         """Of their own, so that many tags leave no warning out."""
         self._next_ns: dict[str, int] = {}
+        self._state: SystemState | None = None
+        """Of the last heartbeat."""
         self._tags = 1
         self.shift_ns = 0
         """From the clock of our timers to that of the flight."""
@@ -75,7 +77,10 @@ class GroundStatus:
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
-        """Send what goes without being asked."""
+        """Send what goes without being asked; a heartbeat also when the state has changed."""
+        if state is not self._state:
+            self._state = state
+            self._next_ns.pop("heartbeat", None)
         if self._due("heartbeat", HEARTBEAT_NS, now_ns):
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
             for step in self._exchange.progress_again():

@@ -61,3 +61,27 @@ def status(time_ns: int) -> SystemStatus:
 
 def report(tag_id: int, time_ns: int) -> SearchReport:
     return made.search_report(tag_id, time_ns, frequency_hz=148.74e6, noise_psd=2.0**-40)
+
+
+def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_second(
+    bay: Bay, until: Until
+) -> None:
+    async def main() -> None:
+        async with bay.running(), bay.ground_station() as (_, events):
+            loop = asyncio.get_running_loop()
+
+            def last() -> SystemState | None:
+                beats = [one for one in events if isinstance(one, DroneHeartbeat)]
+                return beats[-1].state if beats else None
+
+            await until(lambda: last() is SystemState.IDLE)
+            for number in range(10):
+                state = SystemState.HAS_TAGS if number % 2 else SystemState.DETECTING
+                await asyncio.sleep(0.31)
+                changed_s = loop.time()
+                now_ns = bay.clock.now_ns()
+                bay.tell("system_status", made.system_status(now_ns, state=state, tags=TAGS))
+                await until(lambda state=state: last() is state)
+                assert loop.time() - changed_s < 0.3
+
+    asyncio.run(main())
