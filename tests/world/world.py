@@ -52,7 +52,7 @@ from uavrt.ground.session import GroundSession
 from uavrt.ground.store.settings import GroundStore
 from uavrt.guidance.authority import Standing
 from uavrt.ipc import ProcessFrame, decode_record
-from uavrt.messages import Health, Pose, Pulse, Tag, VehicleReport
+from uavrt.messages import Command, Health, Pose, Pulse, Tag, VehicleReport
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.simulation.flying import MODES
 from uavrt.supervisor.program import start_commands
@@ -118,6 +118,8 @@ class World:
         Settings of the drone that differ from the usual ones; with `guidance` it takes orders.
     flights : Path, optional
         The drone's directory of flights.
+    vehicle : callable, optional
+        Pose of the vehicle at a time [ns]; it turns on the spot unless it flies.
     **autopilot
         What differs of `AutopilotSettings`.
     """
@@ -131,6 +133,7 @@ class World:
         mavlink: dict[str, Any] | None = None,
         guidance: dict[str, Any] | None = None,
         flights: Path | None = None,
+        vehicle: Callable[[int], Pose] | None = None,
         **autopilot: Any,
     ) -> None:
         self.directory, self.animals = directory, list(animals)
@@ -138,7 +141,7 @@ class World:
         self.ground_port = free_udp_port() if ground_port is None else ground_port
         self.companion_port = free_udp_port()
         self.radio = Relay(self.ground_port, seed=autopilot.get("seed", 1))
-        self.vehicle = turning_vehicle(0.0 if autopilot.get("flies") else 30.0)
+        self.vehicle = vehicle or turning_vehicle(0.0 if autopilot.get("flies") else 30.0)
         self.settings = AutopilotSettings(
             companion=("127.0.0.1", self.companion_port),
             ground=("127.0.0.1", self.radio.port),
@@ -187,11 +190,12 @@ class World:
         with pytest.MonkeyPatch.context() as patch:
             for module in ("uavrt.processes.guide", "uavrt.ground.link.motion"):
                 patch.setattr(f"{module}.secrets.randbits", numbers.getrandbits)
-            async with self._alive(script):
+            async with self.alive(script):
                 yield self.autopilot
 
     @contextlib.asynccontextmanager
-    async def _alive(self, script: Script) -> AsyncIterator[None]:
+    async def alive(self, script: Script = ()) -> AsyncIterator[None]:
+        """Live while the block runs, with numbers of orders that nothing can foresee."""
         gc.freeze()  # what is there stays: each process collects garbage now and then
         self.computer = DroneComputer(self.drone_settings, self._detect, self._passed)
         self.computer.start()
@@ -261,7 +265,14 @@ class World:
 
     def detect(self, *tags: Tag) -> None:
         """Begin a flight as `uavrt run --tags` does, without a ground station."""
-        for command in start_commands(tags or (THESIS_TAG,)):
+        self._command(start_commands(tags or (THESIS_TAG,)))
+
+    def take_tags(self, *tags: Tag) -> None:
+        """Take tags as if a ground station had sent them."""
+        self._command(start_commands(tags)[:-1])
+
+    def _command(self, commands: Sequence[Command]) -> None:
+        for command in commands:
             numbered = replace(command, request_id=next(self._numbers))
             reply = self.computer.supervisor.command(numbered)
             assert reply.accepted, reply.message
