@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Self
 
 from pulses import pulse_at
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.ground.link.protocol import DRONE_COMPONENT
@@ -89,13 +90,11 @@ class Stations:
     def __exit__(self, *_: object) -> None:
         self.kill()
         with self._starter:
-            assert self._starter.stdin is not None
-            self._starter.stdin.close()
+            some(self._starter.stdin).close()
 
     def start(self, kind: str, port: int, directory: Path) -> int:
         """Start one, with a page or headless; get its process."""
-        assert self._starter.stdin is not None
-        print(kind, port, directory, file=self._starter.stdin, flush=True)
+        print(kind, port, directory, file=some(self._starter.stdin), flush=True)
         self._pid = int(self._hear())
         return self._pid
 
@@ -108,8 +107,7 @@ class Stations:
             self._pid = 0
 
     def _hear(self, word: str = "") -> str:
-        assert self._starter.stdout is not None
-        said = self._starter.stdout.readline().strip()
+        said = some(self._starter.stdout).readline().strip()
         assert said, "the starter has ended"
         assert word in said
         return said

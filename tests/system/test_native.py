@@ -12,6 +12,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from some import some
 from tests.unit.test_native import ROOT
 
 from uavrt import native
@@ -37,8 +38,7 @@ def test_the_environment_leaves_the_kernels_aside() -> None:
 
 
 def hook() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
-    assert spec is not None
+    spec = some(importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py"))
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -77,8 +77,7 @@ def compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_build_makes_kernels_that_load(tmp_path: Path) -> None:
     target = tmp_path / "_native.abi3.so"
     hook().build_kernels(ROOT, target)
-    spec = importlib.util.spec_from_file_location("_native", target)
-    assert spec is not None
+    spec = some(importlib.util.spec_from_file_location("_native", target))
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

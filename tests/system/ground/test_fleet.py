@@ -257,32 +257,28 @@ def test_one_vehicle_that_cannot_start_keeps_no_other_from_it_and_says_why(
     assert drones[1].state is SystemState.DETECTING
 
 
-def test_a_page_that_looks_on_stops_all_and_starts_none(
+async def test_a_page_that_looks_on_stops_all_and_starts_none(
     willing_both: tuple[Any, dict[int, WillingDrone]],
 ) -> None:
     """As of one vehicle: to stop can be urgent."""
     station, drones = willing_both
     to_all(station, "send_tags")
     both_are(station, "has_tags")
-
-    async def looking_on() -> None:
-        addresses = ["/api/records", "/vehicle/2/api/records"]
-        base = f"ws://127.0.0.1:{station.port}"
-        async with (
-            connect(f"{base}{addresses[0]}?page=one") as first,
-            connect(f"{base}{addresses[1]}?page=one") as second,
-        ):
-            await asyncio.gather(first.recv(), second.recv())
-            refused = await asyncio.to_thread(to_all, station, "start", "two")
-            assert [accepted for accepted, _ in refused.values()] == [False, False]
-            assert all("take command first" in text for _, text in refused.values())
-            started = await asyncio.to_thread(to_all, station, "start", "one")
-            assert [accepted for accepted, _ in started.values()] == [True, True]
-            await asyncio.to_thread(both_are, station, "detecting")
-            stopped = await asyncio.to_thread(to_all, station, "stop", "two")
-            assert [accepted for accepted, _ in stopped.values()] == [True, True]
-
-    asyncio.run(looking_on())
+    addresses = ["/api/records", "/vehicle/2/api/records"]
+    base = f"ws://127.0.0.1:{station.port}"
+    async with (
+        connect(f"{base}{addresses[0]}?page=one") as first,
+        connect(f"{base}{addresses[1]}?page=one") as second,
+    ):
+        await asyncio.gather(first.recv(), second.recv())
+        refused = await asyncio.to_thread(to_all, station, "start", "two")
+        assert [accepted for accepted, _ in refused.values()] == [False, False]
+        assert all("take command first" in text for _, text in refused.values())
+        started = await asyncio.to_thread(to_all, station, "start", "one")
+        assert [accepted for accepted, _ in started.values()] == [True, True]
+        await asyncio.to_thread(both_are, station, "detecting")
+        stopped = await asyncio.to_thread(to_all, station, "stop", "two")
+        assert [accepted for accepted, _ in stopped.values()] == [True, True]
     assert {drone.state for drone in drones.values()} == {SystemState.HAS_TAGS}
 
 

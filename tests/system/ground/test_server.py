@@ -283,45 +283,41 @@ def test_a_map_is_brought_by_the_page_whole_or_not_at_all(served: Any, tmp_path:
     assert served.ask("PUT", "/api/maps/b.mbtiles", path.read_bytes(), other).status == 403
 
 
-def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> None:
+async def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> None:
     first, second = {"X-Page": "first"}, {"X-Page": "second"}
+    place = f"ws://127.0.0.1:{served.port}/api/records?page="
+    async with connect(place + "first") as one, connect(place + "second"):
+        await one.recv()
 
-    async def look() -> None:
-        place = f"ws://127.0.0.1:{served.port}/api/records?page="
-        async with connect(place + "first") as one, connect(place + "second"):
-            await one.recv()
+        def put(page: dict[str, str]) -> int:
+            return int(served.ask("PUT", "/api/tags", [TAG], page).status)
 
-            def put(page: dict[str, str]) -> int:
-                return int(served.ask("PUT", "/api/tags", [TAG], page).status)
+        def ask(*what: Any) -> Any:
+            return served.ask("POST", *what)
 
-            def ask(*what: Any) -> Any:
-                return served.ask("POST", *what)
+        loop = asyncio.get_running_loop()
 
-            loop = asyncio.get_running_loop()
+        async def of(*what: Any) -> Any:
+            return await loop.run_in_executor(None, *what)
 
-            async def of(*what: Any) -> Any:
-                return await loop.run_in_executor(None, *what)
-
-            assert await of(put, first) == 200
-            assert await of(put, second) == 409
-            assert await of(put, {}) == 200, "a script names no page"
-            for path, wanted in (
-                ("/api/drone/flights", {}),
-                ("/api/drone/download", {"flight_id": "flight_log_2026-05-01_10-00-00"}),
-                ("/api/parameters", {}),
-                ("/api/waterfall", {"address": ""}),
-            ):
-                refused = await of(ask, path, wanted, second)
-                assert (refused.status, "another page" in refused.json["error"]) == (409, True)
-            ended = await of(served.ask, "DELETE", "/api/drone/download", {}, second)
-            assert ended.status == 409, "the download is of the page that commands"
-            stop = await of(ask, "/api/commands/stop", {}, second)
-            assert "another page" not in stop.json["message"], "anybody may stop"
-            assert (await of(ask, "/api/commander", {}, second)).status == 200
-            assert await of(put, second) == 200
-            assert await of(put, first) == 409
-
-    asyncio.run(look())
+        assert await of(put, first) == 200
+        assert await of(put, second) == 409
+        assert await of(put, {}) == 200, "a script names no page"
+        for path, wanted in (
+            ("/api/drone/flights", {}),
+            ("/api/drone/download", {"flight_id": "flight_log_2026-05-01_10-00-00"}),
+            ("/api/parameters", {}),
+            ("/api/waterfall", {"address": ""}),
+        ):
+            refused = await of(ask, path, wanted, second)
+            assert (refused.status, "another page" in refused.json["error"]) == (409, True)
+        ended = await of(served.ask, "DELETE", "/api/drone/download", {}, second)
+        assert ended.status == 409, "the download is of the page that commands"
+        stop = await of(ask, "/api/commands/stop", {}, second)
+        assert "another page" not in stop.json["message"], "anybody may stop"
+        assert (await of(ask, "/api/commander", {}, second)).status == 200
+        assert await of(put, second) == 200
+        assert await of(put, first) == 409
     assert served.ask("PUT", "/api/tags", [TAG], first).status == 200, "the other has gone"
 
 

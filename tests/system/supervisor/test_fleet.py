@@ -279,8 +279,7 @@ def test_more_memory_than_the_row_allows_is_told(run: Run) -> None:
     async def scene(yard: Yard) -> None:
         await yard.until(lambda: yard.records)
         yard.instance.status()  # measures
-        text = yard.instance.over_budget(time.monotonic())
-        assert text is not None
+        text = some(yard.instance.over_budget(time.monotonic()))
         assert text.startswith("process uses ")
         assert text.endswith("MB (1 MB): more than its budget")
 

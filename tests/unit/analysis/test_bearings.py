@@ -12,6 +12,7 @@ import command_line
 import numpy as np
 import pytest
 from pulses import pulse_at
+from some import some
 
 from uavrt.analysis.bearings import bearings_of_flight, bearings_of_pulses, read_bearings
 from uavrt.analysis.positions import read_positions
@@ -125,8 +126,7 @@ def test_a_positions_csv_gives_what_is_in_it(
         (3, "mle"),
     ]
     (only,) = read_positions(path, method="rmr")
-    assert only.position is not None
-    assert only.position.latitude_deg == 35.2
+    assert some(only.position).latitude_deg == 35.2
     with pytest.raises(SystemExit):
         app(["localize", str(path)])
     assert "tag 2: 35.10000, -111.60000, mle as it stands" in capsys.readouterr().out
@@ -184,8 +184,7 @@ def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: 
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
     positions = read_positions(path, method=method)  # type: ignore[arg-type]
     assert [one.tag_id for one in positions] == [2, 7]
-    found = positions[0].position
-    assert found is not None
+    found = some(positions[0].position)
     east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
     assert math.hypot(float(east) - TAG[0], float(north) - TAG[1]) < 12.0
     if method != "bayes":
@@ -202,9 +201,7 @@ def test_a_copy_of_a_flight_is_no_further_evidence(tmp_path: Path) -> None:
     said: list[str] = []
     for paths in ((whole, part), (part, whole), (whole, whole), (tmp_path,)):
         (found,) = read_positions(*paths, warn=said.append)
-        assert found.position is not None
-        assert alone.position is not None
-        assert found.position.radius95_m == alone.position.radius95_m
+        assert some(found.position).radius95_m == some(alone.position).radius95_m
     assert len(said) == 4
     assert said[0] == f"{part} is a copy of {whole}, of the same flight: left out"
 
@@ -230,11 +227,9 @@ def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) 
         assert found.position.radius95_m is not None
         away_m = math.hypot(float(east) - TAG[0], float(north) - TAG[1])
         assert away_m < min(60.0, found.position.radius95_m)
-    assert alone.position is not None
-    assert alone.position.stations == 3
+    assert some(alone.position).stations == 3
     (one,) = read_positions(parts[0])
-    assert one.position is not None
-    assert one.position.stations == 1
+    assert some(one.position).stations == 1
     (tmp_path / "nothing").mkdir()
     with pytest.raises(FormatError, match="no flight"):
         read_positions(tmp_path / "nothing")

@@ -142,8 +142,7 @@ def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: P
 
     def drone(message: Message) -> None:
         assert isinstance(message, dialect.Tunnel), "nothing unsealed"
-        opened = gate.open(message.payload[: message.payload_length], GROUND, DRONE)
-        assert opened is not None
+        opened = some(gate.open(message.payload[: message.payload_length], GROUND, DRONE))
         desk.receive_sealed(opened[1], Peer(*GROUND), None, 1)
 
     parameters = DroneParameters(sealing_ground(read_key(path), gate), drone, 0.01)

@@ -197,12 +197,9 @@ def test_a_mission_that_is_not_held_as_sent_is_told_of(monkeypatch: pytest.Monke
     with_vehicle("px4", work)
 
 
-def test_no_autopilot_is_told_of() -> None:
-    async def main() -> None:
-        link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
-        with pytest.raises(LinkError, match="no autopilot was heard"):
-            await link.missions.wait(3.0)
-        with pytest.raises(LinkError, match="the autopilot is not heard"):
-            await link.missions.upload(ITEMS)
-
-    asyncio.run(main())
+async def test_no_autopilot_is_told_of() -> None:
+    link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
+    with pytest.raises(LinkError, match="no autopilot was heard"):
+        await link.missions.wait(3.0)
+    with pytest.raises(LinkError, match="the autopilot is not heard"):
+        await link.missions.upload(ITEMS)

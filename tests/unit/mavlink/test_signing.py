@@ -1,6 +1,5 @@
 """MAVLink 2 signing, with pymavlink's as the other side."""
 
-import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -164,28 +163,24 @@ def test_a_key_file_holds_64_digits_and_the_key_is_never_shown(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot"])
-def test_a_signing_ground_station_commands_through_ardupilot_and_another_does_not(
+async def test_a_signing_ground_station_commands_through_ardupilot_and_another_does_not(
     make_world: Callable[..., World], until: Until, tmp_path: Path, flavour: str
 ) -> None:
     path = tmp_path / "key"
     path.write_text(KEY.secret.hex())
     path.chmod(0o600)
     world = make_world(mavlink={"signing_key_file": str(path)}, flavour=flavour)
-
-    async def main() -> None:
-        async with world.flying():
-            async with world.station(ack_wait_s=0.1) as (stranger, _):
-                with pytest.raises(LinkError, match=r"not answer .* signs its frames") as told:
-                    await stranger.ask("stop_detection")
-                assert "--signing-key" in (told.value.remedy or "")
-            assert not world.of(Command)
-            await until(lambda: world.counter("unsigned_refused") >= 4)
-            with pytest.raises(LinkError, match="not signed with the key given"):
-                async with world.station(signing_key=OTHER):
-                    pass
-            async with world.station(signing_key=KEY) as (friend, _):
-                await friend.ask("stop_detection")
-                assert friend.refused == {}
-            assert [command.name for command in world.of(Command)] == ["stop_detection"]
-
-    asyncio.run(main())
+    async with world.flying():
+        async with world.station(ack_wait_s=0.1) as (stranger, _):
+            with pytest.raises(LinkError, match=r"not answer .* signs its frames") as told:
+                await stranger.ask("stop_detection")
+            assert "--signing-key" in (told.value.remedy or "")
+        assert not world.of(Command)
+        await until(lambda: world.counter("unsigned_refused") >= 4)
+        with pytest.raises(LinkError, match="not signed with the key given"):
+            async with world.station(signing_key=OTHER):
+                pass
+        async with world.station(signing_key=KEY) as (friend, _):
+            await friend.ask("stop_detection")
+            assert friend.refused == {}
+        assert [command.name for command in world.of(Command)] == ["stop_detection"]

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from pulses import pulse_at
 from relay import Relay
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
@@ -120,8 +121,7 @@ class Bay:
 
     def tell(self, topic: str, record: object) -> None:
         """What the supervisor sends to the process."""
-        assert self._sock is not None
-        self._sock.sendall(encode_record(topic, record))
+        some(self._sock).sendall(encode_record(topic, record))
 
     def begin_flight(self, directory: Path) -> None:
         info = FlightInfo(
@@ -179,8 +179,7 @@ class Bay:
         self.assignment = replace(self.assignment, last_flights=(*map(str, directories),))
 
     def counter(self, name: str) -> float:
-        assert self.process is not None
-        return self.process._counters()[name]
+        return some(self.process)._counters()[name]
 
     def _take(self, topic: str, record: object) -> None:
         """Be recorder and supervisor: what was recorded comes back, every command is taken."""

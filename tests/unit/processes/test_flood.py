@@ -158,31 +158,28 @@ def test_a_flood_delays_95_percent_of_the_pulses_by_a_tenth_at_most(
     assert flooded.seen.keys() >= flooded.sent.keys()
 
 
-def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
+async def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
     bay: Bay, until: Until, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def main() -> None:
-        async with bay.running(), bay.ground_station() as (ground, events):
-            await until(lambda: ground.protocol.drone is not None)
-            bay.tell("system_status", commanded_by("mavlink 255/190"))
-            stranger = socket.socket(type=socket.SOCK_DGRAM)
-            stranger.connect(("127.0.0.1", bay.companion_port))
-            capsys.readouterr()
-            for number, frame in enumerate(flood()):
-                stranger.send(frame)
-                if number % 40 == 0:
-                    await asyncio.sleep(0.01)
-                if number % 400 == 0:
-                    bay.send_pulse(number // 400)
-            await ground.stop_detection()
-            await until(lambda: len(pulses(events)) == COUNT // 400)
-            stranger.close()
-            counters = bay.process._counters()
-            assert counters["messages_passed_over"] > COUNT // 4
-            assert counters["questions_passed_over"] > COUNT // 20
-            assert len(bay.commands) < COUNT // 20
-
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station() as (ground, events):
+        await until(lambda: ground.protocol.drone is not None)
+        bay.tell("system_status", commanded_by("mavlink 255/190"))
+        stranger = socket.socket(type=socket.SOCK_DGRAM)
+        stranger.connect(("127.0.0.1", bay.companion_port))
+        capsys.readouterr()
+        for number, frame in enumerate(flood()):
+            stranger.send(frame)
+            if number % 40 == 0:
+                await asyncio.sleep(0.01)
+            if number % 400 == 0:
+                bay.send_pulse(number // 400)
+        await ground.stop_detection()
+        await until(lambda: len(pulses(events)) == COUNT // 400)
+        stranger.close()
+        counters = bay.process._counters()
+        assert counters["messages_passed_over"] > COUNT // 4
+        assert counters["questions_passed_over"] > COUNT // 20
+        assert len(bay.commands) < COUNT // 20
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) < 60, "powers of two of a few kinds"
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from flown import HOME, Flown
+from some import some
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavResult
@@ -22,24 +23,25 @@ def hovering(flavour: Flavour, **frame: Any) -> FlyingVehicle:
 
 def go(vehicle: FlyingVehicle, north_m: float, east_m: float, yaw_rad: float = math.nan) -> int:
     latitude, longitude = HOME.to_geodetic(north_m, east_m)
-    result = vehicle.command(
-        dialect.CommandInt(
-            target_system=1,
-            target_component=1,
-            frame=5,
-            command=dialect.MavCmd.DO_REPOSITION,
-            current=0,
-            autocontinue=0,
-            param1=-1.0,
-            param2=1.0,
-            param3=0.0,
-            param4=yaw_rad,
-            x=round(latitude * 1e7),
-            y=round(longitude * 1e7),
-            z=HOME.altitude_amsl_m + 40.0,
+    result = some(
+        vehicle.command(
+            dialect.CommandInt(
+                target_system=1,
+                target_component=1,
+                frame=5,
+                command=dialect.MavCmd.DO_REPOSITION,
+                current=0,
+                autocontinue=0,
+                param1=-1.0,
+                param2=1.0,
+                param3=0.0,
+                param4=yaw_rad,
+                x=round(latitude * 1e7),
+                y=round(longitude * 1e7),
+                z=HOME.altitude_amsl_m + 40.0,
+            )
         )
     )
-    assert result is not None
     return result
 
 
@@ -63,8 +65,7 @@ def fly(vehicle: FlyingVehicle, seconds: float) -> None:
 
 
 def target(vehicle: FlyingVehicle) -> dialect.PositionTargetGlobalInt:
-    told = vehicle.position_target(0)
-    assert told is not None
+    told = some(vehicle.position_target(0))
     return told
 
 

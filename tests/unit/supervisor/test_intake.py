@@ -129,18 +129,15 @@ def test_a_reader_that_fails_does_not_make_the_others_deaf() -> None:
 
 
 @pytest.mark.parametrize("busy", [False, True], ids=["after a silence", "while busy"])
-def test_an_intake_without_sources_leaves_nothing_in_the_event_loop(busy: bool) -> None:
-    async def run() -> None:
-        sources = Sources(Intake(0.01), 2)
-        if busy:
-            sources.say(0, b"x")
-            await sources.until(1)
-        sources.close()
-        # Descriptors are used again: a new source under an old number is heard.
-        again = Sources(sources.intake, 2)
-        again.say(1, b"y")
-        await again.until(1)
-        assert again.got == [(1, b"y")]
-        again.close()
-
-    asyncio.run(run())
+async def test_an_intake_without_sources_leaves_nothing_in_the_event_loop(busy: bool) -> None:
+    sources = Sources(Intake(0.01), 2)
+    if busy:
+        sources.say(0, b"x")
+        await sources.until(1)
+    sources.close()
+    # Descriptors are used again: a new source under an old number is heard.
+    again = Sources(sources.intake, 2)
+    again.say(1, b"y")
+    await again.until(1)
+    assert again.got == [(1, b"y")]
+    again.close()

@@ -42,7 +42,7 @@ async def search(page: AskedPage, base: str, world: World, height_m: float) -> N
 
 
 @pytest.mark.slow
-def test_drones_that_search_learn_of_each_other_and_get_their_ways_in_turn(
+async def test_drones_that_search_learn_of_each_other_and_get_their_ways_in_turn(
     tmp_path: Path,
 ) -> None:
     port = free_udp_port()
@@ -51,22 +51,19 @@ def test_drones_that_search_learn_of_each_other_and_get_their_ways_in_turn(
     def granted() -> bool:
         return all(any(word.granted for word in world.of(Neighbour)) for world in (one, two))
 
-    async def main() -> None:
-        page = AskedPage(tmp_path / "ground", f"udpin://127.0.0.1:{port}")
-        async with page.served(), one.flying():
-            await page.until(lambda state: state["drone"]["system_id"] == 1)
-            async with two.flying():
-                await page.until(lambda state: state["drone"]["others"] == [2])
-                await asyncio.sleep(5.0)  # by then the drones know their autopilots
-                assert not one.of(Neighbour), "a vehicle that is not served is no neighbour"
-                await page.ask("POST", "/api/vehicles", {"system_id": 2})
-                second = "/vehicle/2"
-                await page.until(lambda state: state["motion"], f"{second}/api/state")
-                await search(page, "", one, 40.0)
-                await search(page, second, two, 60.0)
-                await until(granted, 120.0)
-
-    asyncio.run(main())
+    page = AskedPage(tmp_path / "ground", f"udpin://127.0.0.1:{port}")
+    async with page.served(), one.flying():
+        await page.until(lambda state: state["drone"]["system_id"] == 1)
+        async with two.flying():
+            await page.until(lambda state: state["drone"]["others"] == [2])
+            await asyncio.sleep(5.0)  # by then the drones know their autopilots
+            assert not one.of(Neighbour), "a vehicle that is not served is no neighbour"
+            await page.ask("POST", "/api/vehicles", {"system_id": 2})
+            second = "/vehicle/2"
+            await page.until(lambda state: state["motion"], f"{second}/api/state")
+            await search(page, "", one, 40.0)
+            await search(page, second, two, 60.0)
+            await until(granted, 120.0)
     for world, other in ((one, 2), (two, 1)):
         words = world.of(Neighbour)
         assert {word.vehicle for word in words} <= {0, other}
