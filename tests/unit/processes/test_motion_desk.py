@@ -8,6 +8,7 @@ import pytest
 from flown import Flown
 from rough import Rough
 from some import some
+from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import fence_items
@@ -62,6 +63,7 @@ class Link:
     silent_s: dict[tuple[int, int], float] = field(default_factory=lambda: {US: 0.0})
 
     def __post_init__(self) -> None:
+        follow(lambda: self.flown.time_s)
         numbers = iter(range(1, 1000))
         self.desk = MotionDesk(
             self.settings,
@@ -160,20 +162,18 @@ class Link:
 
 
 def made(
-    monkeypatch: pytest.MonkeyPatch,
     flown: Flown,
     address: str = "udpin://127.0.0.1:14540",
     settings: GuidanceSettings = SETTINGS,
 ) -> Link:
     link = Link(flown=flown, address=address, settings=settings)
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
     link.run(1.5)
     return link
 
 
 @pytest.fixture
-def link(monkeypatch: pytest.MonkeyPatch) -> Link:
-    return made(monkeypatch, Flown("px4"))
+def link() -> Link:
+    return made(Flown("px4"))
 
 
 def request(number: int = 9) -> bytes:
@@ -282,10 +282,10 @@ def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) ->
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 @pytest.mark.parametrize("phase", range(10))
 def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
-    monkeypatch: pytest.MonkeyPatch, flavour: Flavour, phase: int
+    flavour: Flavour, phase: int
 ) -> None:
     """The pilot's return has begun, and is not told yet."""
-    link = made(monkeypatch, Flown(flavour))
+    link = made(Flown(flavour))
     link.run(0.05 * phase)
     own = link.flown.authority.manners.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
@@ -396,10 +396,8 @@ def test_the_silence_of_who_confirmed_counts_whoever_else_is_heard(link: Link) -
 @pytest.mark.parametrize(
     "address", ["udpin://0.0.0.0:14540", "udpout://10.0.0.1:14550", "serial:///dev/ttyAMA0"]
 )
-def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(
-    monkeypatch: pytest.MonkeyPatch, address: str
-) -> None:
-    link = made(monkeypatch, Flown("px4"), address)
+def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(address: str) -> None:
+    link = made(Flown("px4"), address)
     link.simulator()
     link.say(request(), sealed=False)
     assert "sealed" in link.states[-1].text
@@ -407,11 +405,9 @@ def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(
     assert link.desk.counters()["neighbours_refused"] == 1
 
 
-def test_no_order_is_flown_over_tcp_to_another_computer(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_no_order_is_flown_over_tcp_to_another_computer() -> None:
     """What TCP repeats arrives when a pilot may have taken over."""
-    link = made(monkeypatch, Flown("px4"), "tcp://192.168.1.7:5760")
+    link = made(Flown("px4"), "tcp://192.168.1.7:5760")
     link.say(request())
     assert link.states[-1].kind == "refused"
     assert "not flown over TCP" in link.states[-1].text
@@ -421,7 +417,7 @@ def test_no_order_is_flown_over_tcp_to_another_computer(
     assert link.confirm().kind == "refused"
     link.say(encode_stop(MotionStop(request_id=3)))
     assert [one.kind for one in link.states[-2:]] == ["refused", "state"]
-    near = made(monkeypatch, Flown("px4"), "tcp://127.0.0.1:5760")
+    near = made(Flown("px4"), "tcp://127.0.0.1:5760")
     begin(near)
 
 
@@ -446,9 +442,9 @@ def test_the_operator_is_told_once_that_the_link_is_too_late_to_command(link: Li
     )
 
 
-def test_a_channel_of_the_settings_is_not_watched(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_channel_of_the_settings_is_not_watched() -> None:
     settings = GuidanceSettings(enabled=True, unwatched_channels=(8,))
-    link = made(monkeypatch, Flown("px4", sticks=True), settings=settings)
+    link = made(Flown("px4", sticks=True), settings=settings)
     link.flown.switches = (1000,) * 4
     link.run(1.0)
     begin(link)
@@ -655,11 +651,8 @@ def begin(link: Link, north_m: float = 60.0) -> None:
     link.alive()
 
 
-def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
     link = Link(flown=Flown("px4", on_ground=True))
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
     link.run(1.5)
     report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
     assert report.takeoff_fault is None
@@ -690,12 +683,9 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(
     assert len(link.motions) == 1
 
 
-def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> None:
     """ArduPilot was given its mode, and not told to climb yet."""
     link = Link(flown=Flown("ardupilot", on_ground=True))
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
     link.run(1.5)
     link.desk.offer(
         MotionOffer(
