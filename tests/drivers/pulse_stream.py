@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
+import made
 from pulses import pulse_at
 from some import some
 
@@ -151,16 +152,7 @@ class StreamingDrone:
                 return True
             if now_s >= self._beat_at_s:
                 self._beat_at_s = now_s + BEAT_S
-                self._send(
-                    dialect.Heartbeat(
-                        type=18,
-                        autopilot=8,
-                        base_mode=0,
-                        custom_mode=0,
-                        system_status=4,
-                        mavlink_version=3,
-                    )
-                )
+                self._send(made.heartbeat())
             for number, (payload, sent_s) in list(self._open.items()):
                 if now_s - sent_s >= REPEAT_S:
                     self._open[number] = (payload, now_s)
@@ -189,13 +181,7 @@ class StreamingDrone:
 
 
 def _tunnel(payload: bytes) -> dialect.Tunnel:
-    return dialect.Tunnel(
-        target_system=254,
-        target_component=190,
-        payload_type=0,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    return made.tunnel(0, payload)
 
 
 def limit_files(pid: int, most_bytes: int) -> None:

@@ -30,12 +30,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from drone_computer import DroneComputer
 from pulses import pulse_at
 from relay import Relay
 from searched import Animal, pulse, report, snr_db
+from until import until_async
 
 from uavrt.clock import Clock
 from uavrt.config.settings import (
@@ -62,16 +64,15 @@ AUTOPILOT_S = 0.05
 """Between two turns of the autopilot; its vehicle moves in steps of 0.02 s."""
 DETECTOR_S = 0.1
 FAINTEST_DB = 9.2
-THESIS_TAG = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.020,
-    pulse_intervals_s=(1.254,),
+THESIS_TAG = made.tag(
+    2,
+    148_710_000.0,
     interval_uncertainty_s=0.060,
     interval_jitter_s=0.010,
     k=3,
     false_alarm_probability=0.005,
 )
+until = until_async
 Script = Sequence[tuple[float, Callable[[], object]]]
 """Faults and hands: seconds after the start, and what happens then."""
 
@@ -81,10 +82,10 @@ def turning_vehicle(rate_deg_s: float) -> Callable[[int], Pose]:
 
     def pose(time_ns: int) -> Pose:
         half = math.radians(rate_deg_s * ((time_ns % 10**12) / 1e9)) / 2
-        return Pose(
-            time_ns=time_ns,
-            latitude_deg=HOME[0],
-            longitude_deg=HOME[1],
+        return made.pose(
+            time_ns,
+            HOME[0],
+            HOME[1],
             altitude_amsl_m=2157.0,
             altitude_relative_m=50.0,
             quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
@@ -95,12 +96,7 @@ def turning_vehicle(rate_deg_s: float) -> Callable[[int], Pose]:
 
 def tag_of(number: int, animal: Animal) -> Tag:
     """Tag of the animal with this place in the list: 2, 4, 6 …"""
-    return Tag(
-        tag_id=2 * number + 2,
-        frequency_hz=148_700_000.0 + 10_000.0 * number,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(animal.interval_s,),
-    )
+    return made.tag(2 * number + 2, 148_700_000.0 + 10_000.0 * number, animal.interval_s)
 
 
 class World:
@@ -383,10 +379,3 @@ class World:
     def pilot_takes(self, mode: str = "position") -> None:
         """Let a pilot turn the switch of modes."""
         self.flown.set_mode(MODES[self.settings.flavour][mode])
-
-
-async def until(condition: Callable[[], object], timeout_s: float = 20.0) -> None:
-    """Wait until something is so; the time limit only ends a broken test."""
-    async with asyncio.timeout(timeout_s):
-        while not condition():  # noqa: ASYNC110 - any condition, not one object's
-            await asyncio.sleep(0.01)

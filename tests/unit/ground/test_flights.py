@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import made
 import numpy as np
 import pytest
 from pulses import pulse_at as heard_pulse
@@ -31,7 +32,7 @@ from uavrt.ground.web import maps
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.bearing.live_bearings import LiveBearings
-from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
+from uavrt.messages import LiveBearing, Pose, PulsePose
 from uavrt.recording import Flight, read_flight
 from uavrt.recording.places import Places, home_note, mark_note
 from uavrt.terrain import open_elevation
@@ -40,13 +41,7 @@ pytestmark = pytest.mark.slow
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
-TAG = Tag(
-    tag_id=2,
-    frequency_hz=148.7e6,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.2,),
-    name='<b>"lynx" & co</b>',
-)
+TAG = made.tag(2, 148.7e6, 1.2, name='<b>"lynx" & co</b>')
 TURN_S = 60.0
 TAG_EAST_M, TAG_NORTH_M = 300.0, 400.0
 
@@ -54,12 +49,10 @@ TAG_EAST_M, TAG_NORTH_M = 300.0, 400.0
 def pose_at(seconds: float, east_m: float, yaw_deg: float) -> Pose:
     latitude, longitude = PLANE.to_geodetic(east_m, 0.0)
     half = math.radians(yaw_deg) / 2.0
-    return Pose(
-        time_ns=START_NS + round(seconds * 1e9),
-        latitude_deg=float(latitude),
-        longitude_deg=float(longitude),
-        altitude_amsl_m=1000.0,
-        altitude_relative_m=40.0,
+    return made.pose(
+        START_NS + round(seconds * 1e9),
+        latitude,
+        longitude,
         quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
     )
 

@@ -79,24 +79,7 @@ def held(autopilot: FakeAutopilot, kind: int = 0) -> list[MissionItem]:
 
 def holds(autopilot: FakeAutopilot, items: tuple[MissionItem, ...], kind: int = 0) -> None:
     """Let it hold some, as another ground station has uploaded them."""
-    names = ("param1", "param2", "param3", "param4")
-    autopilot.missions.held[kind] = tuple(
-        dialect.MissionItemInt(
-            target_system=1,
-            target_component=1,
-            seq=number,
-            frame=one.frame,
-            command=one.command,
-            current=0,
-            autocontinue=1,
-            x=one.x,
-            y=one.y,
-            z=one.z,
-            mission_type=kind,
-            **dict(zip(names, one.params, strict=True)),
-        )
-        for number, one in enumerate(items)
-    )
+    autopilot.missions.held[kind] = made.mission_items(items, kind)
 
 
 @BOTH

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -56,9 +57,7 @@ def writer(ours: Signing) -> FrameWriter:
     return FrameWriter(1, 191, lambda frame: ours.signature(frame, 3))
 
 
-HEARTBEAT = dialect.Heartbeat(
-    type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-)
+HEARTBEAT = made.heartbeat()
 
 
 def test_pymavlink_believes_our_signature_and_no_other(pymavlink: ModuleType) -> None:
@@ -127,12 +126,8 @@ def test_a_computer_without_the_time_learns_it_from_the_first_signer(
 
 
 def test_unsigned_frames_are_taken_by_the_policy_only() -> None:
-    tunnel_message = dialect.Tunnel(
-        target_system=0,
-        target_component=0,
-        payload_type=0,
-        payload_length=4,
-        payload=b"\5\0\0\0",
+    tunnel_message = made.tunnel(
+        0, b"\5\0\0\0", target_system=0, target_component=0, payload_length=4
     )
     radio = dialect.RadioStatus(
         rxerrors=0, fixed=0, rssi=0, remrssi=0, txbuf=90, noise=0, remnoise=0

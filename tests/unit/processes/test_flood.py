@@ -33,9 +33,7 @@ OURS = {"target_system": 1, "target_component": 191}
 
 
 def tunnel(kind: int, payload: bytes) -> dialect.Tunnel:
-    return dialect.Tunnel(
-        **OURS, payload_type=kind, payload_length=len(payload), payload=payload
-    )
+    return made.tunnel(kind, payload, **OURS)
 
 
 def flood() -> Iterator[bytes]:
@@ -51,12 +49,7 @@ def flood() -> Iterator[bytes]:
             dialect.ParamSet(**OURS, param_id="DET_K", param_value=5.0, param_type=9),
             dialect.ParamRequestList(**OURS),
             dialect.Ping(time_usec=1, seq=2, target_system=0, target_component=0),
-            dialect.CommandLong(
-                **OURS,
-                command=512,
-                confirmation=0,
-                **{f"param{n}": 148.0 for n in range(1, 8)},  # type: ignore[arg-type]
-            ),
+            made.command_long(512, *[148.0] * 7, **OURS),
         )
     )
     for number in range(COUNT):

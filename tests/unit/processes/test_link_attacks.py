@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from attacked import (
     BATCH_S,
@@ -27,7 +28,7 @@ from some import some
 
 from uavrt.ground.link import ask, confirm, motion_request, stop
 from uavrt.mavlink import FrameWriter
-from uavrt.messages import PulsePose, SystemState, SystemStatus
+from uavrt.messages import PulsePose, SystemStatus
 from uavrt.tunnel import (
     MOTION_INSIDE,
     MOTION_TYPE,
@@ -199,15 +200,7 @@ def test_pulses_of_a_keyed_drone_are_delayed_by_a_tenth_at_most(
 
 
 def commanded_by_the_station() -> SystemStatus:
-    return SystemStatus(
-        time_ns=0,
-        state=SystemState.DETECTING,
-        flight_directory=None,
-        center_frequency_hz=None,
-        tags=(),
-        processes=(),
-        commander=f"mavlink {CONFIRMER[0]}/{CONFIRMER[1]}",
-    )
+    return made.system_status(0, commander=f"mavlink {CONFIRMER[0]}/{CONFIRMER[1]}")
 
 
 async def test_a_station_of_an_older_version_is_refused_with_the_remedy_and_can_still_stop(

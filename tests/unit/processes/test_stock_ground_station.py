@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from pulses import pulse_at
 
@@ -17,8 +18,6 @@ from uavrt.messages import (
     PulsePose,
     StatusText,
     SystemState,
-    SystemStatus,
-    Tag,
 )
 from uavrt.recording import FlightRecorder
 from uavrt.supervisor.mission.orders import Mission
@@ -27,13 +26,7 @@ from uavrt.supervisor.mission.saved_state import StateStore
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
 
-LYNX = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.254,),
-    name="lynx",
-)
+LYNX = made.tag(2, 148_710_000.0, name="lynx")
 FOX = replace(LYNX, tag_id=4_000_000, frequency_hz=148_720_000.0, name=None)
 
 
@@ -155,13 +148,10 @@ class MissionBehind:
 
     def tell_status(self) -> None:
         detecting = self.mission.state is SystemState.DETECTING or self.mission.ending
-        status = SystemStatus(
-            time_ns=self.bay.clock.now_ns(),
+        status = made.system_status(
+            self.bay.clock.now_ns(),
             state=SystemState.DETECTING if detecting else self.mission.state,
-            flight_directory=None,
-            center_frequency_hz=None,
             tags=(*self.mission.tags.values(),),
-            processes=(),
             ending=self.mission.ending,
         )
         self.bay.tell("system_status", status)
@@ -288,13 +278,11 @@ def begin_flight(bay: Bay) -> None:
 
 
 def flight_of(bay: Bay) -> FlightInfo:
-    return FlightInfo(
-        directory=bay.settings.recording.directory,
+    return made.flight_info(
+        bay.settings.recording.directory,
+        (LYNX, FOX),
         start_time_ns=bay.clock.now_ns(),
         clock_offset_ns=bay.clock.offset_ns,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(LYNX, FOX),
     )
 
 

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import made
 import pytest
 from flown import HOME, Flown
 from some import some
@@ -23,40 +24,13 @@ def hovering(flavour: Flavour, **frame: Any) -> FlyingVehicle:
 
 def go(vehicle: FlyingVehicle, north_m: float, east_m: float, yaw_rad: float = math.nan) -> int:
     latitude, longitude = HOME.to_geodetic(north_m, east_m)
-    result = some(
-        vehicle.command(
-            dialect.CommandInt(
-                target_system=1,
-                target_component=1,
-                frame=5,
-                command=dialect.MavCmd.DO_REPOSITION,
-                current=0,
-                autocontinue=0,
-                param1=-1.0,
-                param2=1.0,
-                param3=0.0,
-                param4=yaw_rad,
-                x=round(latitude * 1e7),
-                y=round(longitude * 1e7),
-                z=HOME.altitude_amsl_m + 40.0,
-            )
-        )
-    )
-    return result
+    place = {"x": round(latitude * 1e7), "y": round(longitude * 1e7)}
+    height = {"z": HOME.altitude_amsl_m + 40.0, "param4": yaw_rad}
+    return some(vehicle.command(made.reposition(frame=5, **place, **height)))
 
 
 def pause(vehicle: FlyingVehicle, param1: float = 0.0) -> int | None:
-    values = {f"param{number}": 0.0 for number in range(2, 8)}
-    return vehicle.command(
-        dialect.CommandLong(
-            target_system=1,
-            target_component=1,
-            command=DO_PAUSE_CONTINUE,
-            confirmation=0,
-            param1=param1,
-            **values,
-        )
-    )
+    return vehicle.command(made.command_long(DO_PAUSE_CONTINUE, param1))
 
 
 def fly(vehicle: FlyingVehicle, seconds: float) -> None:
