@@ -32,7 +32,6 @@ from uavrt.tunnel.motion import (
 )
 
 STATION = (254, 190)
-ALIVE_STEPS = 10
 SLOWEST_STEPS = 3
 """That the hub needs from guide to desk."""
 

@@ -56,7 +56,6 @@ from uavrt.guidance.authority import Standing
 from uavrt.ipc import ProcessFrame, decode_record
 from uavrt.messages import Command, Health, Pose, Pulse, Tag, VehicleReport
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.simulation.flying import MODES
 from uavrt.supervisor.program import start_commands
 
 HOME = (35.178241, -111.656587)
@@ -375,7 +374,3 @@ class World:
     def kill(self, process: str) -> None:
         """Kill a process of the drone; its supervisor starts another one."""
         self.computer.kill(process)
-
-    def pilot_takes(self, mode: str = "position") -> None:
-        """Let a pilot turn the switch of modes."""
-        self.flown.set_mode(MODES[self.settings.flavour][mode])
