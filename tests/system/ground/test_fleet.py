@@ -49,12 +49,7 @@ def serve_second(served: Any) -> None:
 
 
 def of_second(served: Any, what: Any) -> dict[str, Any]:
-    for _ in range(1000):
-        state: dict[str, Any] = served.ask("GET", "/vehicle/2/api/state").json
-        if what(state):
-            return state
-        time.sleep(0.03)
-    raise AssertionError(f"never came to be: {state}")
+    return until(served, what, "/vehicle/2/api/state")
 
 
 def test_a_second_vehicle_is_served_only_when_the_operator_says_so(

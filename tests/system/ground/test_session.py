@@ -74,10 +74,10 @@ def drone(served: Any) -> Iterator[Drone]:
     drone.close()
 
 
-def until(served: Any, what: Any) -> dict[str, Any]:
+def until(served: Any, what: Any, path: str = "/api/state") -> dict[str, Any]:
     """The state, once something holds."""
     for _ in range(1000):  # half a minute: the machine may be late
-        state: dict[str, Any] = served.ask("GET", "/api/state").json
+        state: dict[str, Any] = served.ask("GET", path).json
         if what(state):
             return state
         time.sleep(0.03)
