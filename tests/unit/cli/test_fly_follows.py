@@ -47,9 +47,6 @@ class Peer(asyncio.DatagramProtocol):
             self._send(PAYLOAD_TYPE, heartbeat_to_wire(SystemState.IDLE, 51.5).encode())
             await asyncio.sleep(0.3)
 
-    def error_received(self, exc: Exception) -> None:
-        """The station has not opened its port yet."""
-
     def datagram_received(self, data: bytes, addr: object) -> None:
         for frame in self._parser.feed(data):
             message = frame.message()
