@@ -1,6 +1,8 @@
 """Settings and fixtures of all tests: the processor's kernels, and a ROS 2 network."""
 
+import asyncio
 import gc
+import inspect
 import os
 import platform
 import signal
@@ -71,6 +73,16 @@ def pytest_collection_finish() -> None:
     """Leave tests and modules, which stay to the end, out of each search for garbage."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine in a loop of its own."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    given = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
+    asyncio.run(pyfuncitem.obj(**given))
+    return True
 
 
 @pytest.fixture(params=["plain", "avx2", "avx512"])

@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
+
 from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import Limits, Order, Pilot, manners_of, now_of, plan_of, wish_record
 from uavrt.mavlink import Message, dialect
@@ -234,14 +236,7 @@ class Attacker:
                 tunnel(0, pick.randbytes(40)),
                 tunnel(RECEIPT_TYPE, Receipt(store=pick.randrange(1, 99)).encode()),
                 tunnel(60_000 + pick.randrange(20), pick.randbytes(60)),
-                dialect.Heartbeat(
-                    type=6,
-                    autopilot=8,
-                    base_mode=0,
-                    custom_mode=0,
-                    system_status=4,
-                    mavlink_version=3,
-                ),
+                made.heartbeat(type=6),
                 dialect.ParamSet(**ours, param_id="DET_K", param_value=5.0, param_type=9),
                 dialect.ParamRequestList(**ours),
                 dialect.FileTransferProtocol(
@@ -254,10 +249,4 @@ class Attacker:
 
 def tunnel(kind: int, payload: bytes, target: tuple[int, int] = DRONE) -> dialect.Tunnel:
     """Write a tunnel message."""
-    return dialect.Tunnel(
-        target_system=target[0],
-        target_component=target[1],
-        payload_type=kind,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    return made.tunnel(kind, payload, target_system=target[0], target_component=target[1])

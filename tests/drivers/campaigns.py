@@ -12,6 +12,7 @@ from typing import Any
 from desked import Desked
 from flown import Flown
 from searched import Animal, Searched
+from some import some
 
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
@@ -43,8 +44,7 @@ class Framed(Desked):
 
 def carried(message: Message, writer: FrameWriter, parser: FrameParser) -> Message:
     (frame,) = parser.feed(writer.encode(message))
-    arrived = frame.message()
-    assert arrived is not None
+    arrived = some(frame.message())
     return arrived
 
 
@@ -212,8 +212,7 @@ def go_elsewhere(flown: Framed, rng: random.Random) -> None:
 
 def go_nearby(flown: Framed, rng: random.Random) -> None:
     """A metre beside our target."""
-    target = flown.vehicle.target
-    assert target is not None
+    target = some(flown.vehicle.target)
     way = rng.uniform(0.0, math.tau)
     flown.go_to(target.north_m + math.cos(way), target.east_m + math.sin(way))
 

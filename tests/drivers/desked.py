@@ -5,6 +5,7 @@ from collections import deque
 from typing import Any
 
 from flown import Flown, nonce_of
+from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused
@@ -31,7 +32,6 @@ from uavrt.tunnel.motion import (
 )
 
 STATION = (254, 190)
-ALIVE_STEPS = 10
 SLOWEST_STEPS = 3
 """That the hub needs from guide to desk."""
 
@@ -39,14 +39,12 @@ SLOWEST_STEPS = 3
 class Desked(Flown):
     """Its guide wishes by records that take some time, as through the hub.
 
-    The desk reads its time from `uavrt.processes.motion_desk.monotonic_s`, which a test lets
-    say `Desked.now_s`.
+    The clock of the test shows the time of the drone that was made last.
     """
 
-    now_s = 0.0
-
     def __init__(self, flavour: Flavour, **values: Any) -> None:
-        Desked.now_s = 100.0
+        self.time_s = 100.0
+        follow(lambda: self.time_s)
         self._report: VehicleReport | None = None
         self._is_new = False
         self._wishes: deque[tuple[int, VehicleWish]] = deque()
@@ -96,7 +94,6 @@ class Desked(Flown):
             self._report, self._is_new = record, True
 
     def control(self) -> None:
-        Desked.now_s = self.time_s
         for message in self.through(self.time_s, self.telemetry()):
             self.desk.vehicle(message)
         self._stopping = True  # the desk itself commands nothing else
@@ -176,8 +173,3 @@ class Desked(Flown):
         stop = encode_stop(MotionStop(request_id=next(self._numbers)))
         self.desk.receive(stop, STATION, None, sealed=True)
         self._stopping = False
-
-
-def clock() -> float:
-    """The time of the drone that flies."""
-    return Desked.now_s

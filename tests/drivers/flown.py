@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
+import made
+
 from uavrt.errors import CommandRefused, PlanError
 from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.lessons import Lessons
@@ -21,7 +23,6 @@ from uavrt.planning import Wind
 from uavrt.simulation.flying import (
     DO_PAUSE_CONTINUE,
     MODES,
-    NOWHERE,
     Flavour,
     FlyingVehicle,
     Frame,
@@ -238,13 +239,12 @@ class Flown:
     def _heartbeat(self) -> Message:
         armed = dialect.MavModeFlag.SAFETY_ARMED if self.vehicle.armed else 0
         state = dialect.MavState
-        return dialect.Heartbeat(
+        return made.heartbeat(
             type=self.kind,
             autopilot=12 if self.flavour == "px4" else 3,
             base_mode=1 | armed,
             custom_mode=self.vehicle.mode,
             system_status=state.CRITICAL if self.failsafe == "heartbeat" else state.ACTIVE,
-            mavlink_version=3,
         )
 
     def _status(self) -> Message:
@@ -275,22 +275,7 @@ class Flown:
     # ----------------------------------------------------- QGroundControl beside us
 
     def _reposition(self, **values: Any) -> None:
-        message = {
-            "target_system": 1,
-            "target_component": 1,
-            "frame": 0,
-            "command": dialect.MavCmd.DO_REPOSITION,
-            "current": 0,
-            "autocontinue": 0,
-            "param1": -1.0,
-            "param2": 1.0,
-            "param3": 0.0,
-            "param4": math.nan,
-            "x": NOWHERE,
-            "y": NOWHERE,
-            "z": math.nan,
-        }
-        self.vehicle.command(dialect.CommandInt(**(message | values)))
+        self.vehicle.command(made.reposition(**values))
 
     def pause(self) -> None:
         if self.flavour == "px4":
@@ -300,16 +285,7 @@ class Flown:
 
     def pause_by_193(self) -> None:
         """Mission Planner's pause."""
-        values = dict.fromkeys((f"param{n}" for n in range(1, 8)), 0.0)
-        self.vehicle.command(
-            dialect.CommandLong(
-                target_system=1,
-                target_component=1,
-                command=DO_PAUSE_CONTINUE,
-                confirmation=0,
-                **values,
-            )
-        )
+        self.vehicle.command(made.command_long(DO_PAUSE_CONTINUE))
 
     def go_to(self, north_m: float, east_m: float) -> None:
         latitude, longitude = self.place(north_m, east_m)

@@ -14,6 +14,7 @@ import argparse
 import contextlib
 import functools
 import gzip
+import importlib
 import io
 import json
 import os
@@ -534,10 +535,25 @@ def _flight_content() -> bytes:
 # ------------------------------------------------------------------- reading files
 
 
-def read_settings(path: Path) -> object:
-    from uavrt.config import load_settings
+def reader(place: str) -> Callable[[Path], object]:
+    """Import what reads a format only where it reads: its memory counts."""
+    module, _, name = place.rpartition(".")
 
-    return load_settings(path)
+    def read(path: Path) -> object:
+        return getattr(importlib.import_module(module), name)(path)
+
+    return read
+
+
+read_settings = reader("uavrt.config.load_settings")
+read_any_track = reader("uavrt.analysis.tracks.read_track")
+read_pulses = reader("uavrt.recording.formats.read_pulse_log")
+read_detector = reader("uavrt.recording.read_detector_config")
+read_bearings = reader("uavrt.recording.formats.read_bearing_file")
+read_positions = reader("uavrt.recording.formats.read_position_file")
+read_report_facts = reader("uavrt.analysis.facts.read_facts")
+read_manifest = reader("uavrt.batch.recordings.read_manifest")
+read_scenario_file = reader("uavrt.simulation.scenario_file.load_scenario")
 
 
 def read_tag_file(path: Path) -> object:
@@ -573,12 +589,6 @@ def read_shape(path: Path) -> object:
     return found
 
 
-def read_any_track(path: Path) -> object:
-    from uavrt.analysis.tracks import read_track
-
-    return read_track(path)
-
-
 def read_heights(path: Path) -> object:
     from uavrt.terrain import open_elevation
 
@@ -600,48 +610,6 @@ def read_samples(path: Path) -> object:
         path.with_suffix(".sigmf-data").write_bytes(bytes(8 * 4800))
     with contextlib.closing(open_recording(path)) as source:
         return source.read(4096)
-
-
-def read_pulses(path: Path) -> object:
-    from uavrt.recording.formats import read_pulse_log
-
-    return read_pulse_log(path)
-
-
-def read_detector(path: Path) -> object:
-    from uavrt.recording import read_detector_config
-
-    return read_detector_config(path)
-
-
-def read_bearings(path: Path) -> object:
-    from uavrt.recording.formats import read_bearing_file
-
-    return read_bearing_file(path)
-
-
-def read_positions(path: Path) -> object:
-    from uavrt.recording.formats import read_position_file
-
-    return read_position_file(path)
-
-
-def read_report_facts(path: Path) -> object:
-    from uavrt.analysis.facts import read_facts
-
-    return read_facts(path)
-
-
-def read_manifest(path: Path) -> object:
-    from uavrt.batch.recordings import read_manifest as read
-
-    return read(path)
-
-
-def read_scenario_file(path: Path) -> object:
-    from uavrt.simulation.scenario_file import load_scenario
-
-    return load_scenario(path)
 
 
 def read_update_file(path: Path) -> object:

@@ -3,6 +3,7 @@
 Each maker fills in what a test does not say; further fields are given by their names.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from uavrt.attitude import from_euler_deg
 from uavrt.config.settings import Settings
 from uavrt.detection.detector import PulseDetector
+from uavrt.guidance.mission import MissionItem
 from uavrt.mavlink import dialect
 from uavrt.messages import (
     ChannelBlock,
@@ -35,6 +37,7 @@ from uavrt.messages import (
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.flight import Flight
+from uavrt.simulation.flying import NOWHERE
 from uavrt.simulation.propagation import Propagation
 from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
 from uavrt.supervisor.mission.orders import Mission
@@ -42,6 +45,7 @@ from uavrt.supervisor.mission.saved_state import StateStore
 from uavrt_experiments.detection.signals import TruePulse, pulse_train
 
 FREQUENCY_HZ = 148.71e6
+PARAMS = ("param1", "param2", "param3", "param4")
 
 
 def tag(
@@ -279,6 +283,49 @@ def tunnel(payload_type: int, payload: bytes, **fields: Any) -> dialect.Tunnel:
         "payload_length": len(payload),
     }
     return dialect.Tunnel(payload_type=payload_type, payload=payload, **(usual | fields))
+
+
+def mission_items(
+    items: Iterable[MissionItem], kind: int = 0
+) -> tuple[dialect.MissionItemInt, ...]:
+    """Make the messages of a mission (0) or fence (1), as any ground station uploads them."""
+    return tuple(
+        dialect.MissionItemInt(
+            target_system=1,
+            target_component=1,
+            seq=number,
+            frame=one.frame,
+            command=one.command,
+            current=0,
+            autocontinue=1,
+            **dict(zip(PARAMS, one.params, strict=True)),
+            x=one.x,
+            y=one.y,
+            z=one.z,
+            mission_type=kind,
+        )
+        for number, one in enumerate(items)
+    )
+
+
+def reposition(**fields: Any) -> dialect.CommandInt:
+    """Make a DO_REPOSITION that holds the vehicle where it is."""
+    usual: dict[str, Any] = {
+        "target_system": 1,
+        "target_component": 1,
+        "frame": 0,
+        "current": 0,
+        "autocontinue": 0,
+        "param1": -1.0,
+        "param2": 1.0,
+        "param3": 0.0,
+        "param4": math.nan,
+        "x": NOWHERE,
+        "y": NOWHERE,
+        "z": math.nan,
+    }
+    command = dialect.MavCmd.DO_REPOSITION
+    return dialect.CommandInt(command=command, **(usual | fields))
 
 
 def command_long(command: int, *params: float, **fields: Any) -> dialect.CommandLong:

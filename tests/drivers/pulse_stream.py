@@ -13,7 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
+import made
 from pulses import pulse_at
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.ground.link.protocol import DRONE_COMPONENT
@@ -89,13 +91,11 @@ class Stations:
     def __exit__(self, *_: object) -> None:
         self.kill()
         with self._starter:
-            assert self._starter.stdin is not None
-            self._starter.stdin.close()
+            some(self._starter.stdin).close()
 
     def start(self, kind: str, port: int, directory: Path) -> int:
         """Start one, with a page or headless; get its process."""
-        assert self._starter.stdin is not None
-        print(kind, port, directory, file=self._starter.stdin, flush=True)
+        print(kind, port, directory, file=some(self._starter.stdin), flush=True)
         self._pid = int(self._hear())
         return self._pid
 
@@ -108,8 +108,7 @@ class Stations:
             self._pid = 0
 
     def _hear(self, word: str = "") -> str:
-        assert self._starter.stdout is not None
-        said = self._starter.stdout.readline().strip()
+        said = some(self._starter.stdout).readline().strip()
         assert said, "the starter has ended"
         assert word in said
         return said
@@ -153,16 +152,7 @@ class StreamingDrone:
                 return True
             if now_s >= self._beat_at_s:
                 self._beat_at_s = now_s + BEAT_S
-                self._send(
-                    dialect.Heartbeat(
-                        type=18,
-                        autopilot=8,
-                        base_mode=0,
-                        custom_mode=0,
-                        system_status=4,
-                        mavlink_version=3,
-                    )
-                )
+                self._send(made.heartbeat())
             for number, (payload, sent_s) in list(self._open.items()):
                 if now_s - sent_s >= REPEAT_S:
                     self._open[number] = (payload, now_s)
@@ -191,13 +181,7 @@ class StreamingDrone:
 
 
 def _tunnel(payload: bytes) -> dialect.Tunnel:
-    return dialect.Tunnel(
-        target_system=254,
-        target_component=190,
-        payload_type=0,
-        payload_length=len(payload),
-        payload=payload,
-    )
+    return made.tunnel(0, payload)
 
 
 def limit_files(pid: int, most_bytes: int) -> None:

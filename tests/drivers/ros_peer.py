@@ -117,6 +117,16 @@ class RosPeer:
         cdr = self.types.serialize_cdr(message, message.__msgtype__)
         self.publish_bytes(topic, bytes(cdr))
 
+    def order(self, what: str, **values: str) -> Any:
+        """Make what an operator publishes to start or stop."""
+        stamp = self.new("builtin_interfaces/msg/Time", 0, 0)
+        header = self.new("std_msgs/msg/Header", stamp, "by hand")
+        pairs = [self.new("diagnostic_msgs/msg/KeyValue", *pair) for pair in values.items()]
+        status = self.new(
+            "diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, f"{what} all", pairs
+        )
+        return self.new("diagnostic_msgs/msg/DiagnosticArray", header, [status])
+
     def read(self, cdr: bytes, type_name: str) -> Any:
         """Read bytes as a message."""
         return self.types.deserialize_cdr(cdr, type_name)

@@ -42,22 +42,31 @@ class VirtualClock:
     def __init__(self) -> None:
         self.now_s = START_S
         self.wall_offset_s: float = WALL_OFFSET_S
+        self.source: Callable[[], float] | None = None
+        """Counts the seconds in the clock's place."""
 
     def monotonic(self) -> float:
         """Virtual seconds of the monotonic clock."""
-        return self.now_s
+        return self.now_s if self.source is None else self.source()
 
     def monotonic_ns(self) -> int:
         """Virtual nanoseconds of the monotonic clock."""
-        return round(self.now_s * NANOSECONDS_PER_SECOND)
+        return round(self.monotonic() * NANOSECONDS_PER_SECOND)
 
     def set_wall_ns(self, time_ns: int) -> None:
         """Let the wall clock show a time now."""
-        self.wall_offset_s = time_ns / NANOSECONDS_PER_SECOND - self.now_s
+        self.wall_offset_s = time_ns / NANOSECONDS_PER_SECOND - self.monotonic()
 
     def time_ns(self) -> int:
         """Virtual nanoseconds of the wall clock."""
         return self.monotonic_ns() + round(self.wall_offset_s * NANOSECONDS_PER_SECOND)
+
+
+def follow(source: Callable[[], float]) -> None:
+    """Let the running test's clock show the seconds that a simulated vehicle or link counts."""
+    running = vars(clock)["time"]
+    assert isinstance(running, VirtualClock)
+    running.source = source
 
 
 class _Jumping(selectors.DefaultSelector):

@@ -1,6 +1,5 @@
 """A drone side as in the field, against a simulated radio and autopilot."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -147,19 +146,6 @@ def thesis_scenario() -> Scenario:
 def full_rate_scenario() -> Scenario:
     """Simulate the same at 3 MS/s."""
     return hovering_scenario(sample_rate_hz=3_000_000.0)
-
-
-def living_children(pid: int) -> set[int]:
-    """All descendants of a process."""
-    from uavrt.supervisor.tree.usage import children_of
-
-    found: set[int] = set()
-    waiting = [pid]
-    while waiting:
-        for child in children_of(waiting.pop()):
-            found.add(child)
-            waiting.append(child)
-    return found - {os.getpid()}
 
 
 @pytest.fixture

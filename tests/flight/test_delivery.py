@@ -21,7 +21,6 @@ from uavrt.ground.link.drone_link import GroundLink
 from uavrt.messages import BurstInside, PulsePose, SystemState
 from uavrt.recording import read_flight
 
-MakeScenario = Callable[..., Any]
 CODED_TAG = made.simulated_tag(
     30,
     148_690_000.0,

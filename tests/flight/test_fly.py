@@ -24,7 +24,7 @@ from uavrt.config.settings import GuidanceSettings
 from uavrt.demo.programs import Program, free_udp_port
 from uavrt.mavlink import FrameParser, FrameWriter, dialect
 from uavrt.simulation import Scenario
-from uavrt.simulation.flying import MODES, NOWHERE, Flavour
+from uavrt.simulation.flying import MODES, Flavour
 
 pytestmark = pytest.mark.timeout(240)
 OURS = "1/191"
@@ -90,23 +90,7 @@ class Qgc:
         if flavour == "ardupilot":
             self.set_mode(flavour, "brake")
             return
-        self.send(
-            dialect.CommandInt(
-                target_system=1,
-                target_component=1,
-                frame=0,
-                command=dialect.MavCmd.DO_REPOSITION,
-                current=0,
-                autocontinue=0,
-                param1=-1.0,
-                param2=1.0,
-                param3=0.0,
-                param4=math.nan,
-                x=NOWHERE,
-                y=NOWHERE,
-                z=math.nan,
-            )
-        )
+        self.send(made.reposition())
 
     def set_mode(self, flavour: Flavour, name: str) -> None:
         mode = MODES[flavour][name]

@@ -153,12 +153,4 @@ def test_the_yaw_of_each_pulse_is_right_through_jitter_skew_reboot_and_a_clock_s
 
 def reboot() -> dialect.CommandLong:
     """PREFLIGHT_REBOOT_SHUTDOWN to the autopilot."""
-    zeros = {f"param{number}": 0.0 for number in range(2, 8)}
-    return dialect.CommandLong(
-        target_system=1,
-        target_component=1,
-        command=dialect.MavCmd.PREFLIGHT_REBOOT_SHUTDOWN,
-        confirmation=0,
-        param1=1.0,
-        **zeros,
-    )
+    return made.command_long(dialect.MavCmd.PREFLIGHT_REBOOT_SHUTDOWN, 1.0)

@@ -76,13 +76,6 @@ class Watch:
         return None if self.status is None else self.status.state
 
 
-def order(ros_peer: Any, what: str) -> Any:
-    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
-    header = ros_peer.new("std_msgs/msg/Header", stamp, "")
-    status = ros_peer.new("diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, "", [])
-    return ros_peer.new(ARRAY, header, [status])
-
-
 def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     drone_bay: Any,
     full_rate_scenario: Any,
@@ -125,7 +118,7 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     seen(lambda: watch.state() is SystemState.RECEIVING_TAGS)
     ros_peer.publish("release_tag_information", ros_peer.new("std_msgs/msg/Bool", True))
     seen(lambda: watch.state() is SystemState.HAS_TAGS)
-    ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+    ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     seen(lambda: len(watch.heard) >= 3)
 
     # A coded tag's burst is a pulse, and besides what is inside.
@@ -142,7 +135,7 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
         ros_peer.publish(
             "store_tag_information", ros_peer.new("uavrt_interfaces/msg/Tag", *([0] * 9))
         )
-        ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+        ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     heard = len(watch.heard)
     seen(lambda: len(watch.heard) >= heard + 3)
     old = watch.process("ros2").pid
@@ -157,7 +150,7 @@ def test_a_flight_is_flown_over_ros_2_whatever_happens_on_its_network(
     assert watch.process("receiver").counters["samples_lost"] == 0
     directory = watch.status.flight_directory  # type: ignore[union-attr]
 
-    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
     seen(lambda: watch.state() is SystemState.HAS_TAGS)
     recorded = read_flight(directory or "")
     starts_ns = {item.pulse.start_time_ns for item in recorded.pulse_poses}

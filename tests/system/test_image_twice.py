@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from command_line import program
+from tests.system.test_image import contents
 from toy_installer import ToyInstaller
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -19,16 +20,6 @@ OWN, REMOVED, ADDED, FOREIGN = (
     f"-----BEGIN CERTIFICATE-----\n{whose}\n-----END CERTIFICATE-----\n"
     for whose in ("own", "removed", "added", "builder")
 )
-
-
-def contents(root: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(root).as_posix(): os.fsencode(path.readlink())
-        if path.is_symlink()
-        else path.read_bytes()
-        for path in root.rglob("*")
-        if path.is_symlink() or path.is_file()
-    }
 
 
 def test_a_program_that_was_installed_twice_is_the_same(tmp_path: Path) -> None:

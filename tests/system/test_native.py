@@ -8,10 +8,10 @@ import subprocess
 import sys
 import sysconfig
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+from by_path import module_at
 from tests.unit.test_native import ROOT
 
 from uavrt import native
@@ -36,19 +36,10 @@ def test_the_environment_leaves_the_kernels_aside() -> None:
     assert ("NumPy alone" in run_python(*lines, pure="")) != there
 
 
-def hook() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_without_a_compiler_nothing_is_left_and_the_remedy_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    build, target = hook(), tmp_path / "kernels.so"
+    build, target = module_at(ROOT / "hatch_build.py"), tmp_path / "kernels.so"
     target.write_text("of an older build")
     monkeypatch.setenv("CC", "no-such-compiler")
     monkeypatch.delenv("UAVRT_PURE", raising=False)
@@ -76,12 +67,8 @@ def compiler(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("compiler")
 def test_the_build_makes_kernels_that_load(tmp_path: Path) -> None:
     target = tmp_path / "_native.abi3.so"
-    hook().build_kernels(ROOT, target)
-    spec = importlib.util.spec_from_file_location("_native", target)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module_at(ROOT / "hatch_build.py").build_kernels(ROOT, target)
+    module = module_at(target)
     assert module.INTERFACE == native.INTERFACE
     # What manylinux_2_17 promises (`make wheels`): libm's log, exp and pow are of 2.29.
     needed = re.findall(rb"GLIBC_(\d+)\.(\d+)", target.read_bytes())
@@ -95,7 +82,7 @@ def test_the_build_makes_kernels_that_load(tmp_path: Path) -> None:
 def test_kernels_that_do_not_compile_say_why(
     tmp_path: Path,
 ) -> None:
-    build = hook()
+    build = module_at(ROOT / "hatch_build.py")
     (tmp_path / "native").mkdir()
     (tmp_path / "native" / "kernels.c").write_text("int here(void) { return nowhere; }\n")
     with pytest.raises(build.KernelsError, match="nowhere"):

@@ -1,30 +1,20 @@
 """The source distribution: what builds of it needs no Node."""
 
-import importlib.util
 import subprocess
 import sys
 import tarfile
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+from by_path import module_at
 
 ROOT = Path(__file__).parents[2]
-
-
-def hook_of(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("hatch_build", root / "hatch_build.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_the_source_distribution_holds_the_page_of_its_own_sources(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    built = hook_of(ROOT)
+    built = module_at(ROOT / "hatch_build.py")
     if not built.page_is_built(ROOT):
         pytest.skip("the page is not built: python hatch_build.py page")
     hatchling = Path(sys.executable).with_name("hatchling")
@@ -37,7 +27,7 @@ def test_the_source_distribution_holds_the_page_of_its_own_sources(
     index = (root / "src/uavrt/ground/static/index.html").read_text()
     assert "/assets/index-" in index
     assert not (root / "page/node_modules").exists()
-    theirs = hook_of(root)
+    theirs = module_at(root / "hatch_build.py")
     monkeypatch.setattr(theirs, "node_of_machine", lambda: None)
     assert theirs.page_is_built(root)
     theirs.build_page(root)  # nothing to do, and no Node asked for

@@ -19,6 +19,26 @@ import subprocess
 import sys
 import time
 
+import pytest
+
+
+@pytest.fixture(scope="module")
+def slept():
+    time.sleep(0.001)
+
+
+@pytest.fixture(scope="module")
+def waited():
+    asyncio.run(asyncio.sleep(3600))
+
+
+def test_fixture_of_a_module(slept):
+    pass
+
+
+def test_hour_of_a_module(waited):
+    pass
+
 
 def test_sleep():
     time.sleep(0.001)
@@ -81,7 +101,12 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 def test_waiting_and_starting_programs_are_refused(outcomes: dict[str, str]) -> None:
     assert {name for name, outcome in outcomes.items() if outcome == "FAILED"} == REFUSED
+    assert outcomes["fixture_of_a_module"] == "ERROR"
 
 
 def test_computing_and_an_hour_of_virtual_time_pass(outcomes: dict[str, str]) -> None:
-    assert {name for name, word in outcomes.items() if word == "PASSED"} == {"hour", "sum"}
+    assert {name for name, word in outcomes.items() if word == "PASSED"} == {
+        "hour",
+        "hour_of_a_module",
+        "sum",
+    }

@@ -4,6 +4,7 @@
 terminal or real TCP belongs to `tests/system`, as does the test of this guard.
 """
 
+import contextlib
 import sys
 import time
 from collections.abc import Iterator
@@ -24,7 +25,7 @@ REFUSED = {
 """Audit events of the interpreter that end a test of this folder."""
 
 _running: list[str] = []
-"""The test that runs now; a hook of the interpreter cannot be removed again."""
+"""Tests and fixtures that run now; the interpreter keeps the hook below to its end."""
 
 
 def _refuse(event: str, arguments: tuple[object, ...]) -> None:
@@ -36,11 +37,9 @@ def _refuse(event: str, arguments: tuple[object, ...]) -> None:
 sys.addaudithook(_refuse)
 
 
-@pytest.fixture(autouse=True)
-def nothing_waits(
-    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[None]:
-    """Refuse real waiting and the starting of programs while a test runs."""
+@contextlib.contextmanager
+def _guarded(name: str) -> Iterator[VirtualClock]:
+    """Refuse real waiting and the starting of programs; the clock is a virtual one."""
 
     def sleep(seconds: float) -> None:
         _refuse("time.sleep", (seconds,))
@@ -48,15 +47,29 @@ def nothing_waits(
     def start(process: BaseProcess) -> None:
         _refuse("multiprocessing.Process.start", (process.name,))
 
-    _running.append(request.node.nodeid)
-    monkeypatch.setattr(time, "sleep", sleep)
-    monkeypatch.setattr(BaseProcess, "start", start)
-    yield
-    _running.pop()
+    with pytest.MonkeyPatch.context() as patch, virtual_time() as virtual:
+        patch.setattr(time, "sleep", sleep)
+        patch.setattr(BaseProcess, "start", start)
+        _running.append(name)
+        try:
+            yield virtual
+        finally:
+            _running.pop()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(
+    fixturedef: pytest.FixtureDef[object], request: pytest.FixtureRequest
+) -> Iterator[None]:
+    """Guard what is made once for a module or class; no test runs then."""
+    if request.scope == "function":
+        return (yield)
+    with _guarded(f"{fixturedef.argname} of {request.node.nodeid}"):
+        return (yield)
 
 
 @pytest.fixture(autouse=True)
-def clock_of_test() -> Iterator[VirtualClock]:
+def clock_of_test(request: pytest.FixtureRequest) -> Iterator[VirtualClock]:
     """Run the test on a virtual clock."""
-    with virtual_time() as virtual:
+    with _guarded(request.node.nodeid) as virtual:
         yield virtual

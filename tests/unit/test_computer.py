@@ -5,15 +5,17 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from virtual_time import VirtualClock
 
 from uavrt.cli.app import app
 from uavrt.computer import ServicePlan, checks, install, remove, status
 from uavrt.computer.service import RULE_PATH, UNIT_PATH, WANTED_PATH, rule_text, unit_text
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import ProcessStatus, SystemState, SystemStatus
+from uavrt.messages import ProcessStatus
 
 PLAN = ServicePlan(
     program=Path("/opt/uavrt/.venv/bin/uavrt"), user="pi", directory=Path("/home/pi")
@@ -183,16 +185,15 @@ def test_a_missing_serial_port_is_told_by_name(tmp_path: Path) -> None:
     assert str(port) in finding.text
 
 
-def test_silence_at_the_autopilots_port_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "LISTEN_S", 0.3)
+def test_silence_at_the_autopilots_port_is_a_fault() -> None:
     settings = Settings(mavlink=MavlinkSettings(address="udpin://127.0.0.1:0"))
     finding = checks.check_autopilot(settings, None)
     assert not finding.ok
     assert "nothing heard" in finding.text
 
 
-def test_a_lost_clock_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavrt.card.wall_ns", lambda: 86_400 * 10**9)
+def test_a_lost_clock_is_a_fault(clock_of_test: VirtualClock) -> None:
+    clock_of_test.set_wall_ns(86_400 * 10**9)
     assert not checks.check_clock().ok
 
 
@@ -215,24 +216,10 @@ def test_a_hot_processor_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_a_running_system_is_asked_instead_of_its_radio_and_port(tmp_path: Path) -> None:
     def process(name: str, word: str) -> ProcessStatus:
-        return ProcessStatus(
-            process=name,
-            running=True,
-            pid=1,
-            status=word,
-            ok=True,
-            restarts=0,
-            cpu_s=0.0,
-            memory_mb=0.0,
-        )
+        return made.process_status(name, word)
 
-    running = SystemStatus(
-        time_ns=0,
-        state=SystemState.DETECTING,
-        flight_directory=None,
-        center_frequency_hz=None,
-        tags=(),
-        processes=(process("receiver", "receiving"), process("connection", "ready")),
+    running = made.system_status(
+        0, processes=(process("receiver", "receiving"), process("connection", "ready"))
     )
     assert checks.check_radio(Settings(), running).ok
     assert checks.check_autopilot(Settings(), running).ok

@@ -1,26 +1,15 @@
 """The manual's notebooks run, and say what is stored in them."""
 
-import importlib.util
 import re
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
+from by_path import module_at
 
 DOCS = Path(__file__).parents[2] / "docs"
 NOTEBOOKS = sorted(path for path in DOCS.rglob("*.ipynb") if "_build" not in path.parts)
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
-
-
-def notebook_module() -> ModuleType:
-    """The manual's extension, which is in no package."""
-    spec = importlib.util.spec_from_file_location("notebook", DOCS / "_ext/notebook.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def said(outputs: list[dict[str, Any]]) -> str:
@@ -30,7 +19,7 @@ def said(outputs: list[dict[str, Any]]) -> str:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_says_what_is_stored_in_it(path: Path) -> None:
     """Word for word; numbers to 5 %, since another NumPy may round otherwise."""
-    module = notebook_module()
+    module = module_at(DOCS / "_ext/notebook.py")
     content = module.load(path)
     cells = [cell for cell in content["cells"] if cell["cell_type"] == "code"]
     for cell, now in zip(cells, module.run(content), strict=True):
@@ -44,7 +33,7 @@ def test_a_notebook_says_what_is_stored_in_it(path: Path) -> None:
 
 def test_there_is_a_notebook_and_it_becomes_a_page_that_fetches_nothing() -> None:
     assert NOTEBOOKS
-    module = notebook_module()
+    module = module_at(DOCS / "_ext/notebook.py")
     for path in NOTEBOOKS:
         page = module.as_myst(module.load(path))
         assert page.startswith("# ")

@@ -30,12 +30,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from drone_computer import DroneComputer
 from pulses import pulse_at
 from relay import Relay
 from searched import Animal, pulse, report, snr_db
+from until import until_async
 
 from uavrt.clock import Clock
 from uavrt.config.settings import (
@@ -52,9 +54,8 @@ from uavrt.ground.session import GroundSession
 from uavrt.ground.store.settings import GroundStore
 from uavrt.guidance.authority import Standing
 from uavrt.ipc import ProcessFrame, decode_record
-from uavrt.messages import Health, Pose, Pulse, Tag, VehicleReport
+from uavrt.messages import Command, Health, Pose, Pulse, Tag, VehicleReport
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt.simulation.flying import MODES
 from uavrt.supervisor.program import start_commands
 
 HOME = (35.178241, -111.656587)
@@ -62,16 +63,15 @@ AUTOPILOT_S = 0.05
 """Between two turns of the autopilot; its vehicle moves in steps of 0.02 s."""
 DETECTOR_S = 0.1
 FAINTEST_DB = 9.2
-THESIS_TAG = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.020,
-    pulse_intervals_s=(1.254,),
+THESIS_TAG = made.tag(
+    2,
+    148_710_000.0,
     interval_uncertainty_s=0.060,
     interval_jitter_s=0.010,
     k=3,
     false_alarm_probability=0.005,
 )
+until = until_async
 Script = Sequence[tuple[float, Callable[[], object]]]
 """Faults and hands: seconds after the start, and what happens then."""
 
@@ -81,10 +81,10 @@ def turning_vehicle(rate_deg_s: float) -> Callable[[int], Pose]:
 
     def pose(time_ns: int) -> Pose:
         half = math.radians(rate_deg_s * ((time_ns % 10**12) / 1e9)) / 2
-        return Pose(
-            time_ns=time_ns,
-            latitude_deg=HOME[0],
-            longitude_deg=HOME[1],
+        return made.pose(
+            time_ns,
+            HOME[0],
+            HOME[1],
             altitude_amsl_m=2157.0,
             altitude_relative_m=50.0,
             quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
@@ -95,12 +95,7 @@ def turning_vehicle(rate_deg_s: float) -> Callable[[int], Pose]:
 
 def tag_of(number: int, animal: Animal) -> Tag:
     """Tag of the animal with this place in the list: 2, 4, 6 …"""
-    return Tag(
-        tag_id=2 * number + 2,
-        frequency_hz=148_700_000.0 + 10_000.0 * number,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(animal.interval_s,),
-    )
+    return made.tag(2 * number + 2, 148_700_000.0 + 10_000.0 * number, animal.interval_s)
 
 
 class World:
@@ -118,6 +113,8 @@ class World:
         Settings of the drone that differ from the usual ones; with `guidance` it takes orders.
     flights : Path, optional
         The drone's directory of flights.
+    vehicle : callable, optional
+        Pose of the vehicle at a time [ns]; it turns on the spot unless it flies.
     **autopilot
         What differs of `AutopilotSettings`.
     """
@@ -131,6 +128,7 @@ class World:
         mavlink: dict[str, Any] | None = None,
         guidance: dict[str, Any] | None = None,
         flights: Path | None = None,
+        vehicle: Callable[[int], Pose] | None = None,
         **autopilot: Any,
     ) -> None:
         self.directory, self.animals = directory, list(animals)
@@ -138,7 +136,7 @@ class World:
         self.ground_port = free_udp_port() if ground_port is None else ground_port
         self.companion_port = free_udp_port()
         self.radio = Relay(self.ground_port, seed=autopilot.get("seed", 1))
-        self.vehicle = turning_vehicle(0.0 if autopilot.get("flies") else 30.0)
+        self.vehicle = vehicle or turning_vehicle(0.0 if autopilot.get("flies") else 30.0)
         self.settings = AutopilotSettings(
             companion=("127.0.0.1", self.companion_port),
             ground=("127.0.0.1", self.radio.port),
@@ -187,11 +185,12 @@ class World:
         with pytest.MonkeyPatch.context() as patch:
             for module in ("uavrt.processes.guide", "uavrt.ground.link.motion"):
                 patch.setattr(f"{module}.secrets.randbits", numbers.getrandbits)
-            async with self._alive(script):
+            async with self.alive(script):
                 yield self.autopilot
 
     @contextlib.asynccontextmanager
-    async def _alive(self, script: Script) -> AsyncIterator[None]:
+    async def alive(self, script: Script = ()) -> AsyncIterator[None]:
+        """Live while the block runs, with numbers of orders that nothing can foresee."""
         gc.freeze()  # what is there stays: each process collects garbage now and then
         self.computer = DroneComputer(self.drone_settings, self._detect, self._passed)
         self.computer.start()
@@ -261,7 +260,14 @@ class World:
 
     def detect(self, *tags: Tag) -> None:
         """Begin a flight as `uavrt run --tags` does, without a ground station."""
-        for command in start_commands(tags or (THESIS_TAG,)):
+        self._command(start_commands(tags or (THESIS_TAG,)))
+
+    def take_tags(self, *tags: Tag) -> None:
+        """Take tags as if a ground station had sent them."""
+        self._command(start_commands(tags)[:-1])
+
+    def _command(self, commands: Sequence[Command]) -> None:
+        for command in commands:
             numbered = replace(command, request_id=next(self._numbers))
             reply = self.computer.supervisor.command(numbered)
             assert reply.accepted, reply.message
@@ -368,14 +374,3 @@ class World:
     def kill(self, process: str) -> None:
         """Kill a process of the drone; its supervisor starts another one."""
         self.computer.kill(process)
-
-    def pilot_takes(self, mode: str = "position") -> None:
-        """Let a pilot turn the switch of modes."""
-        self.flown.set_mode(MODES[self.settings.flavour][mode])
-
-
-async def until(condition: Callable[[], object], timeout_s: float = 20.0) -> None:
-    """Wait until something is so; the time limit only ends a broken test."""
-    async with asyncio.timeout(timeout_s):
-        while not condition():  # noqa: ASYNC110 - any condition, not one object's
-            await asyncio.sleep(0.01)

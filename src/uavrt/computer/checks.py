@@ -19,7 +19,7 @@ from uavrt.card import (
     clock_fault,
     clock_is_lost,
 )
-from uavrt.clock import Clock
+from uavrt.clock import Clock, monotonic_s
 from uavrt.computer.finding import Finding
 from uavrt.config import Settings
 from uavrt.errors import UavrtError
@@ -158,8 +158,8 @@ def _listen(settings: Settings) -> tuple[bool, str]:
 
     async def listen() -> None:
         task = asyncio.create_task(link.run(settings.mavlink.address))
-        deadline_s = time.monotonic() + LISTEN_S
-        while time.monotonic() < deadline_s and not task.done():
+        deadline_s = monotonic_s() + LISTEN_S
+        while monotonic_s() < deadline_s and not task.done():
             if link.status() not in ("waiting for autopilot", "waiting for time"):
                 break
             await asyncio.sleep(0.05)

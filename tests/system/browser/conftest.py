@@ -1,13 +1,22 @@
 """Drones that a page commands."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from willing_drone import WillingDrone
 
+from uavrt.processes import ground_status
+
 
 @pytest.fixture
-def willing() -> Iterator[Callable[..., WillingDrone]]:
+def willing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[..., WillingDrone]]:
+    """Start drones for ground stations at these ports; their processors have 51.5 °C."""
+    zone = tmp_path / "thermal_zone"
+    zone.write_text("51500\n")
+    monkeypatch.setattr(ground_status, "THERMAL_ZONE", zone)
     drones: list[WillingDrone] = []
 
     def make(port: int, system_id: int = 1) -> WillingDrone:

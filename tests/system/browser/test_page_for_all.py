@@ -192,6 +192,7 @@ def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
     page.keyboard.press("ArrowLeft")
     expect(page.locator("#view-fly")).to_be_visible()
     for name, label in (("send_tags", "Tags sent"), ("start", "Detecting")):
+        expect(page.locator(f"#act-{name}")).to_be_enabled()
         page.focus(f"#act-{name}")
         page.keyboard.press("Enter")
         expect(

@@ -226,7 +226,8 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
 def test_on_a_tablet_the_hint_is_whole_above_many_tags(
     browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
-    watched = Watched(browser, start_ground(tmp_path).address)
+    silent = f"udpin://127.0.0.1:{free_udp_port()}"
+    watched = Watched(browser, start_ground(tmp_path, 0, "--mavlink", silent).address)
     page = watched.page
     few = demo_scenario(40.0)
     more = [

@@ -15,7 +15,6 @@ from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, PlanError
 from uavrt.guidance import fence_items
-from uavrt.mavlink import dialect
 from uavrt.messages import KeepOut, Pose, VehicleFence
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 
@@ -47,26 +46,7 @@ class Vehicle:
         self._thread.join()
 
     def holds_fence(self, fence: VehicleFence) -> None:
-        self.autopilot.missions.held[1] = tuple(
-            dialect.MissionItemInt(
-                target_system=1,
-                target_component=1,
-                seq=number,
-                frame=item.frame,
-                command=item.command,
-                current=0,
-                autocontinue=1,
-                param1=item.params[0],
-                param2=0.0,
-                param3=0.0,
-                param4=0.0,
-                x=item.x,
-                y=item.y,
-                z=0.0,
-                mission_type=1,
-            )
-            for number, item in enumerate(fence_items(fence))
-        )
+        self.autopilot.missions.held[1] = made.mission_items(fence_items(fence), 1)
 
     def _end(self) -> None:
         some(self._task).cancel()

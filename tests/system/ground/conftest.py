@@ -90,6 +90,14 @@ def served(tmp_path: Path) -> Iterator[Served]:
     station.stop()
 
 
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """One station of a whole file, for requests that change nothing in it."""
+    station = Served(tmp_path_factory.mktemp("standing") / "ground")
+    yield station
+    station.stop()
+
+
 @pytest.fixture
 def serve() -> type[Served]:
     return Served

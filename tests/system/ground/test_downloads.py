@@ -114,11 +114,11 @@ def test_one_download_at_a_time_and_it_can_be_stopped(
 
 
 @pytest.mark.parametrize("name", ["", "..", "/etc", "flight_log_1/../..", "maps", 7])
-def test_only_flights_are_fetched(served: Any, name: object) -> None:
-    answer = served.ask("POST", "/api/drone/download", {"flight_id": name})
+def test_only_flights_are_fetched(standing: Any, name: object) -> None:
+    answer = standing.ask("POST", "/api/drone/download", {"flight_id": name})
     assert answer.status == 404
     assert "there is no flight" in answer.json["error"]
 
 
-def test_without_a_drone_it_is_said_so(served: Any) -> None:
-    assert served.ask("POST", "/api/drone/flights", {}).status == 409
+def test_without_a_drone_it_is_said_so(standing: Any) -> None:
+    assert standing.ask("POST", "/api/drone/flights", {}).status == 409

@@ -26,19 +26,19 @@ from uavrt.ground.link.flying import area_of_file
     ],
 )
 def test_what_is_no_motion_is_refused_before_a_drone_is_looked_for(
-    served: Any, wish: object
+    standing: Any, wish: object
 ) -> None:
-    assert served.ask("POST", "/api/motion/ask", wish).status == 422
+    assert standing.ask("POST", "/api/motion/ask", wish).status == 422
 
 
-def test_without_a_drone_taking_back_says_who_must(served: Any) -> None:
-    answer = served.ask("POST", "/api/motion/stop", {})
+def test_without_a_drone_taking_back_says_who_must(standing: Any) -> None:
+    answer = standing.ask("POST", "/api/motion/stop", {})
     assert answer.status == 409
     assert "remote control" in answer.json["error"]
 
 
-def test_a_file_that_gives_no_area_is_named(served: Any) -> None:
-    answer = served.ask("POST", "/api/motion/area", {"name": "x.kml", "text": "<kml/>"})
+def test_a_file_that_gives_no_area_is_named(standing: Any) -> None:
+    answer = standing.ask("POST", "/api/motion/area", {"name": "x.kml", "text": "<kml/>"})
     assert answer.status == 422
     assert "x.kml gives no area" in answer.json["error"]
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import greedy
+import made
 import pytest
 from foreign_files import ENDLESS, MBTILES, SHAPE_ATTACKS, Content, corners, sqlite
 from greedy import fill, refuse, spin
@@ -24,7 +25,7 @@ from uavrt.errors import CommandRefused, FormatError, UsageError
 from uavrt.foreign import CPU_S
 from uavrt.ground.web import PageSettings, PageStation, ServerSettings
 from uavrt.ground.web.foreign_worker import MOST_WAITING, ForeignWorker
-from uavrt.mavlink import FrameWriter, dialect
+from uavrt.mavlink import FrameWriter
 
 LONGEST_STOP_S = 0.2
 
@@ -240,9 +241,7 @@ def test_a_thousand_half_open_connections_leave_page_and_link_their_descriptors(
                 sock.sendall(b"GET /api/state HTTP/1.1\r\nHost: lo")
             silent.append(sock)
         # The drone is received for the first time now.
-        heartbeat = dialect.Heartbeat(
-            type=2, autopilot=12, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-        )
+        heartbeat = made.heartbeat(type=2, autopilot=12)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
             writer = FrameWriter(1, 1)
             for _ in range(20):

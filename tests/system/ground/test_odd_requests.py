@@ -24,15 +24,15 @@ def test_a_map_without_a_credit_and_edges_does_not_empty_the_set_up_page(
 
 @pytest.mark.parametrize("what", ["", "/pulses", "/columns", "/track", "/report", "/folds"])
 def test_a_flight_of_300_letters_is_not_found_and_no_fault_of_the_server(
-    served: Served, what: str
+    standing: Served, what: str
 ) -> None:
-    answer = served.ask("GET", f"/api/flights/{'a' * 300}{what}")
+    answer = standing.ask("GET", f"/api/flights/{'a' * 300}{what}")
     assert answer.status == 404
     assert answer.json["error"].startswith("there is no flight")
 
 
-def test_a_folder_name_that_no_disk_takes_is_refused_in_words(served: Served) -> None:
+def test_a_folder_name_that_no_disk_takes_is_refused_in_words(standing: Served) -> None:
     for name in ("dem", "archive"):
-        answer = served.ask("PUT", "/api/settings", {name: "/" + "b" * 5000})
+        answer = standing.ask("PUT", "/api/settings", {name: "/" + "b" * 5000})
         assert answer.status == 422
         assert answer.json["error"]

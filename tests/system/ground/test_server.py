@@ -66,8 +66,8 @@ def test_a_wrong_tag_is_told_at_its_field_and_nothing_is_kept(served: Any) -> No
     assert served.ask("GET", "/api/tags").json == []
 
 
-def test_a_command_without_a_drone_is_refused_with_the_reason(served: Any) -> None:
-    answer = served.ask("POST", "/api/commands/start", {})
+def test_a_command_without_a_drone_is_refused_with_the_reason(standing: Any) -> None:
+    answer = standing.ask("POST", "/api/commands/start", {})
     assert answer.status == 409
     assert answer.json["accepted"] is False
     assert "not heard" in answer.json["message"]
@@ -90,14 +90,14 @@ def test_a_command_without_a_drone_is_refused_with_the_reason(served: Any) -> No
         {"Content-Type": "application/x-www-form-urlencoded"},
     ],
 )
-def test_other_sites_cannot_command_the_drone(served: Any, headers: dict[str, str]) -> None:
-    told = {name: value.format(port=served.port) for name, value in headers.items()}
-    assert served.ask("POST", "/api/commands/mark", {}, told).status == 403
+def test_other_sites_cannot_command_the_drone(standing: Any, headers: dict[str, str]) -> None:
+    told = {name: value.format(port=standing.port) for name, value in headers.items()}
+    assert standing.ask("POST", "/api/commands/mark", {}, told).status == 403
 
 
 @pytest.mark.parametrize("path", ["/", "/api/state", "/api/flights"])
-def test_a_rebound_name_reads_nothing(served: Any, path: str) -> None:
-    answer = served.ask("GET", path, headers={"Host": f"evil.example:{served.port}"})
+def test_a_rebound_name_reads_nothing(standing: Any, path: str) -> None:
+    answer = standing.ask("GET", path, headers={"Host": f"evil.example:{standing.port}"})
     assert answer.status == 403
     assert b"drone" not in answer.body
 
@@ -112,8 +112,8 @@ def test_the_own_page_may_command(served: Any) -> None:
     assert log[-1]["text"] == "mark: nest"
 
 
-def test_live_records_go_to_the_own_page_only(served: Any) -> None:
-    address = f"ws://127.0.0.1:{served.port}/api/records"
+def test_live_records_go_to_the_own_page_only(standing: Any) -> None:
+    address = f"ws://127.0.0.1:{standing.port}/api/records"
 
     async def listen(origin: str | None) -> dict[str, object]:
         async with connect(address, origin=origin) as socket:  # type: ignore[arg-type]
@@ -121,14 +121,14 @@ def test_live_records_go_to_the_own_page_only(served: Any) -> None:
             return message
 
     assert asyncio.run(listen(None))["topic"] == "hello"
-    assert asyncio.run(listen(f"http://127.0.0.1:{served.port}"))["topic"] == "hello"
+    assert asyncio.run(listen(f"http://127.0.0.1:{standing.port}"))["topic"] == "hello"
     with pytest.raises(InvalidStatus):
         asyncio.run(listen("http://evil.example"))
 
 
-def test_every_answer_forbids_foreign_code(served: Any) -> None:
+def test_every_answer_forbids_foreign_code(standing: Any) -> None:
     for path in ("/", "/api/state", "/nothing"):
-        headers = served.ask("GET", path).headers
+        headers = standing.ask("GET", path).headers
         headers = {name.lower(): value for name, value in headers.items()}
         policy = headers["content-security-policy"]
         assert "default-src 'none'" in policy
@@ -150,8 +150,8 @@ def test_every_answer_forbids_foreign_code(served: Any) -> None:
         "/assets/%2e%2e/%2e%2e/server.py",
     ],
 )
-def test_nothing_outside_is_served(served: Any, path: str) -> None:
-    assert served.ask("GET", path).status == 404
+def test_nothing_outside_is_served(standing: Any, path: str) -> None:
+    assert standing.ask("GET", path).status == 404
 
 
 def test_columns_come_by_name_and_poses_as_few_as_wanted(served: Any) -> None:
@@ -207,16 +207,16 @@ def test_a_starred_flight_is_marked_in_its_directory_and_stays(served: Any) -> N
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[[[[", b"[1, 2]", b'"x"', b"\xff"])
-def test_what_is_no_table_is_refused_in_words(served: Any, body: bytes) -> None:
+def test_what_is_no_table_is_refused_in_words(standing: Any, body: bytes) -> None:
     headers = {"Content-Type": "application/json"}
-    answer = served.ask("PUT", "/api/tags", body, headers)
+    answer = standing.ask("PUT", "/api/tags", body, headers)
     assert answer.status == 422
     assert answer.json["error"]
 
 
-def test_a_large_request_is_refused(served: Any) -> None:
+def test_a_large_request_is_refused(standing: Any) -> None:
     headers = {"Content-Type": "application/json", "Content-Length": "99999999"}
-    assert served.ask("PUT", "/api/tags", b"[]", headers).status == 403
+    assert standing.ask("PUT", "/api/tags", b"[]", headers).status == 403
 
 
 def test_a_request_without_an_end_is_cut_off(served: Any) -> None:
@@ -239,15 +239,15 @@ def test_a_request_without_an_end_is_cut_off(served: Any) -> None:
 
 
 @pytest.mark.parametrize("path", ["/api/state", "/api/flights", "/maps/a.mbtiles"])
-def test_another_site_cannot_even_ask(served: Any, path: str) -> None:
+def test_another_site_cannot_even_ask(standing: Any, path: str) -> None:
     for site in ("cross-site", "same-site"):
-        assert served.ask("GET", path, headers={"Sec-Fetch-Site": site}).status == 403
-    assert served.ask("GET", "/", headers={"Sec-Fetch-Site": "cross-site"}).status == 200
+        assert standing.ask("GET", path, headers={"Sec-Fetch-Site": site}).status == 403
+    assert standing.ask("GET", "/", headers={"Sec-Fetch-Site": "cross-site"}).status == 200
 
 
 @pytest.mark.parametrize("path", ["/api/parameters", "/api/drone/flights"])
-def test_nothing_that_is_only_read_makes_the_radio_answer(served: Any, path: str) -> None:
-    assert served.ask("GET", path).status == 405
+def test_nothing_that_is_only_read_makes_the_radio_answer(standing: Any, path: str) -> None:
+    assert standing.ask("GET", path).status == 405
 
 
 def test_two_pages_do_not_overwrite_each_others_tags(served: Any) -> None:
@@ -283,45 +283,41 @@ def test_a_map_is_brought_by_the_page_whole_or_not_at_all(served: Any, tmp_path:
     assert served.ask("PUT", "/api/maps/b.mbtiles", path.read_bytes(), other).status == 403
 
 
-def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> None:
+async def test_a_second_page_looks_on_until_it_takes_command(served: Any) -> None:
     first, second = {"X-Page": "first"}, {"X-Page": "second"}
+    place = f"ws://127.0.0.1:{served.port}/api/records?page="
+    async with connect(place + "first") as one, connect(place + "second"):
+        await one.recv()
 
-    async def look() -> None:
-        place = f"ws://127.0.0.1:{served.port}/api/records?page="
-        async with connect(place + "first") as one, connect(place + "second"):
-            await one.recv()
+        def put(page: dict[str, str]) -> int:
+            return int(served.ask("PUT", "/api/tags", [TAG], page).status)
 
-            def put(page: dict[str, str]) -> int:
-                return int(served.ask("PUT", "/api/tags", [TAG], page).status)
+        def ask(*what: Any) -> Any:
+            return served.ask("POST", *what)
 
-            def ask(*what: Any) -> Any:
-                return served.ask("POST", *what)
+        loop = asyncio.get_running_loop()
 
-            loop = asyncio.get_running_loop()
+        async def of(*what: Any) -> Any:
+            return await loop.run_in_executor(None, *what)
 
-            async def of(*what: Any) -> Any:
-                return await loop.run_in_executor(None, *what)
-
-            assert await of(put, first) == 200
-            assert await of(put, second) == 409
-            assert await of(put, {}) == 200, "a script names no page"
-            for path, wanted in (
-                ("/api/drone/flights", {}),
-                ("/api/drone/download", {"flight_id": "flight_log_2026-05-01_10-00-00"}),
-                ("/api/parameters", {}),
-                ("/api/waterfall", {"address": ""}),
-            ):
-                refused = await of(ask, path, wanted, second)
-                assert (refused.status, "another page" in refused.json["error"]) == (409, True)
-            ended = await of(served.ask, "DELETE", "/api/drone/download", {}, second)
-            assert ended.status == 409, "the download is of the page that commands"
-            stop = await of(ask, "/api/commands/stop", {}, second)
-            assert "another page" not in stop.json["message"], "anybody may stop"
-            assert (await of(ask, "/api/commander", {}, second)).status == 200
-            assert await of(put, second) == 200
-            assert await of(put, first) == 409
-
-    asyncio.run(look())
+        assert await of(put, first) == 200
+        assert await of(put, second) == 409
+        assert await of(put, {}) == 200, "a script names no page"
+        for path, wanted in (
+            ("/api/drone/flights", {}),
+            ("/api/drone/download", {"flight_id": "flight_log_2026-05-01_10-00-00"}),
+            ("/api/parameters", {}),
+            ("/api/waterfall", {"address": ""}),
+        ):
+            refused = await of(ask, path, wanted, second)
+            assert (refused.status, "another page" in refused.json["error"]) == (409, True)
+        ended = await of(served.ask, "DELETE", "/api/drone/download", {}, second)
+        assert ended.status == 409, "the download is of the page that commands"
+        stop = await of(ask, "/api/commands/stop", {}, second)
+        assert "another page" not in stop.json["message"], "anybody may stop"
+        assert (await of(ask, "/api/commander", {}, second)).status == 200
+        assert await of(put, second) == 200
+        assert await of(put, first) == 409
     assert served.ask("PUT", "/api/tags", [TAG], first).status == 200, "the other has gone"
 
 

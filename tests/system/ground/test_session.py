@@ -15,15 +15,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from past_flight import write_flight
 from pulses import pulse_at as heard_pulse
 
 from uavrt.demo.programs import free_udp_port
-from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
-from uavrt.messages import Pose, PulsePose, SystemState
+from uavrt.messages import PulsePose, SystemState
 from uavrt.recording import read_quiet_noise_db, vehicle_note
 from uavrt.tunnel import (
     BURST_TYPE,
@@ -48,27 +48,10 @@ class Drone:
         self._sock.send(self._writer.encode(message))
 
     def tunnel(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> None:
-        self.send(
-            dialect.Tunnel(
-                target_system=254,
-                target_component=190,
-                payload_type=payload_type,
-                payload_length=len(payload),
-                payload=payload,
-            )
-        )
+        self.send(made.tunnel(payload_type, payload))
 
     def heartbeat(self, state: SystemState) -> None:
-        self.send(
-            dialect.Heartbeat(
-                type=18,
-                autopilot=8,
-                base_mode=0,
-                custom_mode=0,
-                system_status=4,
-                mavlink_version=3,
-            )
-        )
+        self.send(made.heartbeat())
         self.tunnel(heartbeat_to_wire(state, 51.5).encode())
 
     def pulse(self, start_ns: int, snr_db: float = 20.0, noise_psd: float = 1e-9) -> None:
@@ -80,14 +63,7 @@ class Drone:
 
 def pulse_at(start_ns: int, snr_db: float, noise_psd: float = 1e-9) -> PulsePose:
     pulse = heard_pulse(start_ns, frequency_hz=148.7e6, snr_db=snr_db, noise_psd=noise_psd)
-    pose = Pose(
-        time_ns=start_ns,
-        latitude_deg=46.5,
-        longitude_deg=8.0,
-        altitude_amsl_m=1000.0,
-        altitude_relative_m=40.0,
-        quaternion_wxyz=(1.0, 0.0, 0.0, 0.0),
-    )
+    pose = made.pose(start_ns, 46.5, 8.0)
     return PulsePose(pulse=replace(pulse), pose=pose)
 
 
@@ -98,10 +74,10 @@ def drone(served: Any) -> Iterator[Drone]:
     drone.close()
 
 
-def until(served: Any, what: Any) -> dict[str, Any]:
+def until(served: Any, what: Any, path: str = "/api/state") -> dict[str, Any]:
     """The state, once something holds."""
     for _ in range(1000):  # half a minute: the machine may be late
-        state: dict[str, Any] = served.ask("GET", "/api/state").json
+        state: dict[str, Any] = served.ask("GET", path).json
         if what(state):
             return state
         time.sleep(0.03)

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -150,9 +151,7 @@ def test_wrong_parameters_let_nothing_through_and_right_ones_do(world: World) ->
         settings = replace(world.settings, parameters=wrong)
         autopilot = FakeAutopilot(world.vehicle, settings, world.clock)
         autopilot.ground.port = object()  # type: ignore[assignment]
-        beat = dialect.Heartbeat(
-            type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-        )
+        beat = made.heartbeat()
         (frame,) = FrameParser().feed(FrameWriter(1, 191).encode(beat))
         autopilot.receive(autopilot.companion, frame, world.clock.now_ns())
         assert (len(autopilot.ground.ring) + autopilot.ground.ring.forwarded == 1) is passes

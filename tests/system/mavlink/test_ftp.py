@@ -23,7 +23,7 @@ def world(make_world: Callable[..., World], flights: Path) -> World:
     return make_world(flights=flights)
 
 
-def test_mavsdk_lists_downloads_and_compares(
+async def test_mavsdk_lists_downloads_and_compares(
     world: World, until: Callable[..., Awaitable[None]], tmp_path: Path
 ) -> None:
     import mavsdk
@@ -53,21 +53,18 @@ def test_mavsdk_lists_downloads_and_compares(
         finally:
             sdk.destroy()
 
-    async def main() -> None:
-        async with world.flying():
-            await asyncio.to_thread(client)
-            # Opcode 16, and an end of a session that listing did not open.
-            await until(lambda: world.counter("ftp_refused") == 2)
-            assert world.autopilot.counters()["dropped_to_ground"] == 0
-
-    asyncio.run(main())
+    async with world.flying():
+        await asyncio.to_thread(client)
+        # Opcode 16, and an end of a session that listing did not open.
+        await until(lambda: world.counter("ftp_refused") == 2)
+        assert world.autopilot.counters()["dropped_to_ground"] == 0
 
 
 def names_in(listing: Any) -> set[str]:
     return set(re.findall(r"[\w.]+", str([vars(entry) for entry in listing.entries])))
 
 
-def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -> None:
+async def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -> None:
     local = tmp_path / "got.bin"
 
     def client() -> str:
@@ -83,14 +80,11 @@ def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -> None
         )
         return finished.stdout + finished.stderr
 
-    async def main() -> None:
-        async with world.flying():
-            said = await asyncio.to_thread(client)
-            assert local.exists(), said
-            assert "flight.sqlite" in said
-            assert world.autopilot.counters()["dropped_to_ground"] == 0
-
-    asyncio.run(main())
+    async with world.flying():
+        said = await asyncio.to_thread(client)
+        assert local.exists(), said
+        assert "flight.sqlite" in said
+        assert world.autopilot.counters()["dropped_to_ground"] == 0
     assert local.read_bytes() == CONTENT
 
 
@@ -126,7 +120,7 @@ ftp get /flight_log_1/flight.sqlite {local}
 """
 
 
-def test_mavproxy_lists_compares_and_reads(world: World, tmp_path: Path) -> None:
+async def test_mavproxy_lists_compares_and_reads(world: World, tmp_path: Path) -> None:
     pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
     local = tmp_path / "got.bin"
 
@@ -139,14 +133,11 @@ def test_mavproxy_lists_compares_and_reads(world: World, tmp_path: Path) -> None
             patience_s=45.0,
         )
 
-    async def main() -> None:
-        async with world.flying():
-            said = await asyncio.to_thread(client)
-            assert "flight.sqlite" in said, said
-            assert f"0x{checksum(CONTENT):08x}" in said.lower(), said
-            assert local.exists(), said
-
-    asyncio.run(main())
+    async with world.flying():
+        said = await asyncio.to_thread(client)
+        assert "flight.sqlite" in said, said
+        assert f"0x{checksum(CONTENT):08x}" in said.lower(), said
+        assert local.exists(), said
     assert local.read_bytes() == CONTENT
 
 

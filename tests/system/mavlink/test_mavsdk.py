@@ -58,7 +58,7 @@ class MavsdkStation:
 
 
 @pytest.mark.parametrize("numbers", [(255, 190), (245, 190)])
-def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
+async def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
     world: World,
     thesis_tag: Tag,
     until: Until,
@@ -70,40 +70,35 @@ def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
         tunnel.HeaderMessage(command=tunnel.CommandId.END_TAGS).encode(),
         tunnel.HeaderMessage(command=tunnel.CommandId.START_DETECTION).encode(),
     ]
-
-    async def main() -> None:
-        configuration = Configuration.create_manual(*numbers, True)
-        async with world.flying(), Mavsdk(configuration) as mavsdk:
-            await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-            system = await mavsdk.first_autopilot(timeout_s=20.0)
-            assert system is not None
-            await until(
-                lambda: (
-                    "connection" in world.health
-                    and world.health["connection"].status == "ready"
-                )
+    configuration = Configuration.create_manual(*numbers, True)
+    async with world.flying(), Mavsdk(configuration) as mavsdk:
+        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
+        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        assert system is not None
+        await until(
+            lambda: (
+                "connection" in world.health and world.health["connection"].status == "ready"
             )
-            direct = MavlinkDirectAsync(system)
-            station = MavsdkStation(direct)
-            collector = asyncio.create_task(station.collect())
-            await asyncio.sleep(0)
-            for count, payload in enumerate(commands, start=1):
-                await station.send(payload)
-                await until(lambda count=count: len(station.acknowledged()) == count)
-            assert station.acknowledged() == [2, 4, 3, 5]
-            assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
-            assert world.mission.state is SystemState.DETECTING
-            for index in range(10):
-                world.find_pulse(index)
-            await until(lambda: len(station.pulses()) == 10)
-            assert [p.frequency_hz for p in station.pulses()] == [
-                148_710_000 + index for index in range(10)
-            ]
-            components = await system.component_ids()
-            assert set(components) >= {1, 191}
-            collector.cancel()
-            await asyncio.gather(collector, return_exceptions=True)
-            direct.destroy()
-        configuration.destroy()
-
-    asyncio.run(main())
+        )
+        direct = MavlinkDirectAsync(system)
+        station = MavsdkStation(direct)
+        collector = asyncio.create_task(station.collect())
+        await asyncio.sleep(0)
+        for count, payload in enumerate(commands, start=1):
+            await station.send(payload)
+            await until(lambda count=count: len(station.acknowledged()) == count)
+        assert station.acknowledged() == [2, 4, 3, 5]
+        assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
+        assert world.mission.state is SystemState.DETECTING
+        for index in range(10):
+            world.find_pulse(index)
+        await until(lambda: len(station.pulses()) == 10)
+        assert [p.frequency_hz for p in station.pulses()] == [
+            148_710_000 + index for index in range(10)
+        ]
+        components = await system.component_ids()
+        assert set(components) >= {1, 191}
+        collector.cancel()
+        await asyncio.gather(collector, return_exceptions=True)
+        direct.destroy()
+    configuration.destroy()

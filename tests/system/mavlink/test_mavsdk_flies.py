@@ -73,7 +73,7 @@ def held_item(item: Any) -> MissionItem:
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
-def test_mavsdk_arms_takes_off_goes_there_holds_and_returns(
+async def test_mavsdk_arms_takes_off_goes_there_holds_and_returns(
     world: Any, until: Until, flavour: Flavour
 ) -> None:
     port = free_udp_port()
@@ -93,37 +93,33 @@ def test_mavsdk_arms_takes_off_goes_there_holds_and_returns(
     vehicle = autopilot.flown.vehicle
     vehicle.frame = QUICK
     modes = MODES[flavour]
-
-    async def main() -> None:
-        flying = asyncio.create_task(autopilot.run())
-        configuration = Configuration.create_manual(255, 190, True)
-        async with Mavsdk(configuration) as mavsdk:
-            await mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
-            system = await mavsdk.first_autopilot(timeout_s=20.0)
-            await reads_our_survey(system, autopilot, flavour)
-            action = ActionAsync(system)
-            await action.set_takeoff_altitude(4.0)
-            if flavour == "ardupilot":
-                with pytest.raises(ActionError):  # not armed
-                    await action.takeoff()
-                assert vehicle.landed
-            await action.arm()
-            assert vehicle.armed
-            await action.takeoff()
-            await until(lambda: vehicle.height_m > 3.0)
-            await until(lambda: vehicle.mode == modes["hold"])
-            north, east = vehicle.plane.to_geodetic(15.0, 10.0)
-            await action.goto_location(north, east, vehicle.plane.altitude_amsl_m + 20.0, 0.0)
-            await until(lambda: abs(vehicle.north_m - 15.0) + abs(vehicle.east_m - 10.0) < 3.0)
-            await until(lambda: abs(vehicle.height_m - 20.0) < 3.0)
-            await action.hold()
-            assert vehicle.mode == modes["hold" if flavour == "px4" else "brake"]
-            await action.return_to_launch()
-            assert vehicle.mode == modes["return"]
-            assert vehicle.target is not None
-            assert (vehicle.target.north_m, vehicle.target.east_m) == (0.0, 0.0)
-            action.destroy()
-        configuration.destroy()
-        flying.cancel()
-
-    asyncio.run(main())
+    flying = asyncio.create_task(autopilot.run())
+    configuration = Configuration.create_manual(255, 190, True)
+    async with Mavsdk(configuration) as mavsdk:
+        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
+        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        await reads_our_survey(system, autopilot, flavour)
+        action = ActionAsync(system)
+        await action.set_takeoff_altitude(4.0)
+        if flavour == "ardupilot":
+            with pytest.raises(ActionError):  # not armed
+                await action.takeoff()
+            assert vehicle.landed
+        await action.arm()
+        assert vehicle.armed
+        await action.takeoff()
+        await until(lambda: vehicle.height_m > 3.0)
+        await until(lambda: vehicle.mode == modes["hold"])
+        north, east = vehicle.plane.to_geodetic(15.0, 10.0)
+        await action.goto_location(north, east, vehicle.plane.altitude_amsl_m + 20.0, 0.0)
+        await until(lambda: abs(vehicle.north_m - 15.0) + abs(vehicle.east_m - 10.0) < 3.0)
+        await until(lambda: abs(vehicle.height_m - 20.0) < 3.0)
+        await action.hold()
+        assert vehicle.mode == modes["hold" if flavour == "px4" else "brake"]
+        await action.return_to_launch()
+        assert vehicle.mode == modes["return"]
+        assert vehicle.target is not None
+        assert (vehicle.target.north_m, vehicle.target.east_m) == (0.0, 0.0)
+        action.destroy()
+    configuration.destroy()
+    flying.cancel()

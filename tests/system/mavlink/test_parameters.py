@@ -23,61 +23,55 @@ Until = Callable[..., Awaitable[None]]
 
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
-def test_mavsdk_lists_sets_and_reads_our_parameters(
+async def test_mavsdk_lists_sets_and_reads_our_parameters(
     world: World, until: Until, flavour: str
 ) -> None:
-    async def main() -> None:
-        configuration = Configuration.create_manual(255, 190, True)
-        async with world.flying(flavour=flavour), Mavsdk(configuration) as mavsdk:
-            await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-            system = await mavsdk.first_autopilot(timeout_s=20.0)
-            await until(lambda: ready(world))
-            param = ParamAsync(system)
-            with contextlib.suppress(ParamError):  # answers UNKNOWN, and does it
-                await param.select_component(191, ProtocolVersion.V1)
-            everything = await param.get_all_params()
-            whole = {p.name: float(p.value) for p in everything.int_params}
-            real = {p.name: p.value for p in everything.float_params}
-            assert {**whole, **real} == values_of(world)
-            assert set(real) == {n for n, row in OFFERED.items() if row.kind == "real"}
-            await param.set_param_int("RADIO_GAIN", 15)
-            await param.set_param_int("RADIO_FREQ_KHZ", 148_705)
-            await param.set_param_float("DET_FALSE_ALARM", 0.005)
-            assert world.mission.settings.radio.gain == 15
-            assert world.mission.settings.radio.center_frequency_hz == 148_705_000.0
-            assert world.mission.settings.detection.false_alarm_probability == 0.005
-            assert await param.get_param_int("RADIO_GAIN") == 15
-            await param.set_param_int("RADIO_GAIN", -1)
-            assert world.mission.settings.radio.gain is None
-            param.destroy()
-        configuration.destroy()
-
-    asyncio.run(main())
+    configuration = Configuration.create_manual(255, 190, True)
+    async with world.flying(flavour=flavour), Mavsdk(configuration) as mavsdk:
+        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
+        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        await until(lambda: ready(world))
+        param = ParamAsync(system)
+        with contextlib.suppress(ParamError):  # answers UNKNOWN, and does it
+            await param.select_component(191, ProtocolVersion.V1)
+        everything = await param.get_all_params()
+        whole = {p.name: float(p.value) for p in everything.int_params}
+        real = {p.name: p.value for p in everything.float_params}
+        assert {**whole, **real} == values_of(world)
+        assert set(real) == {n for n, row in OFFERED.items() if row.kind == "real"}
+        await param.set_param_int("RADIO_GAIN", 15)
+        await param.set_param_int("RADIO_FREQ_KHZ", 148_705)
+        await param.set_param_float("DET_FALSE_ALARM", 0.005)
+        assert world.mission.settings.radio.gain == 15
+        assert world.mission.settings.radio.center_frequency_hz == 148_705_000.0
+        assert world.mission.settings.detection.false_alarm_probability == 0.005
+        assert await param.get_param_int("RADIO_GAIN") == 15
+        await param.set_param_int("RADIO_GAIN", -1)
+        assert world.mission.settings.radio.gain is None
+        param.destroy()
+    configuration.destroy()
 
 
-def test_mavsdk_gets_our_metadata_by_file_transfer(world: World, until: Until) -> None:
-    async def main() -> None:
-        configuration = Configuration.create_manual(255, 190, True)
-        async with world.flying(), Mavsdk(configuration) as mavsdk:
-            await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
-            system = await mavsdk.first_autopilot(timeout_s=20.0)
-            await until(lambda: ready(world))
-            metadata = ComponentMetadataAsync(system)
-            updates = metadata.subscribe_metadata_available()
-            waiting = asyncio.create_task(anext(updates))
-            await asyncio.sleep(0)
-            await metadata.request_component(191)
-            update = await asyncio.wait_for(waiting, 60.0)
-            assert update.compid == 191
-            found = await metadata.get_metadata(191, MetadataType.PARAMETER)
-            await updates.aclose()
-            listed = json.loads(found.json_metadata)["parameters"]
-            assert [entry["name"] for entry in listed] == list(OFFERED)
-            assert all(entry["min"] <= entry["default"] <= entry["max"] for entry in listed)
-            metadata.destroy()
-        configuration.destroy()
-
-    asyncio.run(main())
+async def test_mavsdk_gets_our_metadata_by_file_transfer(world: World, until: Until) -> None:
+    configuration = Configuration.create_manual(255, 190, True)
+    async with world.flying(), Mavsdk(configuration) as mavsdk:
+        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
+        system = await mavsdk.first_autopilot(timeout_s=20.0)
+        await until(lambda: ready(world))
+        metadata = ComponentMetadataAsync(system)
+        updates = metadata.subscribe_metadata_available()
+        waiting = asyncio.create_task(anext(updates))
+        await asyncio.sleep(0)
+        await metadata.request_component(191)
+        update = await asyncio.wait_for(waiting, 60.0)
+        assert update.compid == 191
+        found = await metadata.get_metadata(191, MetadataType.PARAMETER)
+        await updates.aclose()
+        listed = json.loads(found.json_metadata)["parameters"]
+        assert [entry["name"] for entry in listed] == list(OFFERED)
+        assert all(entry["min"] <= entry["default"] <= entry["max"] for entry in listed)
+        metadata.destroy()
+    configuration.destroy()
 
 
 MAVPROXY_COMMANDS = """\
@@ -91,7 +85,7 @@ param show RADIO_GAIN
 
 
 @pytest.mark.parametrize(("flavour", "encoding"), [("px4", "float"), ("ardupilot", "auto")])
-def test_mavproxy_shows_and_sets_our_parameters(
+async def test_mavproxy_shows_and_sets_our_parameters(
     make_world: Callable[..., World], tmp_path: Path, flavour: str, encoding: str
 ) -> None:
     pytest.importorskip("MAVProxy", reason="the extra peer MAVProxy is not installed")
@@ -106,11 +100,8 @@ def test_mavproxy_shows_and_sets_our_parameters(
             patience_s=30.0,
         )
 
-    async def main() -> None:
-        async with world.flying(flavour=flavour):
-            said = await asyncio.to_thread(client)
-            assert world.mission.settings.radio.gain == 15, said
-            assert world.mission.settings.detection.false_alarm_probability == 0.005, said
-            assert re.search(r"RADIO_GAIN\s+15", said), said
-
-    asyncio.run(main())
+    async with world.flying(flavour=flavour):
+        said = await asyncio.to_thread(client)
+        assert world.mission.settings.radio.gain == 15, said
+        assert world.mission.settings.detection.false_alarm_probability == 0.005, said
+        assert re.search(r"RADIO_GAIN\s+15", said), said

@@ -38,7 +38,7 @@ class Stall:
 
 
 @pytest.mark.parametrize("place", ["spool", "listing"])
-def test_pulses_and_answers_go_on_while_the_disk_stalls(
+async def test_pulses_and_answers_go_on_while_the_disk_stalls(
     bay: Bay, until: Until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     if place == "spool":
@@ -47,8 +47,7 @@ def test_pulses_and_answers_go_on_while_the_disk_stalls(
     else:
         stall = Stall(lambda tree, name: [])
         monkeypatch.setattr(FileTree, "entries", lambda tree, name: stall(tree, name))
-
-    async def main() -> None:
+    try:
         async with bay.running(), bay.ground_station() as (link, events):
             bay.begin_flight(tmp_path)
             if place == "spool":
@@ -66,9 +65,6 @@ def test_pulses_and_answers_go_on_while_the_disk_stalls(
             await until(lambda: bay.health.status == "ready")
             if place == "listing":
                 asking.cancel()
-
-    try:
-        asyncio.run(main())
     finally:
         stall.go.set()
 
@@ -79,40 +75,34 @@ def request(payload: bytes) -> dialect.FileTransferProtocol:
     )
 
 
-def test_jobs_are_done_one_after_the_other_and_are_bounded() -> None:
-    async def main() -> None:
-        disk, go = DiskThread(), threading.Event()
-        done: list[int] = []
+async def test_jobs_are_done_one_after_the_other_and_are_bounded() -> None:
+    disk, go = DiskThread(), threading.Event()
+    done: list[int] = []
 
-        def job(number: int) -> Callable[[], int]:
-            return lambda: number
+    def job(number: int) -> Callable[[], int]:
+        return lambda: number
 
-        disk.start()
-        assert disk(lambda: go.wait(60.0), lambda result: None)
-        while disk.waiting:  # noqa: ASYNC110
+    disk.start()
+    assert disk(lambda: go.wait(60.0), lambda result: None)
+    while disk.waiting:  # noqa: ASYNC110
+        await asyncio.sleep(0.001)
+    taken = [disk(job(number), done.append) for number in range(40)]
+    assert taken == [True] * MOST_JOBS + [False] * (40 - MOST_JOBS)
+    go.set()
+    async with asyncio.timeout(20.0):
+        while len(done) < MOST_JOBS:  # noqa: ASYNC110
             await asyncio.sleep(0.001)
-        taken = [disk(job(number), done.append) for number in range(40)]
-        assert taken == [True] * MOST_JOBS + [False] * (40 - MOST_JOBS)
-        go.set()
-        async with asyncio.timeout(20.0):
-            while len(done) < MOST_JOBS:  # noqa: ASYNC110
-                await asyncio.sleep(0.001)
-        assert done == list(range(MOST_JOBS))
-
-    asyncio.run(main())
+    assert done == list(range(MOST_JOBS))
 
 
-def test_a_fault_in_a_job_is_kept_to_be_raised() -> None:
-    async def main() -> None:
-        disk = DiskThread()
-        disk.start()
-        disk(lambda: 1 // 0, lambda result: None)
-        async with asyncio.timeout(20.0):
-            while disk.failure is None:  # noqa: ASYNC110
-                await asyncio.sleep(0.001)
-        assert isinstance(disk.failure, ZeroDivisionError)
-
-    asyncio.run(main())
+async def test_a_fault_in_a_job_is_kept_to_be_raised() -> None:
+    disk = DiskThread()
+    disk.start()
+    disk(lambda: 1 // 0, lambda result: None)
+    async with asyncio.timeout(20.0):
+        while disk.failure is None:  # noqa: ASYNC110
+            await asyncio.sleep(0.001)
+    assert isinstance(disk.failure, ZeroDivisionError)
 
 
 def test_a_disk_that_stalls_is_asked_for_its_space_once(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from some import some
 from tests.unit.radio.test_band_udp import RATE_HZ, START_NS, signal
 
 from uavrt.demo.programs import free_udp_port
@@ -60,8 +61,7 @@ def test_a_sender_to_the_other_localhost_is_heard_too(source: BandDatagramSource
         assert len(source._sockets) == 1
         return
     sock.close()
-    block = source.read(0.5)
-    assert block is not None
+    block = some(source.read(0.5))
     np.testing.assert_array_equal(block.samples, signal(100))
 
 
@@ -70,7 +70,6 @@ def test_samples_that_are_not_numbers_become_zeros(source: BandDatagramSource) -
     bad[7] = complex(np.nan, np.inf)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.sendto(bad.tobytes(), ("127.0.0.1", parse_udp_address(source.name)[1]))
-    block = source.read(0.5)
-    assert block is not None
+    block = some(source.read(0.5))
     bad[7] = 0.0
     np.testing.assert_array_equal(block.samples, bad)

@@ -10,6 +10,7 @@ from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 import sigmf
@@ -25,7 +26,6 @@ from tests.unit.recording.test_channel_recorder import (
     recorder,
 )
 
-from uavrt.messages import ChannelBlock
 from uavrt.radio import open_recording
 from uavrt.recording import FlightLayout, channel_recorder
 
@@ -163,13 +163,13 @@ def test_a_stuck_disk_never_holds_up_the_caller_and_costs_counted_samples(
     large = noise(100_000)
     for number in range(30):  # 24 MB
         (some,) = [
-            ChannelBlock(
+            made.channel_block(
+                large,
+                number * len(large),
+                RATE_HZ,
                 channel=3,
                 center_frequency_hz=CENTER_HZ,
-                samples=large,
-                sample_index=number * len(large),
                 time_ns=START_NS + round(number * len(large) / RATE_HZ * 1e9),
-                sample_rate_hz=RATE_HZ,
             )
         ]
         keeping.put([some])

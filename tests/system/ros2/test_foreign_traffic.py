@@ -14,13 +14,6 @@ ACT_WITHIN_S = 1.0
 RATE = 10_000.0
 
 
-def order(ros_peer: Any, what: str) -> Any:
-    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
-    header = ros_peer.new("std_msgs/msg/Header", stamp, "")
-    status = ros_peer.new("diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, "", [])
-    return ros_peer.new(ARRAY, header, [status])
-
-
 def delays_of_orders(gateway: Any, ros_peer: Any, seconds: float) -> list[float]:
     """Times from the sending of each start and stop until the supervisor has it [s]."""
     delays = []
@@ -28,7 +21,7 @@ def delays_of_orders(gateway: Any, ros_peer: Any, seconds: float) -> list[float]
     while True:
         for what, name in (("start", "start_detection"), ("stop", "stop_detection")):
             begun_s = time.monotonic()
-            ros_peer.publish(f"control_{what}_subprocess", order(ros_peer, what))
+            ros_peer.publish(f"control_{what}_subprocess", ros_peer.order(what))
             while all(command.name != name for command in gateway.receive("command")):
                 pass
             delays.append(time.monotonic() - begun_s)

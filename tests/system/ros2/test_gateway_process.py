@@ -212,13 +212,13 @@ def test_tags_start_and_stop_become_commands_for_the_supervisor(
     assert gateway.receive("command")[0].name == "end_tags"
     ros_peer.publish(
         "control_start_subprocess",
-        order(ros_peer, "start", center_frequency="148.705", gain="15"),
+        ros_peer.order("start", center_frequency="148.705", gain="15"),
     )
     (start,) = gateway.receive("command")
     assert (start.name, start.source) == ("start_detection", "ros2")
     assert start.center_frequency_hz == pytest.approx(148.705e6)
     assert start.gain == 15
-    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
     (stop,) = gateway.receive("command")
     assert stop.name == "stop_detection"
     numbers = [c.request_id for c in (*commands, start, stop)]
@@ -229,20 +229,6 @@ def tag_message(ros_peer: Any, tag: Tag) -> Any:
     ours = tag_to_ros(tag)
     names = type(ours).__slots__
     return ros_peer.new("uavrt_interfaces/msg/Tag", *(getattr(ours, name) for name in names))
-
-
-def order(ros_peer: Any, what: str, **values: str) -> Any:
-    """What an operator publishes to start or stop."""
-    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
-    header = ros_peer.new("std_msgs/msg/Header", stamp, "by hand")
-    pairs = [
-        ros_peer.new("diagnostic_msgs/msg/KeyValue", key, value)
-        for key, value in values.items()
-    ]
-    status = ros_peer.new(
-        "diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, f"{what} all", pairs
-    )
-    return ros_peer.new(ARRAY, header, [status])
 
 
 def test_what_the_ground_asks_is_shown_as_the_original_passed_it_on(
@@ -386,7 +372,7 @@ def test_a_refused_command_is_told_with_its_reason(launch: Any, ros_peer: Any) -
     logs = ros_peer.listen("rosout", "rcl_interfaces/msg/Log", keep=True)
     gateway = launch()
     ros_peer.advertise("control_start_subprocess", ARRAY)
-    ros_peer.publish("control_start_subprocess", order(ros_peer, "start"))
+    ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     (command,) = gateway.receive("command")
     gateway.send(
         "command_reply",
@@ -409,9 +395,9 @@ def test_nonsense_is_refused_and_counted_and_the_next_command_is_obeyed(
                 stranger.sendto(b"RTPS\2\1" + b"\xff" * length, place)
     nobody = ros_peer.new("uavrt_interfaces/msg/Tag", *([0] * 9))
     ros_peer.publish("store_tag_information", nobody)
-    ros_peer.publish("control_start_subprocess", order(ros_peer, "launch the missiles"))
-    ros_peer.publish("control_start_subprocess", order(ros_peer, "start", gain="much"))
-    empty = ros_peer.new(ARRAY, order(ros_peer, "start").header, [])
+    ros_peer.publish("control_start_subprocess", ros_peer.order("launch the missiles"))
+    ros_peer.publish("control_start_subprocess", ros_peer.order("start", gain="much"))
+    empty = ros_peer.new(ARRAY, ros_peer.order("start").header, [])
     ros_peer.publish("control_start_subprocess", empty)
     ros_peer.publish("store_tag_information", tag_message(ros_peer, TAGS[0]))
     assert [c.name for c in gateway.receive("command", 2)] == ["start_tags", "add_tag"]
@@ -431,7 +417,7 @@ def test_a_component_alone_is_neither_started_nor_stopped_and_says_so(
     echoes: list[Any] = []
 
     def refused() -> bool:
-        ros_peer.publish("control_detector_subprocess", order(ros_peer, "stop"))
+        ros_peer.publish("control_detector_subprocess", ros_peer.order("stop"))
         messages = [ros_peer.read(cdr, ARRAY) for cdr in status()]
         echoes.extend(m.status[0] for m in messages if m.status)
         return bool(echoes)
@@ -446,7 +432,7 @@ def test_commands_are_not_obeyed_where_the_settings_forbid_them(
 ) -> None:
     gateway = launch(Ros2Settings(enabled=True, domain_id=ros_domain, accept_commands=False))
     ros_peer.advertise("control_stop_subprocess", ARRAY)
-    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
 
     def counters() -> dict[str, float]:
         return dict(gateway.receive("health")[0].counters)

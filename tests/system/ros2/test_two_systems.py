@@ -24,13 +24,6 @@ TAG = made.tag()
 PULSE = made.pulse(1_777_623_301_019_828_320, frequency_hz=148_710_000.0)
 
 
-def order(ros_peer: Any, what: str) -> Any:
-    stamp = ros_peer.new("builtin_interfaces/msg/Time", 0, 0)
-    header = ros_peer.new("std_msgs/msg/Header", stamp, "")
-    status = ros_peer.new("diagnostic_msgs/msg/DiagnosticStatus", 0, "NA", what, "", [])
-    return ros_peer.new(ARRAY, header, [status])
-
-
 def tag_message(ros_peer: Any, tag: Tag) -> Any:
     ours = tag_to_ros(tag)
     values = [getattr(ours, name) for name in type(ours).__slots__]
@@ -61,7 +54,7 @@ def test_what_one_drone_s_ground_station_asks_does_not_command_the_other(
     assert told["ros2_commands"] == told["ros2_pulses_taken"] == 0
     # An operator is obeyed all the same, by both.
     ros_peer.advertise("control_stop_subprocess", ARRAY, subscribers=2)
-    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
     for gateway in (mine, other):
         assert gateway.receive("command")[0].name == "stop_detection"
 
@@ -71,7 +64,7 @@ def test_a_recording_with_the_live_names_does_not_command(launch: Any, ros_peer:
     # `ros2 bag play` publishes everything as one participant.
     for name in ("pulse_pose", "control_stop_subprocess"):
         ros_peer.advertise(name, full_name(TOPICS[name].message))
-    ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+    ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
     until(lambda: counters(gateway)["ros2_messages_of_gateways"] == 1)
     assert counters(gateway)["ros2_commands"] == 0
 
@@ -89,7 +82,7 @@ def test_a_hundred_tags_their_release_and_the_start_at_once_are_taken_in_their_o
     tags = [replace(TAG, tag_id=2 * n, frequency_hz=148e6 + 5e3 * n) for n in range(1, 101)]
     messages = [tag_message(ros_peer, tag) for tag in tags]
     release = ros_peer.new("std_msgs/msg/Bool", True)
-    start = order(ros_peer, "start")
+    start = ros_peer.order("start")
     for message in messages:
         ros_peer.publish("store_tag_information", message)
     ros_peer.publish("release_tag_information", release)
@@ -170,6 +163,6 @@ def test_a_name_that_is_none_makes_the_gateway_deaf_to_nobody(
         assert some(hostile.stdout).readline() == b"here\n"
         until(lambda: counters(gateway)["ros2_faults"] >= 3)
         ros_peer.advertise("control_stop_subprocess", ARRAY)
-        ros_peer.publish("control_stop_subprocess", order(ros_peer, "stop"))
+        ros_peer.publish("control_stop_subprocess", ros_peer.order("stop"))
         assert gateway.receive("command")[0].name == "stop_detection"
         hostile.communicate()

@@ -8,8 +8,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -137,33 +137,31 @@ def importable(directory: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> I
         yield "stand_in_process"
 
 
-Run = Callable[[str, ProcessRow, Callable[[Yard], Awaitable[None]]], None]
+Run = Callable[[str, ProcessRow], AbstractAsyncContextManager[Yard]]
 
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
-    """Run a scene with a process of this text, and end what it left."""
+    """Run a process of a text while a block lasts, and end what it left."""
 
-    def play(text: str, row: ProcessRow, scene: Callable[[Yard], Awaitable[None]]) -> None:
-        async def whole() -> None:
+    @asynccontextmanager
+    async def running(text: str, row: ProcessRow) -> AsyncIterator[Yard]:
+        with importable(tmp_path, text, monkeypatch) as module:
             yard = Yard(tmp_path, replace(row, module=module))
             try:
-                await scene(yard)
+                yield yard
             finally:
                 await yard.fleet.stop_all()
 
-        with importable(tmp_path, text, monkeypatch) as module:
-            asyncio.run(whole())
-
     adopt_orphans()
-    yield play
+    yield running
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
 
 
-def test_a_process_that_keeps_ending_is_degraded_and_the_ground_reads_why(
+async def test_a_process_that_keeps_ending_is_degraded_and_the_ground_reads_why(
     run: Run, tmp_path: Path
 ) -> None:
-    async def scene(yard: Yard) -> None:
+    async with run(FAILING, ROW) as yard:
         await yard.until(lambda: yard.instance.restarts.in_a_row >= SOON.degraded_after)
         severity, text = yard.texts[-1]
         assert severity == 3
@@ -176,16 +174,14 @@ def test_a_process_that_keeps_ending_is_degraded_and_the_ground_reads_why(
         assert len(yard.texts) == SOON.degraded_after
         # It is still tried.
         await yard.until(lambda: yard.instance.restarts.total > SOON.degraded_after)
-
-    run(FAILING, ROW, scene)
     # All that it printed is kept, each line with its time.
     lines = (tmp_path / "system_log/process.log").read_text().splitlines()
     assert sum('"starting"' in line for line in lines) > SOON.degraded_after
     assert all(line[:2] == "20" and line[19] == "Z" for line in lines)
 
 
-def test_a_process_that_falls_silent_is_killed_and_comes_back(run: Run) -> None:
-    async def scene(yard: Yard) -> None:
+async def test_a_process_that_falls_silent_is_killed_and_comes_back(run: Run) -> None:
+    async with run(SILENT, replace(ROW, silence_limit_s=0.3)) as yard:
         await yard.until(lambda: yard.records)
         assert yard.instance.child is not None
         first = yard.instance.child.pid
@@ -195,11 +191,9 @@ def test_a_process_that_falls_silent_is_killed_and_comes_back(run: Run) -> None:
         assert severity == 4
         assert text.startswith("process was killed (SIGKILL): silent for ")
 
-    run(SILENT, replace(ROW, silence_limit_s=0.3), scene)
 
-
-def test_a_stopped_process_is_killed_without_being_asked_to_end(run: Run) -> None:
-    async def scene(yard: Yard) -> None:
+async def test_a_stopped_process_is_killed_without_being_asked_to_end(run: Run) -> None:
+    async with run(DEAF, replace(ROW, silence_limit_s=0.5)) as yard:
         await yard.until(lambda: yard.records)
         assert yard.instance.child is not None
         first = yard.instance.child.pid
@@ -207,19 +201,15 @@ def test_a_stopped_process_is_killed_without_being_asked_to_end(run: Run) -> Non
         await yard.until(lambda: yard.instance.child and yard.instance.child.pid != first)
         assert not is_alive(first)
 
-    run(DEAF, replace(ROW, silence_limit_s=0.5), scene)
 
-
-def test_a_process_that_never_says_a_word_is_killed_too(run: Run) -> None:
-    async def scene(yard: Yard) -> None:
+async def test_a_process_that_never_says_a_word_is_killed_too(run: Run) -> None:
+    async with run(MUTE, replace(ROW, start_limit_s=0.5)) as yard:
         await yard.until(lambda: yard.instance.restarts.total)
         assert "SIGKILL" in yard.texts[0][1]
 
-    run(MUTE, replace(ROW, start_limit_s=0.5), scene)
 
-
-def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run) -> None:
-    async def scene(yard: Yard) -> None:
+async def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run) -> None:
+    async with run(DEAF, replace(ROW, stop_timeout_s=0.3)) as yard:
         await yard.until(lambda: yard.records)
         pid = some(yard.instance.child).pid
         await yard.until(lambda: children_of(pid))
@@ -228,8 +218,6 @@ def test_what_does_not_heed_sigterm_is_killed_with_all_it_started(run: Run) -> N
         assert yard.texts == [(4, "process did not stop: killed")]
         assert not is_alive(pid)
         await yard.until(lambda: not any(map(is_alive, grandchildren)))
-
-    run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
 
 
 def start(text: str) -> subprocess.Popen[str]:
@@ -242,8 +230,8 @@ def leave_an_orphan() -> int:
         return int(some(parent.stdout).read())
 
 
-def test_an_orphan_is_ended_at_once_and_a_child_that_is_spared_is_not(run: Run) -> None:
-    async def scene(yard: Yard) -> None:
+async def test_an_orphan_is_ended_at_once_and_a_child_that_is_spared_is_not(run: Run) -> None:
+    async with run(DEAF, replace(ROW, stop_timeout_s=0.3)) as yard:
         await yard.until(lambda: yard.records)
         spared = start(SLEEP)
         with yard.fleet.sparing(spared.pid):
@@ -255,13 +243,14 @@ def test_an_orphan_is_ended_at_once_and_a_child_that_is_spared_is_not(run: Run) 
         spared.communicate()
         assert yard.instance.restarts.total == 0
 
-    run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
 
-
-def test_a_system_without_room_for_a_process_is_asked_again(
+async def test_a_system_without_room_for_a_process_is_asked_again(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def scene(yard: Yard) -> None:
+    def refuse(*_: object, **__: object) -> int:
+        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    async with run(DEAF, replace(ROW, stop_timeout_s=0.3)) as yard:
         with monkeypatch.context() as full:
             # As fork(2) fails when the limit of process ids is reached.
             full.setattr(Launcher, "start", refuse)
@@ -269,22 +258,14 @@ def test_a_system_without_room_for_a_process_is_asked_again(
         assert "could not be started (Resource temporarily unavailable)" in yard.texts[0][1]
         await yard.until(lambda: yard.records)
 
-    def refuse(*_: object, **__: object) -> int:
-        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
-    run(DEAF, replace(ROW, stop_timeout_s=0.3), scene)
-
-
-def test_more_memory_than_the_row_allows_is_told(run: Run) -> None:
-    async def scene(yard: Yard) -> None:
+async def test_more_memory_than_the_row_allows_is_told(run: Run) -> None:
+    async with run(DEAF, replace(ROW, memory_limit_mb=1.0, stop_timeout_s=0.3)) as yard:
         await yard.until(lambda: yard.records)
         yard.instance.status()  # measures
-        text = yard.instance.over_budget(time.monotonic())
-        assert text is not None
+        text = some(yard.instance.over_budget(time.monotonic()))
         assert text.startswith("process uses ")
         assert text.endswith("MB (1 MB): more than its budget")
-
-    run(DEAF, replace(ROW, memory_limit_mb=1.0, stop_timeout_s=0.3), scene)
 
 
 @pytest.mark.parametrize(

@@ -122,8 +122,7 @@ def test_the_death_of_the_nursery_ends_nobody_and_stops_no_start(launcher: Launc
     ready(launcher)
     first = Started(launcher, "forked", "stays")
     first.first_line()
-    nursery = launcher.pid
-    assert nursery is not None
+    nursery = some(launcher.pid)
     os.kill(nursery, signal.SIGKILL)
     second = Started(launcher)
     assert second.first_line().startswith("True green")

@@ -82,7 +82,7 @@ def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path
         time.sleep(0.01)
 
 
-def test_the_operator_asks_twice_and_the_radio_is_asked_once(
+async def test_the_operator_asks_twice_and_the_radio_is_asked_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = tmp_path / "asked"
@@ -95,13 +95,9 @@ def test_the_operator_asks_twice_and_the_radio_is_asked_once(
         radio=RadioSettings(kind="airspyhf"),
         recording=RecordingSettings(directory=str(tmp_path)),
     )
-
-    async def main() -> None:
-        supervisor = Supervisor(settings, on_record=records.append)
-        questions = [Command(name="radio_status", request_id=n, source="page") for n in (1, 2)]
-        await asyncio.gather(*map(supervisor._answer_radio_status, questions))
-
-    asyncio.run(main())
+    supervisor = Supervisor(settings, on_record=records.append)
+    questions = [Command(name="radio_status", request_id=n, source="page") for n in (1, 2)]
+    await asyncio.gather(*map(supervisor._answer_radio_status, questions))
     replies = [decode_record(line.strip())[1] for line in records]
     text = "AirSpy HF+ S/N: 0x1234"
     assert replies == [

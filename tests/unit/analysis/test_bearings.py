@@ -9,9 +9,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import command_line
+import made
 import numpy as np
 import pytest
 from pulses import pulse_at
+from some import some
+from tests.unit.analysis.test_tags_of_several_logs import as_log
 
 from uavrt.analysis.bearings import bearings_of_flight, bearings_of_pulses, read_bearings
 from uavrt.analysis.positions import read_positions
@@ -21,8 +24,8 @@ from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
-from uavrt.messages import FlightInfo, Pose, PulsePose, Tag
-from uavrt.recording import Flight, PulseWriter
+from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.recording import Flight
 from uavrt.recording.formats import write_tagtracker
 
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
@@ -48,12 +51,11 @@ def pose_at(time_s: float, offset_deg: float = 0.0) -> Pose:
     east, north, heading = place(time_s)
     latitude, longitude = PLANE.to_geodetic(east, north)
     half = math.radians(heading + offset_deg) / 2
-    return Pose(
-        time_ns=START_NS + round(time_s * 1e9),
-        latitude_deg=float(latitude),
-        longitude_deg=float(longitude),
+    return made.pose(
+        START_NS + round(time_s * 1e9),
+        latitude,
+        longitude,
         altitude_amsl_m=2140.0,
-        altitude_relative_m=40.0,
         quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
     )
 
@@ -80,14 +82,7 @@ def flown(*, offset_deg: float = 0.0, threshold_db: float = 8.0, seed: int = 4) 
         )
         pulses.append(PulsePose(pulse=pulse, pose=pose_at(time, offset_deg)))
     tag = Tag(tag_id=2, frequency_hz=148e6, pulse_width_s=0.02, pulse_intervals_s=(INTERVAL_S,))
-    info = FlightInfo(
-        directory="here",
-        start_time_ns=START_NS,
-        clock_offset_ns=0,
-        center_frequency_hz=148e6,
-        sample_rate_hz=3e6,
-        tags=(tag,),
-    )
+    info = made.flight_info("here", (tag,), start_time_ns=START_NS, center_frequency_hz=148e6)
     return Flight(
         info=info,
         settings_json=None,
@@ -101,14 +96,6 @@ def flown(*, offset_deg: float = 0.0, threshold_db: float = 8.0, seed: int = 4) 
 def true_bearing(number: int) -> float:
     east, north = STATIONS[number]
     return math.degrees(math.atan2(TAG[0] - east, TAG[1] - north))
-
-
-def write(pulses: tuple[PulsePose, ...], path: Path) -> Path:
-    with path.open("w", encoding="utf-8") as stream:
-        writer = PulseWriter(stream, "jsonl")
-        for pulse in pulses:
-            writer.write(pulse)
-    return path
 
 
 def test_a_positions_csv_gives_what_is_in_it(
@@ -125,8 +112,7 @@ def test_a_positions_csv_gives_what_is_in_it(
         (3, "mle"),
     ]
     (only,) = read_positions(path, method="rmr")
-    assert only.position is not None
-    assert only.position.latitude_deg == 35.2
+    assert some(only.position).latitude_deg == 35.2
     with pytest.raises(SystemExit):
         app(["localize", str(path)])
     assert "tag 2: 35.10000, -111.60000, mle as it stands" in capsys.readouterr().out
@@ -149,7 +135,7 @@ def test_each_turn_of_a_flight_gives_a_bearing_wherever_the_antenna_points(
 def test_a_log_of_one_turn_is_one_bearing_and_pca_takes_all_its_pulses(tmp_path: Path) -> None:
     flight = flown()
     first = [one for one in flight.pulse_poses if one.pulse.start_time_ns < START_NS + 5e10]
-    path = write(tuple(first), tmp_path / "turn.jsonl")
+    path = as_log(tmp_path / "turn.jsonl", tuple(first))
     (found,) = read_bearings(path, method="pca")
     assert found.bearing.pulses == len(first)
     assert (found.start_time_ns, found.end_time_ns) == (
@@ -159,7 +145,7 @@ def test_a_log_of_one_turn_is_one_bearing_and_pca_takes_all_its_pulses(tmp_path:
 
 
 def test_a_log_of_a_whole_flight_is_cut_into_its_turns(tmp_path: Path) -> None:
-    path = write(flown(threshold_db=-20.0).pulse_poses, tmp_path / "flight.jsonl")
+    path = as_log(tmp_path / "flight.jsonl", flown(threshold_db=-20.0).pulse_poses)
     assert len(read_bearings(path)) == 3
 
 
@@ -184,8 +170,7 @@ def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: 
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
     positions = read_positions(path, method=method)  # type: ignore[arg-type]
     assert [one.tag_id for one in positions] == [2, 7]
-    found = positions[0].position
-    assert found is not None
+    found = some(positions[0].position)
     east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
     assert math.hypot(float(east) - TAG[0], float(north) - TAG[1]) < 12.0
     if method != "bayes":
@@ -196,22 +181,20 @@ def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: 
 def test_a_copy_of_a_flight_is_no_further_evidence(tmp_path: Path) -> None:
     """Received by radio and fetched by Wi-Fi, a flight lies there twice."""
     flight = flown(threshold_db=-20.0)
-    whole = write(flight.pulse_poses, tmp_path / "fetched.jsonl")
-    part = write(flight.pulse_poses[::2], tmp_path / "received.jsonl")
+    whole = as_log(tmp_path / "fetched.jsonl", flight.pulse_poses)
+    part = as_log(tmp_path / "received.jsonl", flight.pulse_poses[::2])
     (alone,) = read_positions(whole)
     said: list[str] = []
     for paths in ((whole, part), (part, whole), (whole, whole), (tmp_path,)):
         (found,) = read_positions(*paths, warn=said.append)
-        assert found.position is not None
-        assert alone.position is not None
-        assert found.position.radius95_m == alone.position.radius95_m
+        assert some(found.position).radius95_m == some(alone.position).radius95_m
     assert len(said) == 4
     assert said[0] == f"{part} is a copy of {whole}, of the same flight: left out"
 
 
 def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) -> None:
     flight = flown(threshold_db=-20.0)
-    whole = write(flight.pulse_poses, tmp_path / "flight.jsonl")
+    whole = as_log(tmp_path / "flight.jsonl", flight.pulse_poses)
     (alone,) = read_positions(whole)
     cuts = [0.0, *(bearing.end_time_ns + 1 for bearing in read_bearings(whole)[:2]), math.inf]
     parts = []
@@ -230,11 +213,9 @@ def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) 
         assert found.position.radius95_m is not None
         away_m = math.hypot(float(east) - TAG[0], float(north) - TAG[1])
         assert away_m < min(60.0, found.position.radius95_m)
-    assert alone.position is not None
-    assert alone.position.stations == 3
+    assert some(alone.position).stations == 3
     (one,) = read_positions(parts[0])
-    assert one.position is not None
-    assert one.position.stations == 1
+    assert some(one.position).stations == 1
     (tmp_path / "nothing").mkdir()
     with pytest.raises(FormatError, match="no flight"):
         read_positions(tmp_path / "nothing")
@@ -266,7 +247,7 @@ def uavrt(capsys: pytest.CaptureFixture[str]) -> Run:
 
 
 def test_the_commands_print_lists_for_other_programs(uavrt: Run, tmp_path: Path) -> None:
-    pulses = write(flown().pulse_poses, tmp_path / "flight.csv.jsonl")
+    pulses = as_log(tmp_path / "flight.csv.jsonl", flown().pulse_poses)
     bearings = json.loads(uavrt("bearing", str(pulses), "--method", "ls_db", "--json"))
     assert [set(one) >= {"tag_id", "bearing_deg", "sigma_deg", "method"} for one in bearings]
     path = tmp_path / "bearings.csv"
@@ -301,7 +282,7 @@ def mounted_across(tmp_path: Path) -> Path:
         PulsePose(pulse=one, pose=pose_at((one.start_time_ns - START_NS) * 1e-9))
         for one in pulses
     ]
-    return write(tuple(of_the_drone), tmp_path / "flight.jsonl")
+    return as_log(tmp_path / "flight.jsonl", tuple(of_the_drone))
 
 
 def test_every_command_that_makes_bearings_takes_the_offset_and_tells_the_same_of_them(

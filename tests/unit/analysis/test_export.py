@@ -20,6 +20,7 @@ import pytest
 from lxml import etree
 from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
+from some import some
 
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.analysis.export.geotiff import geotiff_bytes
@@ -96,10 +97,8 @@ def test_every_format_is_written_and_says_where_the_tag_is(
 ) -> None:
     files = exported(survey, tmp_path / "out")
     assert survey.tag_ids == (2, 3)
-    found = survey.position_of(2)
-    assert found is not None
-    assert found.position is not None
-    place = f"{found.position.latitude_deg:.4f}"
+    found = some(survey.position_of(2))
+    place = f"{some(found.position).latitude_deg:.4f}"
     for name in ("fixes.csv", "positions.csv", "flight.geojson", "flight.gpx", "movebank.csv"):
         assert place[:-1] in files[name].decode(), name
     assert set(files) >= {"flight.kmz", "flight.gpkg", "heat_tag_2.tif", "Pulse-uavrt.csv"}
@@ -206,8 +205,7 @@ def test_another_library_reads_the_gpx_as_it_was_meant(survey: Survey, tmp_path:
     text = exported(survey, tmp_path)["flight.gpx"].decode()
     read = gpxpy.parse(text)
     assert read.version == "1.1"
-    found = survey.position_of(2)
-    assert found is not None
+    found = some(survey.position_of(2))
     assert found.position is not None
     (waypoint,) = read.waypoints
     assert waypoint.latitude == pytest.approx(found.position.latitude_deg, abs=1e-7)
@@ -217,9 +215,7 @@ def test_another_library_reads_the_gpx_as_it_was_meant(survey: Survey, tmp_path:
     assert len(points) > 200
     assert points[0].latitude == pytest.approx(survey.track[0].latitude_deg, abs=1e-7)
     bounds = read.get_time_bounds()
-    assert bounds.start_time is not None
-    assert bounds.end_time is not None
-    lasted_s = (bounds.end_time - bounds.start_time).total_seconds()
+    lasted_s = (some(bounds.end_time) - some(bounds.start_time)).total_seconds()
     assert lasted_s == pytest.approx(
         (survey.track[-1].time_ns - survey.track[0].time_ns) / 1e9, abs=1.5
     )
@@ -272,8 +268,7 @@ def test_geopackage_has_its_identity_its_tables_and_geometries_that_can_be_read(
         assert kinds["time"] == "DATETIME"
         (time,) = database.execute(f"SELECT max(time) FROM {table}").fetchone()
         assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", time)
-    found = survey.position_of(2)
-    assert found is not None
+    found = some(survey.position_of(2))
     assert found.position is not None
     expected = (found.position.longitude_deg, found.position.latitude_deg)
     assert struct.unpack_from("<dd", blob, 13) == expected
@@ -309,8 +304,7 @@ def test_the_geotiff_lies_where_the_map_lies_and_is_read_by_another_library(
     keys = picture.tag_v2[34735]
     assert (2048, 0, 1, 4326) in {tuple(keys[i : i + 4]) for i in range(0, len(keys), 4)}
     row, column = np.unravel_index(np.argmax(pixels), pixels.shape)
-    found = survey.position_of(2)
-    assert found is not None
+    found = some(survey.position_of(2))
     assert found.position is not None
     assert west + (column + 0.5) * scale_x == pytest.approx(
         found.position.longitude_deg, abs=2 * scale_x
@@ -534,8 +528,7 @@ def test_positions_carry_the_time_of_their_last_bearing(survey: Survey, tmp_path
     for layer in ("position", "position 95 %"):
         (one,) = (f["properties"] for f in features if f["properties"]["layer"] == layer)
         assert one["time"] == time
-    waypoint = etree.fromstring(files["flight.gpx"]).find("{*}wpt/{*}time")
-    assert waypoint is not None
+    waypoint = some(etree.fromstring(files["flight.gpx"]).find("{*}wpt/{*}time"))
     assert waypoint.text == time
 
 

@@ -8,6 +8,7 @@ import made
 import numpy as np
 import pytest
 from some import some
+from tests.unit.analysis.test_tags_of_several_logs import as_log
 
 from uavrt.analysis.bearings import TagBearing, read_bearings, read_bearings_together
 from uavrt.analysis.positions import read_positions
@@ -21,7 +22,6 @@ from uavrt.localization.angles import difference_deg
 from uavrt.messages import Pose, Poses, PulsePose
 from uavrt.recording import (
     FlightRecorder,
-    PulseWriter,
     note_flight,
     read_flight,
     vehicle_note,
@@ -74,14 +74,6 @@ def flown(
         )
         pulses.append(PulsePose(pulse=heard, pose=pose(time_ns, e, n, y)))
     return poses, pulses
-
-
-def as_log(path: Path, pulses: Sequence[PulsePose]) -> Path:
-    with path.open("w", encoding="utf-8") as stream:
-        writer = PulseWriter(stream, "jsonl")
-        for one in pulses:
-            writer.write(one)
-    return path
 
 
 def as_flight(

@@ -137,8 +137,7 @@ def drone(tmp_path: Path) -> Flown:
 
 def radius_m(found: Sequence[TagPosition]) -> float:
     (one,) = found
-    assert one.position is not None
-    return some(one.position.radius95_m)
+    return some(some(one.position).radius95_m)
 
 
 def holds(found: Sequence[TagPosition]) -> bool:

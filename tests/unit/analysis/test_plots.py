@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,17 +12,11 @@ from hypothesis import strategies as st
 from uavrt.analysis.measure.waterfall import COLUMNS, MaximumHold, Waterfall
 from uavrt.analysis.plots import DetectionPlots, draw_beat, draw_snr, draw_waterfall
 from uavrt.errors import RecordingError
-from uavrt.messages import ChannelBlock, Pulse, Tag
+from uavrt.messages import ChannelBlock, Pulse
 
 RATE_HZ = 3750.0
 START_NS = 1_777_788_000_000_000_000  # 2026-05-03T06:00:00Z
-TAG = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.254, 2.0),
-    name="Lüna $5",
-)
+TAG = made.tag(2, 148_710_000.0, 1.254, 2.0, name="Lüna $5")
 
 
 def noise(count: int, seed: int = 1) -> np.ndarray:
@@ -30,13 +25,13 @@ def noise(count: int, seed: int = 1) -> np.ndarray:
 
 
 def block(samples: np.ndarray, first: int, *, channel: int = 0) -> ChannelBlock:
-    return ChannelBlock(
+    return made.channel_block(
+        samples,
+        first,
+        RATE_HZ,
         channel=channel,
         center_frequency_hz=148_709_000.0,
-        samples=samples,
-        sample_index=first,
         time_ns=START_NS + round(first * 1e9 / RATE_HZ),
-        sample_rate_hz=RATE_HZ,
     )
 
 

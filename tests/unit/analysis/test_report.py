@@ -15,6 +15,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
+from some import some
 
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, learnt_antenna
 from uavrt.analysis.facts import Facts, facts_of, write_facts
@@ -77,8 +78,7 @@ def test_the_page_fetches_nothing_and_says_where_the_tag_is(survey: Survey) -> N
     assert page.open == []
     assert page.fetched == []
     assert len(page.pictures) == 5  # overview, map, roses, times, noise
-    found = survey.position_of(2)
-    assert found is not None
+    found = some(survey.position_of(2))
     assert found.position is not None
     place = f"{found.position.latitude_deg:.5f}, {found.position.longitude_deg:.5f}"
     assert place in page.text
@@ -149,8 +149,7 @@ def named(survey: Survey, name: str) -> Survey:
 
 
 def extent(artist: Artist) -> Bbox:
-    figure = artist.get_figure(root=True)
-    assert figure is not None
+    figure = some(artist.get_figure(root=True))
     return artist.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
 
 
@@ -191,8 +190,7 @@ def test_the_legend_leaves_the_north_arrow_to_be_seen(survey: Survey, name: str)
             figure.canvas.draw()
             axes = figure.axes[0]
             (arrow,) = (one for one in axes.texts if isinstance(one, Annotation))
-            legend = axes.get_legend()
-            assert legend is not None
+            legend = some(axes.get_legend())
             assert not extent(arrow).overlaps(extent(legend))
 
 
@@ -257,8 +255,7 @@ def test_the_report_tells_what_people_tell_of_the_flight(write_flight: WriteFlig
     page = Page(html_page(survey))
     for text in ("Operator: A. <Ranger>", "Permit: FWC-118", "Species: Lynx lynx", "LN02"):
         assert text in page.text
-    assert survey.span_ns is not None
-    assert f"({survey.facts.local_time(survey.span_ns[0])})" in page.text
+    assert f"({survey.facts.local_time(some(survey.span_ns)[0])})" in page.text
     assert pdf_document(survey).startswith(b"%PDF-")
 
 

@@ -8,6 +8,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
 from command_line import uavrt
 from pulses import pulse_at
@@ -19,7 +20,7 @@ from uavrt.demo.view import DemoView, TagView
 from uavrt.demo.watch import samples_lost
 from uavrt.demo.workplace import LOCK, sweep, workplace
 from uavrt.errors import UavrtError
-from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemState, SystemStatus
+from uavrt.messages import SearchNote, SoughtTag
 from uavrt.simulation import demo_scenario
 
 PROCESSES = ("receiver", "detector-1", "connection", "recorder", "supervisor", "ros2")
@@ -33,26 +34,18 @@ def flown_view() -> DemoView:
             pulse = pulse_at(1_700_000_000_000_000_000 + number)
             view.add(replace(pulse, tag_id=view.tag.tag_id, snr_db=31.4), 100.0)
     processes = tuple(
-        ProcessStatus(
-            process=name,
-            status="running",
-            ok=True,
-            running=True,
+        made.process_status(
+            name,
+            "running",
             pid=12,
-            restarts=0,
             cpu_s=3.0,
             memory_mb=81.0,
             counters={"samples_lost": 7.0, "channel_samples_dropped": 2.0},
         )
         for name in PROCESSES
     )
-    status = SystemStatus(
-        center_frequency_hz=148.6e6,
-        tags=(),
-        time_ns=1,
-        state=SystemState.DETECTING,
-        flight_directory="f",
-        processes=processes,
+    status = made.system_status(
+        1, center_frequency_hz=148.6e6, flight_directory="f", processes=processes
     )
     more = ("radio (simulated)", "autopilot (simulated)", "ground", "demo's view")
     return DemoView(

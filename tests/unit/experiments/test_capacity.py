@@ -31,7 +31,7 @@ def test_our_sender_loses_none_in_4_ms_and_8_ms_loops(gap_s: float) -> None:
         assert (row.received, row.dropped_by_autopilot) == (1500, 0)
 
 
-def test_through_links_every_loss_is_the_autopilots() -> None:
+async def test_through_links_every_loss_is_the_autopilots() -> None:
     companion, ground = free_udp_port(), free_udp_port()
     settings = AutopilotSettings(
         companion=("127.0.0.1", companion), ground=("127.0.0.1", ground)
@@ -42,22 +42,19 @@ def test_through_links_every_loss_is_the_autopilots() -> None:
             time_ns, 35.0, -111.0, altitude_relative_m=50.0, altitude_amsl_m=2000.0
         )
 
-    async def main() -> None:
-        autopilot = FakeAutopilot(still, settings, Clock.start())
-        task = asyncio.create_task(autopilot.run())
-        try:
-            at = "udpin://127.0.0.1"
-            rows = await run_links(f"{at}:{companion}", f"{at}:{ground}", (60,), (0, 20))
-        finally:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
-        together, apart, ours = rows
-        assert together.received < 20
-        assert all(row.between == 60 - row.received for row in rows)
-        # A busy machine holds up a pass, which then meets messages that were 20 ms apart.
-        assert apart.received >= 45
-        assert (ours.ours, ours.received) == (True, 60)
-        lost = sum(row.between for row in rows)
-        assert autopilot.counters()["dropped_to_ground"] == lost
-
-    asyncio.run(main())
+    autopilot = FakeAutopilot(still, settings, Clock.start())
+    task = asyncio.create_task(autopilot.run())
+    try:
+        at = "udpin://127.0.0.1"
+        rows = await run_links(f"{at}:{companion}", f"{at}:{ground}", (60,), (0, 20))
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+    together, apart, ours = rows
+    assert together.received < 20
+    assert all(row.between == 60 - row.received for row in rows)
+    # A busy machine holds up a pass, which then meets messages that were 20 ms apart.
+    assert apart.received >= 45
+    assert (ours.ours, ours.received) == (True, 60)
+    lost = sum(row.between for row in rows)
+    assert autopilot.counters()["dropped_to_ground"] == lost

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from some import some
 
 from uavrt.planning import VehicleState
 from uavrt_experiments.kept import KeptOutcomes
@@ -149,8 +150,7 @@ def test_the_searchers_map_of_the_hills_is_as_wrong_as_maps_are() -> None:
     scenario = SCENARIOS["T6"]
     world = World(scenario, 1)
     beliefs = beliefs_of(scenario, OURS, 1, 100, world)
-    hills = beliefs[1].prior.hills
-    assert hills is not None
+    hills = some(beliefs[1].prior.hills)
     rng = np.random.default_rng(2)
     places = rng.uniform(100.0, 1900.0, (200, 2))
     off = [
@@ -190,8 +190,7 @@ def test_a_hard_table_is_flown_beside_its_easier_case(name: str) -> None:
 
 
 def test_strengths_are_told_as_the_world_has_them() -> None:
-    easier = SCENARIOS["T8"].easier
-    assert easier is not None
+    easier = some(SCENARIOS["T8"].easier)
     world = World(easier, 4)
     told = beliefs_of(easier, OURS, 4, 100, world)
     levels = [belief.prior.level_db for belief in told.values()]
@@ -201,8 +200,7 @@ def test_strengths_are_told_as_the_world_has_them() -> None:
 
 def test_hills_have_their_relief_and_hide_animals_behind_them() -> None:
     scenario = SCENARIOS["T6"]
-    ground = scenario.truth.ground
-    assert ground is not None
+    ground = some(scenario.truth.ground)
     x, y = np.meshgrid(np.arange(0.0, 2000.0, 50.0), np.arange(0.0, 2000.0, 50.0))
     heights = ground(x, y)
     assert 130.0 < np.ptp(heights) < 270.0

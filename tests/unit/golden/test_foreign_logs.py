@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import pytest
+from some import some
 
 from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.errors import FormatError
@@ -119,8 +120,7 @@ def test_every_variant_with_a_noise_density_says_the_same(
 
 def test_the_antennas_offset_turns_the_heading_once(tmp_path: Path) -> None:
     (one,) = read_pulses(log(tmp_path, ROW_2024 + "0, 0, 91.0, 90.0"))
-    assert one.pose is not None
-    assert yaw_deg(one.pose.quaternion_wxyz) == pytest.approx(181.0)
+    assert yaw_deg(some(one.pose).quaternion_wxyz) == pytest.approx(181.0)
 
 
 def test_rows_of_2026_and_slices_with_nothing_found(tmp_path: Path) -> None:
@@ -131,8 +131,7 @@ def test_rows_of_2026_and_slices_with_nothing_found(tmp_path: Path) -> None:
     assert found.marks[0].before_pulse == 1
     assert (one.pulse.group_sequence, one.pulse.rate) == (40, 2)
     assert one.pulse.start_time_ns == 1_790_000_000_250_000_000
-    assert one.pose is not None
-    assert yaw_deg(one.pose.quaternion_wxyz) == pytest.approx(135.0, abs=0.1)
+    assert yaw_deg(some(one.pose).quaternion_wxyz) == pytest.approx(135.0, abs=0.1)
 
 
 def test_minus_infinity_is_kept_and_the_placeholder_is_unknown(tmp_path: Path) -> None:

@@ -36,8 +36,7 @@ def test_known_places_are_written_as_published(
     northing: float | None,
     square: str | None,
 ) -> None:
-    place = utm(latitude, longitude)
-    assert place is not None
+    place = some(utm(latitude, longitude))
     assert f"{place.zone}{place.band}" == zone
     if easting is not None:
         assert place.easting_m == pytest.approx(easting, abs=1.0)

@@ -19,6 +19,7 @@ from uavrt.ground.fetch import BAND, CHANNELS, drone_flights
 from uavrt.ground.fetch.flight_list import MOST_NOTED
 from uavrt.ground.fetch.ftp_client import (
     MOST_DEEP,
+    MOST_ENTRIES,
     PART_SUFFIX,
     STALL_NS,
     FileClient,
@@ -427,14 +428,10 @@ def test_directories_without_end_are_left_out_and_counted() -> None:
     assert max(path.count("/more") for path in asked) == MOST_DEEP - 1
 
 
-def test_directories_that_double_at_each_level_end_at_the_most_entries(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.MOST_ENTRIES", 90)
-    tree = asyncio.run(
-        rogue(lambda path, offset: [] if offset else [b"Da", b"Db", b"Ff\t5"]).tree("/")
-    )
-    assert len(tree.files) == 30
+async def test_directories_that_multiply_at_each_level_end_at_the_most_entries() -> None:
+    within = [*(f"D{number}".encode() for number in range(19)), b"Ff\t5"]
+    tree = await rogue(lambda path, offset: within[offset : offset + 9]).tree("/")
+    assert len(tree.files) == MOST_ENTRIES // 20
     assert tree.left_out > 3
 
 
@@ -447,11 +444,10 @@ def test_a_path_too_long_to_be_asked_for_is_left_out() -> None:
         asyncio.run(rogue(lambda path, offset: []).list_directory("/" + "long" * 60))
 
 
-def test_a_directory_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavrt.ground.fetch.ftp_client.MOST_ENTRIES", 300)
+async def test_a_directory_without_end_is_refused() -> None:
     client = rogue(lambda path, offset: [f"Ff{offset + n}\t5".encode() for n in range(9)])
-    with pytest.raises(LinkError, match="more than 300 files"):
-        asyncio.run(client.tree("/"))
+    with pytest.raises(LinkError, match=f"more than {MOST_ENTRIES} files"):
+        await client.tree("/")
 
 
 def test_samples_come_only_when_asked_for_and_their_size_is_told(

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import made
 import numpy as np
 import pytest
 from pulses import pulse_at as heard_pulse
+from some import some
 from virtual_time import VirtualClock
 
 from uavrt.analysis.positions import read_positions
@@ -30,7 +32,7 @@ from uavrt.ground.web import maps
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.bearing.live_bearings import LiveBearings
-from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
+from uavrt.messages import LiveBearing, Pose, PulsePose
 from uavrt.recording import Flight, read_flight
 from uavrt.recording.places import Places, home_note, mark_note
 from uavrt.terrain import open_elevation
@@ -39,13 +41,7 @@ pytestmark = pytest.mark.slow
 
 START_NS = 1_700_000_000_000_000_000
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
-TAG = Tag(
-    tag_id=2,
-    frequency_hz=148.7e6,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.2,),
-    name='<b>"lynx" & co</b>',
-)
+TAG = made.tag(2, 148.7e6, 1.2, name='<b>"lynx" & co</b>')
 TURN_S = 60.0
 TAG_EAST_M, TAG_NORTH_M = 300.0, 400.0
 
@@ -53,12 +49,10 @@ TAG_EAST_M, TAG_NORTH_M = 300.0, 400.0
 def pose_at(seconds: float, east_m: float, yaw_deg: float) -> Pose:
     latitude, longitude = PLANE.to_geodetic(east_m, 0.0)
     half = math.radians(yaw_deg) / 2.0
-    return Pose(
-        time_ns=START_NS + round(seconds * 1e9),
-        latitude_deg=float(latitude),
-        longitude_deg=float(longitude),
-        altitude_amsl_m=1000.0,
-        altitude_relative_m=40.0,
+    return made.pose(
+        START_NS + round(seconds * 1e9),
+        latitude,
+        longitude,
         quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
     )
 
@@ -108,8 +102,7 @@ def keeper_fixture(tmp_path: Path) -> Iterator[FlightKeeper]:
 def flown_fixture(keeper: FlightKeeper, tmp_path: Path) -> tuple[FlightLibrary, str]:
     fly(keeper)
     keeper.commit()
-    assert keeper.flight_id is not None
-    return FlightLibrary(tmp_path), keeper.flight_id
+    return FlightLibrary(tmp_path), some(keeper.flight_id)
 
 
 def estimates(columns: Columns) -> Estimates:
@@ -227,8 +220,7 @@ def test_drone_page_report_and_command_line_tell_the_same_of_one_flight(
     """Four turns that teach the antenna, with pulses that were missed."""
     fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
     keeper.commit()
-    assert keeper.flight_id is not None
-    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
     place = library.path(flight_id)
 
     tags = library.summary(flight_id).tags
@@ -290,8 +282,7 @@ def test_page_report_and_command_line_tell_the_same_of_a_survey_with_a_monopole(
 ) -> None:
     survey_lines(keeper)
     keeper.commit()
-    assert keeper.flight_id is not None
-    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
     place, tags = library.path(flight_id), library.summary(flight_id).tags
 
     antenna = AntennaChoice(pattern="monopole")
@@ -324,8 +315,7 @@ def test_page_report_and_command_line_tell_the_same_over_hills(
     else:
         fly(keeper)
     keeper.commit()
-    assert keeper.flight_id is not None
-    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
     place, tags = library.path(flight_id), library.summary(flight_id).tags
     north_west = math.floor(PLANE.latitude_deg), math.floor(PLANE.longitude_deg)
     tile = tmp_path / f"N{north_west[0]:02d}E{north_west[1]:03d}.hgt"
@@ -343,8 +333,7 @@ def test_page_report_and_command_line_tell_the_same_over_hills(
         assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.1)
     if pattern == "monopole":  # a single bearing has no other level to be compared with
         (level,) = read_positions(place, antenna=pattern)
-        assert level.position is not None
-        assert shown["radius95_m"] != pytest.approx(level.position.radius95_m, abs=0.1)
+        assert shown["radius95_m"] != pytest.approx(some(level.position).radius95_m, abs=0.1)
 
 
 @pytest.mark.parametrize("pattern", ["monopole", "RA-23K"])
@@ -356,8 +345,7 @@ def test_page_report_and_command_line_trust_headings_and_heights_alike(
     else:
         fly(keeper, stations=(0.0, 200.0, 400.0, 600.0), least_snr_db=13.0)
     keeper.commit()
-    assert keeper.flight_id is not None
-    library, flight_id = FlightLibrary(tmp_path), keeper.flight_id
+    library, flight_id = FlightLibrary(tmp_path), some(keeper.flight_id)
     place, tags = library.path(flight_id), library.summary(flight_id).tags
     columns, estimator = library.columns(flight_id), Estimator()
     settings = GroundSettings(antenna=pattern)
@@ -481,8 +469,7 @@ def test_what_is_in_doubt_of_a_pulse_is_in_the_records_the_columns_and_the_table
     keeper.add_pulse(plain)
     keeper.add_pulse(replace(other, pulse=pulse))
     keeper.commit()
-    assert keeper.flight_id is not None
-    library, name = FlightLibrary(tmp_path), keeper.flight_id
+    library, name = FlightLibrary(tmp_path), some(keeper.flight_id)
     certain, doubtful = library.records(name, 0, 10)
     assert [certain[key] for key in doubts] == [[], None, False]
     assert [doubtful[key] for key in doubts] == [[4, 6], 8, True]
@@ -515,8 +502,7 @@ def test_a_full_disk_is_told_and_mended(
         other.execute("BEGIN EXCLUSIVE")
         keeper.add_pulse(pulse_at(pose_at(1.0, 0.0, 0.0), 20.0))
         keeper.commit()
-        assert keeper.fault is not None
-        assert "cannot write" in keeper.fault
+        assert "cannot write" in some(keeper.fault)
         other.rollback()
     other.close()
     clock_of_test.now_s += RETRY_S

@@ -27,7 +27,7 @@ class Hands:
 
 
 @pytest.mark.parametrize(("waited_ns", "sent"), [(SECOND_NS // 2, 1), (2 * SECOND_NS, 0)])
-def test_what_waited_for_another_command_is_not_sent(
+async def test_what_waited_for_another_command_is_not_sent(
     waited_ns: int, sent: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hands = Hands()
@@ -35,20 +35,16 @@ def test_what_waited_for_another_command_is_not_sent(
     monkeypatch.setattr(link.protocol, "tunnel_message", lambda payload, kind: payload)
     monkeypatch.setattr(link, "send", hands.sent.append)
     payload = encode_confirmation(MotionConfirmation(request_id=3, order_id=5, nonce=7))
-
-    async def waits() -> None:
-        async with link._busy:
-            waiting = asyncio.create_task(link.motion(payload, 3))
-            await asyncio.sleep(0)
-            hands.time_ns += waited_ns
-        with pytest.raises(LinkError, match="did not answer" if sent else "was not sent"):
-            await waiting
-
-    asyncio.run(waits())
+    async with link._busy:
+        waiting = asyncio.create_task(link.motion(payload, 3))
+        await asyncio.sleep(0)
+        hands.time_ns += waited_ns
+    with pytest.raises(LinkError, match="did not answer" if sent else "was not sent"):
+        await waiting
     assert len(hands.sent) == sent
 
 
-def test_a_confirmation_that_is_not_sent_is_told_so_though_the_stop_is_not_answered_either(
+async def test_an_unsent_confirmation_is_told_so_though_the_stop_is_not_answered_either(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     hands = Hands()
@@ -58,22 +54,18 @@ def test_a_confirmation_that_is_not_sent_is_told_so_though_the_stop_is_not_answe
     offer = MotionState(
         kind="offer", standing="out", text="", request_id=3, order_id=5, nonce=7
     )
-
-    async def late() -> None:
-        async with link._busy:
-            waiting = asyncio.create_task(confirm(link, offer, sticks_unseen=False))
-            await asyncio.sleep(0)
-            hands.time_ns += 2 * SECOND_NS
-        with pytest.raises(LinkError, match="was not sent"):
-            await waiting
-
-    asyncio.run(late())
+    async with link._busy:
+        waiting = asyncio.create_task(confirm(link, offer, sticks_unseen=False))
+        await asyncio.sleep(0)
+        hands.time_ns += 2 * SECOND_NS
+    with pytest.raises(LinkError, match="was not sent"):
+        await waiting
     assert hands.sent, "the stop is sent all the same"
     assert all(is_stop(payload) for payload in hands.sent)
 
 
 @pytest.mark.parametrize("heard", [False, True])
-def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
+async def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     heard: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hands = Hands()
@@ -97,18 +89,14 @@ def test_an_offer_runs_out_also_while_the_drone_is_not_heard(
     monkeypatch.setattr(flying, "ask", offer)
     monkeypatch.setattr(flying, "confirm", confirm)
     wish = {"order_id": 5, "sticks_unseen": True}
-
-    async def late() -> None:
-        page = Flying(session)
-        if heard:
-            page.take(MotionState(kind="state", standing="out", text="x"))
-        await page.ask({"action": "hold"}, "page")
-        hands.time_ns += 9 * SECOND_NS
+    page = Flying(session)
+    if heard:
+        page.take(MotionState(kind="state", standing="out", text="x"))
+    await page.ask({"action": "hold"}, "page")
+    hands.time_ns += 9 * SECOND_NS
+    await page.confirm(wish, "page")
+    await page.ask({"action": "hold"}, "page")
+    hands.time_ns += 11 * SECOND_NS
+    with pytest.raises(CommandRefused, match="has run out"):
         await page.confirm(wish, "page")
-        await page.ask({"action": "hold"}, "page")
-        hands.time_ns += 11 * SECOND_NS
-        with pytest.raises(CommandRefused, match="has run out"):
-            await page.confirm(wish, "page")
-
-    asyncio.run(late())
     assert hands.sent == [5]

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 from pulses import pulse_at
 from sealed import introduce
 from some import some
@@ -142,8 +143,7 @@ def test_a_drone_with_a_key_lists_its_parameters_for_sealed_requests(tmp_path: P
 
     def drone(message: Message) -> None:
         assert isinstance(message, dialect.Tunnel), "nothing unsealed"
-        opened = gate.open(message.payload[: message.payload_length], GROUND, DRONE)
-        assert opened is not None
+        opened = some(gate.open(message.payload[: message.payload_length], GROUND, DRONE))
         desk.receive_sealed(opened[1], Peer(*GROUND), None, 1)
 
     parameters = DroneParameters(sealing_ground(read_key(path), gate), drone, 0.01)
@@ -174,16 +174,10 @@ def test_what_a_drone_reports_is_shown_without_a_proof(tmp_path: Path) -> None:
         (MOTION_STATE_TYPE, encode_state(replace(state, request_id=7))),
         (COURSE_TYPE, encode_course(COURSE)),
     ):
-        message = dialect.Tunnel(
-            target_system=GROUND[0],
-            target_component=GROUND[1],
-            payload_type=kind,
-            payload_length=len(payload),
-            payload=payload,
+        message = made.tunnel(
+            kind, payload, target_system=GROUND[0], target_component=GROUND[1]
         )
-        beat = dialect.Heartbeat(
-            type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-        )
+        beat = made.heartbeat()
         for one in (beat, message):
             (frame,) = FrameParser().feed(forger.encode(one))
             shown += [type(event).__name__ for event in ground.receive(frame, NOW_NS)]

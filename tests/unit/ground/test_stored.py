@@ -1,15 +1,17 @@
 """What the ground has taken is stored, or known not to be."""
 
+import itertools
 from pathlib import Path
 
 import pytest
 from pulses import pulse_at
 from some import some
+from virtual_time import follow
 
 from uavrt.clock import Clock
 from uavrt.errors import RecordingError
 from uavrt.ground.store import flight_keeper
-from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.flight_keeper import RETRY_S, FlightKeeper
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.stored import PulseLines, read_ground_pulses
 from uavrt.messages import BurstInside, PulsePose
@@ -34,9 +36,10 @@ def inside(item: PulsePose) -> BurstInside:
 
 
 @pytest.fixture
-def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Try a failing disk at once."""
-    monkeypatch.setattr(flight_keeper, "RETRY_S", 0.0)
+def patient() -> None:
+    """Let a second pass at each look at the clock: a failing disk is tried again."""
+    seconds = itertools.count(1000.0, RETRY_S)
+    follow(lambda: next(seconds))
 
 
 @pytest.mark.usefixtures("patient")

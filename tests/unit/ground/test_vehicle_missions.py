@@ -1,12 +1,13 @@
 """Surveys into the autopilot, and its fence out of it, over a link that loses a fifth."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 import made
 import pytest
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
@@ -27,40 +28,40 @@ FENCE = VehicleFence(
     keep_out=(KeepOut(places=((46.5, 8.0),), radius_m=25.0, name="vehicle's fence"),),
 )
 AUTO = {"px4": 4 << 16 | 4 << 24, "ardupilot": 3}
-Work = Callable[[GroundLink, FakeAutopilot], Awaitable[Any]]
 
 
 def pose(time_ns: int) -> Pose:
     return made.pose(time_ns, 46.5, 8.0, altitude_amsl_m=840.0)
 
 
-def with_vehicle(flavour: Flavour, work: Work, *, loss: float = 0.0, seed: int = 1) -> Any:
-    async def main() -> Any:
-        port, clock = free_udp_port(), Clock.start()
-        settings = AutopilotSettings(
-            companion=("127.0.0.1", free_udp_port()),
-            ground=("127.0.0.1", port),
-            flavour=flavour,
-            flies=True,
-            ground_loss=loss,
-            seed=seed,
-        )
-        autopilot = FakeAutopilot(pose, settings, clock)
-        link = GroundLink(clock.now_ns, on_event=lambda event: None)
-        tasks = [
-            asyncio.create_task(autopilot.run()),
-            asyncio.create_task(link.run(f"udpin://127.0.0.1:{port}")),
-        ]
-        try:
-            await link.missions.wait(20.0)
-            return await work(link, autopilot)
-        finally:
-            for task in tasks:
-                task.cancel()
-                with suppress(asyncio.CancelledError):
-                    await task
-
-    return asyncio.run(main())
+@asynccontextmanager
+async def vehicle_on(
+    flavour: Flavour, *, loss: float = 0.0, seed: int = 1
+) -> AsyncIterator[tuple[GroundLink, FakeAutopilot]]:
+    """A ground station's link to a vehicle that flies, once its autopilot is known."""
+    port, clock = free_udp_port(), Clock.start()
+    settings = AutopilotSettings(
+        companion=("127.0.0.1", free_udp_port()),
+        ground=("127.0.0.1", port),
+        flavour=flavour,
+        flies=True,
+        ground_loss=loss,
+        seed=seed,
+    )
+    autopilot = FakeAutopilot(pose, settings, clock)
+    link = GroundLink(clock.now_ns, on_event=lambda event: None)
+    tasks = [
+        asyncio.create_task(autopilot.run()),
+        asyncio.create_task(link.run(f"udpin://127.0.0.1:{port}")),
+    ]
+    try:
+        await link.missions.wait(20.0)
+        yield link, autopilot
+    finally:
+        for task in tasks:
+            task.cancel()
+            with suppress(asyncio.CancelledError):
+                await task
 
 
 def held(autopilot: FakeAutopilot, kind: int = 0) -> list[MissionItem]:
@@ -79,107 +80,76 @@ def held(autopilot: FakeAutopilot, kind: int = 0) -> list[MissionItem]:
 
 def holds(autopilot: FakeAutopilot, items: tuple[MissionItem, ...], kind: int = 0) -> None:
     """Let it hold some, as another ground station has uploaded them."""
-    names = ("param1", "param2", "param3", "param4")
-    autopilot.missions.held[kind] = tuple(
-        dialect.MissionItemInt(
-            target_system=1,
-            target_component=1,
-            seq=number,
-            frame=one.frame,
-            command=one.command,
-            current=0,
-            autocontinue=1,
-            x=one.x,
-            y=one.y,
-            z=one.z,
-            mission_type=kind,
-            **dict(zip(names, one.params, strict=True)),
-        )
-        for number, one in enumerate(items)
-    )
+    autopilot.missions.held[kind] = made.mission_items(items, kind)
 
 
 @BOTH
 @pytest.mark.parametrize("loss", [0.0, 0.2])
-def test_a_survey_becomes_the_vehicles_mission_and_moves_nothing(
+async def test_a_survey_becomes_the_vehicles_mission_and_moves_nothing(
     flavour: Flavour, loss: float
 ) -> None:
-    async def work(link: GroundLink, autopilot: FakeAutopilot) -> Any:
-        assert autopilot.flown is not None
-        vehicle = autopilot.flown.vehicle
-        before = (vehicle.mode, vehicle.target, vehicle.armed)
-        done = await link.missions.upload(ITEMS)
-        assert (vehicle.mode, vehicle.target, vehicle.armed) == before
-        home_first = int(flavour == "ardupilot")
-        assert difference(ITEMS, held(autopilot)[home_first:]) is None
-        return done
-
     for seed in range(1 if loss == 0.0 else 6):
-        done = with_vehicle(flavour, work, loss=loss, seed=seed)
+        async with vehicle_on(flavour, loss=loss, seed=seed) as (link, autopilot):
+            vehicle = some(autopilot.flown).vehicle
+            before = (vehicle.mode, vehicle.target, vehicle.armed)
+            done = await link.missions.upload(ITEMS)
+            assert (vehicle.mode, vehicle.target, vehicle.armed) == before
+            home_first = int(flavour == "ardupilot")
+            assert difference(ITEMS, held(autopilot)[home_first:]) is None
         assert done.items == len(ITEMS)
         assert (done.sent_again == 0) == (loss == 0.0)
         assert done.strange == 0 or loss > 0.0
 
 
 @BOTH
-def test_the_vehicles_fence_is_read(flavour: Flavour) -> None:
-    async def work(link: GroundLink, autopilot: FakeAutopilot) -> VehicleFence:
+async def test_the_vehicles_fence_is_read(flavour: Flavour) -> None:
+    async with vehicle_on(flavour, loss=0.2) as (link, autopilot):
         holds(autopilot, fence_items(FENCE), 1)
-        return await link.missions.fence()
-
-    assert with_vehicle(flavour, work, loss=0.2) == FENCE
+        assert await link.missions.fence() == FENCE
 
 
 @BOTH
-def test_a_vehicle_that_flies_a_mission_is_given_none(flavour: Flavour) -> None:
-    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
-        assert autopilot.flown is not None
+async def test_a_vehicle_that_flies_a_mission_is_given_none(flavour: Flavour) -> None:
+    async with vehicle_on(flavour) as (link, autopilot):
         holds(autopilot, ITEMS[:3])
-        autopilot.flown.vehicle.mode = AUTO[flavour]
+        some(autopilot.flown).vehicle.mode = AUTO[flavour]
         await asyncio.sleep(2.0)
         with pytest.raises(CommandRefused, match="would change its way"):
             await link.missions.upload(ITEMS)
         assert len(held(autopilot)) == 3
 
-    with_vehicle(flavour, work)
-
 
 @BOTH
-def test_an_upload_ends_when_a_mission_is_started_meanwhile(flavour: Flavour) -> None:
-    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
-        assert autopilot.flown is not None
+async def test_an_upload_ends_when_a_mission_is_started_meanwhile(flavour: Flavour) -> None:
+    async with vehicle_on(flavour) as (link, autopilot):
         holds(autopilot, ITEMS[:3])
         upload = asyncio.create_task(link.missions.upload(ITEMS * 20))
         await asyncio.sleep(0.02)
-        autopilot.flown.vehicle.mode = AUTO[flavour]
+        some(autopilot.flown).vehicle.mode = AUTO[flavour]
         autopilot.ground.inward._loss = 0.6  # it lasts longer than to the next heartbeat
         with pytest.raises(CommandRefused, match="would change its way"):
             await upload
         assert len(held(autopilot)) == 3
 
-    with_vehicle(flavour, work)
 
-
-def test_a_vehicle_that_falls_silent_is_told_of() -> None:
-    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+async def test_a_vehicle_that_falls_silent_is_told_of() -> None:
+    async with vehicle_on("px4") as (link, autopilot):
         autopilot.ground.inward._loss = 1.0
         with pytest.raises(LinkError, match="did not answer in 12 s"):
             await link.missions.fence()
 
-    with_vehicle("px4", work)
 
-
-def test_what_is_no_fence_is_refused() -> None:
-    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+async def test_what_is_no_fence_is_refused() -> None:
+    async with vehicle_on("px4") as (link, autopilot):
         holds(autopilot, fence_items(FENCE)[:2], 1)
         with pytest.raises(FormatError, match="corner of the vehicle's fence is missing"):
             await link.missions.fence()
 
-    with_vehicle("px4", work)
 
-
-def test_a_mission_that_is_not_held_as_sent_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def work(link: GroundLink, autopilot: FakeAutopilot) -> None:
+async def test_a_mission_not_held_as_sent_is_told_of(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with vehicle_on("px4") as (link, autopilot):
         taken = autopilot.missions._give
 
         def lower(message: Any, sender: Any, send: Any) -> None:
@@ -194,15 +164,10 @@ def test_a_mission_that_is_not_held_as_sent_is_told_of(monkeypatch: pytest.Monke
         with pytest.raises(CommandRefused, match="its item 3 differs"):
             await link.missions.upload(ITEMS)
 
-    with_vehicle("px4", work)
 
-
-def test_no_autopilot_is_told_of() -> None:
-    async def main() -> None:
-        link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
-        with pytest.raises(LinkError, match="no autopilot was heard"):
-            await link.missions.wait(3.0)
-        with pytest.raises(LinkError, match="the autopilot is not heard"):
-            await link.missions.upload(ITEMS)
-
-    asyncio.run(main())
+async def test_no_autopilot_is_told_of() -> None:
+    link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
+    with pytest.raises(LinkError, match="no autopilot was heard"):
+        await link.missions.wait(3.0)
+    with pytest.raises(LinkError, match="the autopilot is not heard"):
+        await link.missions.upload(ITEMS)

@@ -10,24 +10,22 @@ from uavrt.ground.station import Station, StationSettings
 from uavrt.simulation import demo_scenario
 
 
-def test_a_drone_that_is_not_heard_is_told_once_however_long_it_takes(tmp_path: Path) -> None:
+async def test_a_drone_that_is_not_heard_is_told_once_however_late(
+    tmp_path: Path,
+) -> None:
     events: list[dict[str, Any]] = []
     tags = demo_scenario(40.0).tags
-
-    async def main() -> None:
-        settings = StationSettings(
-            address=f"udpin://127.0.0.1:{free_udp_port()}",
-            directory=tmp_path / "ground",
-            tags=tags,
-            start=True,
-        )
-        station = Station(settings, events.append)
-        serving = asyncio.create_task(station.run())
-        await asyncio.sleep(50.0)
-        station.stop()
-        await serving
-
-    asyncio.run(main())
+    settings = StationSettings(
+        address=f"udpin://127.0.0.1:{free_udp_port()}",
+        directory=tmp_path / "ground",
+        tags=tags,
+        start=True,
+    )
+    station = Station(settings, events.append)
+    serving = asyncio.create_task(station.run())
+    await asyncio.sleep(50.0)
+    station.stop()
+    await serving
     waiting = [event["reason"] for event in events if event["event"] == "waiting"]
     assert len(waiting) == 1
     assert waiting[0].startswith("no drone is heard (MAVLink component 191). Check")

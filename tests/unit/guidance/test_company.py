@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from flown import Flown
+from some import some
 
 from uavrt.errors import PlanError
 from uavrt.guidance import Choice, Company, VehicleNow
@@ -14,8 +15,7 @@ from uavrt.messages import Course, FoundTag, Neighbour
 @pytest.fixture
 def now() -> VehicleNow:
     """At home, 40 m above it."""
-    found = Flown("px4").now()
-    assert found is not None
+    found = some(Flown("px4").now())
     return found
 
 
@@ -59,8 +59,7 @@ def test_a_search_too_near_another_is_refused(
     company.take(neighbour, heights.time_s)
     with pytest.raises(PlanError, match=named):
         company.check(heights, 40.0)
-    assert neighbour.course is not None
-    hand_flown = replace(neighbour, course=replace(neighbour.course, searching=False))
+    hand_flown = replace(neighbour, course=replace(some(neighbour.course), searching=False))
     company.take(hand_flown, heights.time_s)
     company.check(heights, 40.0)
 
@@ -109,8 +108,7 @@ def test_without_a_way_it_goes_on_as_before(now: VehicleNow, how: str) -> None:
         case "another came near":
             near = other(40.0, 60.0, 52.0, (-40.0, 60.0))
             company.take(replace(near, granted=number), now.time_s)
-    answer = company.answer(later)
-    assert answer is not None
+    answer = some(company.answer(later))
     assert not answer[1]
     assert not company.waits
     course = company.course(later)

@@ -34,8 +34,7 @@ def test_it_finds_a_resting_and_a_walking_animal_and_returns(flavour: Flavour) -
     assert set(search.errors_m) == {2, 4}
     found = [note for note in search.notes if note.event == "found"]
     for note in found:
-        assert note.tag_id is not None
-        told = {one.tag_id: one for one in note.tags}[note.tag_id]
+        told = {one.tag_id: one for one in note.tags}[some(note.tag_id)]
         assert told.radius95_m <= 25.0
         assert told.found_s == pytest.approx(note.elapsed_s)
     assert max(search.errors_m.values()) < 35.0
@@ -135,8 +134,7 @@ def test_a_turn_is_left_when_an_animal_walks_to_the_drone(flavour: Flavour) -> N
     search = Searched(flavour, [Animal(60.0, -60.0)])
     search.begin()
     search.run(2.5)
-    now = search.flown.now()
-    assert now is not None
+    now = some(search.flown.now())
     seeker, time_ns = search.seeker, search.time_ns
     seeker._goal_m, seeker._near = None, 0.0
     assert seeker.think(time_ns, now, idle=False).steps is None

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import made
 import numpy as np
 import pytest
+from some import some
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
 from uavrt.analysis.flight_so_far import FALSE_ALARM_PROBABILITY, FlightSoFar, told_in_flight
@@ -111,8 +112,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
         log.write_poses(Poses(poses=tuple(p for p in new if p.time_ns < end_ns)))
         log.commit()
         for tag in (weak.tag, other):
-            result = flight.judge(tag)
-            assert result is not None
+            result = some(flight.judge(tag))
             found[tag.tag_id] = result
             assert flight.judge(tag) is None  # nothing new since
     log.close()
@@ -120,8 +120,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     assert mine.found
     assert mine.train.false_alarm_probability < FALSE_ALARM_PROBABILITY / 6
     assert mine.pulses.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
-    assert mine.place is not None
-    miss_deg = (mine.place.bearing_deg - weak.bearing_deg + 180.0) % 360.0 - 180.0
+    miss_deg = (some(mine.place).bearing_deg - weak.bearing_deg + 180.0) % 360.0 - 180.0
     assert abs(miss_deg) < 15.0
     assert not found[9].found
     text = told_in_flight(mine)
@@ -160,13 +159,11 @@ def test_only_what_no_detector_found_is_told_and_again_when_it_is_much_closer(
     keep(directory, weak, 0, int(len(weak.samples) / RATE_HZ), recorder)
     recorder.close()
     flight = FlightSoFar(directory, PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
-    result = flight.judge(weak.tag)
-    assert result is not None
+    result = some(flight.judge(weak.tag))
     assert result.place is not None
     teller = Teller()
     assert teller.text(replace(result, heard_alone=20)) is None
-    assert teller.text(result) is not None
-    assert teller.text(result) is None
+    assert some(teller.text(result)) is None
     closer = replace(result.place, radius95_m=0.4 * result.place.radius95_m)
     assert teller.text(replace(result, place=closer)) is not None
 

@@ -2,6 +2,7 @@
 
 from typing import TypeVar
 
+import made
 import pytest
 
 from uavrt.mavlink import Component, FrameParser, FrameWriter, Handlers, Message, Peer
@@ -72,14 +73,7 @@ class Bench:
 
 
 def heartbeat(kind: int, autopilot: int) -> d.Heartbeat:
-    return d.Heartbeat(
-        type=kind,
-        autopilot=autopilot,
-        base_mode=0,
-        custom_mode=0,
-        system_status=4,
-        mavlink_version=3,
-    )
+    return made.heartbeat(type=kind, autopilot=autopilot)
 
 
 def attitude(boot_ms: int) -> d.AttitudeQuaternion:
@@ -103,19 +97,7 @@ def position(boot_ms: int) -> d.GlobalPositionInt:
 
 
 def command(number: int, *, component: int = 191, param1: float = 0.0) -> d.CommandLong:
-    return d.CommandLong(
-        target_system=1,
-        target_component=component,
-        command=number,
-        confirmation=0,
-        param1=param1,
-        param2=0,
-        param3=0,
-        param4=0,
-        param5=0,
-        param6=0,
-        param7=0,
-    )
+    return made.command_long(number, param1, target_component=component)
 
 
 @pytest.fixture
@@ -351,12 +333,12 @@ def test_a_request_for_no_message_of_ours_is_refused(bench: Bench, param1: float
 
 
 def test_a_tunnel_is_handed_over_with_its_sender_and_valid_bytes_only(bench: Bench) -> None:
-    message = d.Tunnel(
+    message = made.tunnel(
+        0,
+        b"\2\0\0\0rubbish".ljust(128, b"\0"),
         target_system=1,
         target_component=191,
-        payload_type=0,
         payload_length=4,
-        payload=b"\2\0\0\0rubbish".ljust(128, b"\0"),
     )
     bench.hear(message, 245, 190)
     assert bench.tunnels == [(b"\2\0\0\0", Peer(245, 190))]
@@ -364,12 +346,8 @@ def test_a_tunnel_is_handed_over_with_its_sender_and_valid_bytes_only(bench: Ben
 
 def test_a_tunnel_for_someone_else_or_too_long_is_counted_and_left(bench: Bench) -> None:
     def tunnel(component: int, length: int) -> d.Tunnel:
-        return d.Tunnel(
-            target_system=1,
-            target_component=component,
-            payload_type=0,
-            payload_length=length,
-            payload=bytes(128),
+        return made.tunnel(
+            0, bytes(128), target_system=1, target_component=component, payload_length=length
         )
 
     bench.hear(tunnel(25, 4), 255, 190)

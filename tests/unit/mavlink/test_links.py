@@ -64,27 +64,24 @@ def test_a_serial_address_without_a_rate_has_the_usual_one() -> None:
     assert parse_address("serial:///dev/ttyUSB0").baud == 57_600
 
 
-def test_two_udp_links_talk_and_count(until: Until) -> None:
-    async def main() -> None:
-        heard: list[Frame] = []
-        answered: list[Frame] = []
-        server = await open_link("udpin://127.0.0.1:0", heard.append)
-        assert isinstance(server, UdpLink)
-        assert not server.send(FRAME), "nobody to send to yet"
-        client = await open_link(f"udpout://127.0.0.1:{server.local_port}", answered.append)
-        client.send(FRAME + b"rubbish")
-        client.send(FRAME[:-1] + bytes([FRAME[-1] ^ 1]))
-        await until(lambda: heard and server.counters.bad_crc)
-        assert heard[0].message() == PING
-        assert server.send(FRAME)
-        await until(lambda: answered)
-        counters = server.counters
-        assert (counters.received, counters.sent, counters.dropped) == (1, 1, 1)
-        assert counters.bad_crc == 1
-        await client.close()
-        await server.close()
-
-    asyncio.run(main())
+async def test_two_udp_links_talk_and_count(until: Until) -> None:
+    heard: list[Frame] = []
+    answered: list[Frame] = []
+    server = await open_link("udpin://127.0.0.1:0", heard.append)
+    assert isinstance(server, UdpLink)
+    assert not server.send(FRAME), "nobody to send to yet"
+    client = await open_link(f"udpout://127.0.0.1:{server.local_port}", answered.append)
+    client.send(FRAME + b"rubbish")
+    client.send(FRAME[:-1] + bytes([FRAME[-1] ^ 1]))
+    await until(lambda: heard and server.counters.bad_crc)
+    assert heard[0].message() == PING
+    assert server.send(FRAME)
+    await until(lambda: answered)
+    counters = server.counters
+    assert (counters.received, counters.sent, counters.dropped) == (1, 1, 1)
+    assert counters.bad_crc == 1
+    await client.close()
+    await server.close()
 
 
 def test_a_udp_port_in_use_is_named_with_its_remedy() -> None:
@@ -107,16 +104,13 @@ def test_a_tcp_address_where_nobody_listens_is_named_with_its_remedy() -> None:
         asyncio.run(main(unheard.getsockname()[1]))
 
 
-def test_bytes_that_a_tcp_peer_does_not_acknowledge_are_not_kept_for_long() -> None:
-    async def main() -> None:
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            port = server.getsockname()[1]
-            link = await open_link(f"tcp://127.0.0.1:{port}", lambda frame: None)
-            assert isinstance(link, TcpLink)
-            assert link.gives_up_after_s == 3.0
-            await link.close()
-
-    asyncio.run(main())
+async def test_bytes_that_a_tcp_peer_does_not_acknowledge_are_not_kept_for_long() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        link = await open_link(f"tcp://127.0.0.1:{port}", lambda frame: None)
+        assert isinstance(link, TcpLink)
+        assert link.gives_up_after_s == 3.0
+        await link.close()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The ground's link and the drone's exchange in the numbered versions, over a lossy radio."""
 
-import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -15,7 +14,7 @@ Until = Callable[..., Awaitable[None]]
 
 
 @pytest.mark.parametrize("generation", ["G1", "G2v1", "G2"])
-def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio(
+async def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio(
     make_world: Callable[..., World], until: Until, thesis_tag: Tag, generation: Generation
 ) -> None:
     world = make_world(mavlink={"tunnel_generation": generation, "tunnel_experimental": True})
@@ -28,32 +27,27 @@ def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio(
             except LinkError:
                 continue
 
-    async def main() -> None:
-        station = world.station(generation=generation, ack_wait_s=0.2)
-        async with world.flying(), station as (ground, _):
-            world.radio.loss = 0.2
-            await insist(lambda: ground.upload_tags([thesis_tag]))
-            directory = await insist(
-                lambda: ground.start_detection(center_frequency_hz=148.7e6)
-            )
-            assert "flight_log_" in directory
-            await until(lambda: "receiver" in world.health)
-            assert await insist(lambda: ground.ask("radio_status")) == "receiving"
-            await insist(ground.stop_detection)
-            await until(lambda: not world.mission.ending)
-            await insist(lambda: ground.capture(center_frequency_hz=148.7e6, gain=9))
-            await insist(ground.stop_detection)
-            await until(lambda: world.mission.state is SystemState.HAS_TAGS)
-            with pytest.raises(CommandRefused, match="again after 10 s to delete 1 flights"):
-                await insist(lambda: ground.ask("clean_logs"))
-            with pytest.raises(CommandRefused, match="flash drive not found"):
-                await insist(lambda: ground.ask("save_logs"))
-        assert world.of(Command)[0].name == "start_tags"
-        assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
-        (capture, *_) = (c for c in world.of(Command) if c.name == "raw_capture")
-        assert (capture.center_frequency_hz, capture.gain) == (148_700_000, 9)
-        if generation == "G2":
-            # What was repeated on the radio reached the supervisor once.
-            assert world.counter("commands") == len(world.of(Command))
-
-    asyncio.run(main())
+    station = world.station(generation=generation, ack_wait_s=0.2)
+    async with world.flying(), station as (ground, _):
+        world.radio.loss = 0.2
+        await insist(lambda: ground.upload_tags([thesis_tag]))
+        directory = await insist(lambda: ground.start_detection(center_frequency_hz=148.7e6))
+        assert "flight_log_" in directory
+        await until(lambda: "receiver" in world.health)
+        assert await insist(lambda: ground.ask("radio_status")) == "receiving"
+        await insist(ground.stop_detection)
+        await until(lambda: not world.mission.ending)
+        await insist(lambda: ground.capture(center_frequency_hz=148.7e6, gain=9))
+        await insist(ground.stop_detection)
+        await until(lambda: world.mission.state is SystemState.HAS_TAGS)
+        with pytest.raises(CommandRefused, match="again after 10 s to delete 1 flights"):
+            await insist(lambda: ground.ask("clean_logs"))
+        with pytest.raises(CommandRefused, match="flash drive not found"):
+            await insist(lambda: ground.ask("save_logs"))
+    assert world.of(Command)[0].name == "start_tags"
+    assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
+    (capture, *_) = (c for c in world.of(Command) if c.name == "raw_capture")
+    assert (capture.center_frequency_hz, capture.gain) == (148_700_000, 9)
+    if generation == "G2":
+        # What was repeated on the radio reached the supervisor once.
+        assert world.counter("commands") == len(world.of(Command))

@@ -66,50 +66,40 @@ class PymavlinkStation(asyncio.DatagramProtocol):
         return {name: value for name, value, _ in self.heard}
 
 
-def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
+async def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
     make_world: Callable[..., World], until: Until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MAVLINK20", "1")
     world = make_world(mavlink={"commanders": (255,)})
-
-    async def main() -> None:
-        station = PymavlinkStation()
-        mav, say = station.mav, station.say
-        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: station, local_addr=("127.0.0.1", world.ground_port)
-        )
-        async with world.flying():
-            await until(lambda: station.vehicle is not None)
-            await say(mav.heartbeat_encode(6, 8, 0, 0, 4))
-            await until(lambda: ready(world))
-            listed = await say(mav.param_request_list_encode(1, 0))
-            assert listed == pytest.approx(values_of(world))
-            assert [index for _, _, index in station.heard] == list(range(len(OFFERED)))
-            assert await say(mav.param_request_read_encode(1, 191, b"DET_K", -1)) == {
-                "DET_K": 0
-            }
-            assert await say(mav.param_request_read_encode(1, 191, b"", 0)) == {
-                "RADIO_GAIN": -1
-            }
-            unknown = mav.param_request_read_encode(1, 191, b"SYSID_THISMAV", -1)
-            assert await say(unknown, mav.param_request_read_encode(1, 191, b"", 99)) == {}
-            twelve, forty = (
-                struct.unpack("<f", struct.pack("<i", value))[0] for value in (12, 40)
-            )
-            set_to_twelve = mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6)
-            assert await say(set_to_twelve) == {"RADIO_GAIN": 12}
-            set_to_forty = mav.param_set_encode(1, 191, b"RADIO_GAIN", forty, 6)
-            assert await say(set_to_forty) == {"RADIO_GAIN": 12}
-            assert station.texts[-1] == "RADIO_GAIN cannot be 40: whole, 0 to 21, or -1"
-            mav.srcSystem = 253  # one that may not command
-            set_window = mav.param_set_encode(1, 191, b"DET_WINDOW_HZ", float("nan"), 9)
-            told = await say(mav.heartbeat_encode(6, 8, 0, 0, 4), set_to_twelve, set_window)
-            assert told == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
-            assert "may not command" in station.texts[-1]
-            assert len(world.of(CommandReply)) == 2
-        transport.close()
-
-    asyncio.run(main())
+    station = PymavlinkStation()
+    mav, say = station.mav, station.say
+    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+        lambda: station, local_addr=("127.0.0.1", world.ground_port)
+    )
+    async with world.flying():
+        await until(lambda: station.vehicle is not None)
+        await say(mav.heartbeat_encode(6, 8, 0, 0, 4))
+        await until(lambda: ready(world))
+        listed = await say(mav.param_request_list_encode(1, 0))
+        assert listed == pytest.approx(values_of(world))
+        assert [index for _, _, index in station.heard] == list(range(len(OFFERED)))
+        assert await say(mav.param_request_read_encode(1, 191, b"DET_K", -1)) == {"DET_K": 0}
+        assert await say(mav.param_request_read_encode(1, 191, b"", 0)) == {"RADIO_GAIN": -1}
+        unknown = mav.param_request_read_encode(1, 191, b"SYSID_THISMAV", -1)
+        assert await say(unknown, mav.param_request_read_encode(1, 191, b"", 99)) == {}
+        twelve, forty = (struct.unpack("<f", struct.pack("<i", value))[0] for value in (12, 40))
+        set_to_twelve = mav.param_set_encode(1, 191, b"RADIO_GAIN", twelve, 6)
+        assert await say(set_to_twelve) == {"RADIO_GAIN": 12}
+        set_to_forty = mav.param_set_encode(1, 191, b"RADIO_GAIN", forty, 6)
+        assert await say(set_to_forty) == {"RADIO_GAIN": 12}
+        assert station.texts[-1] == "RADIO_GAIN cannot be 40: whole, 0 to 21, or -1"
+        mav.srcSystem = 253  # one that may not command
+        set_window = mav.param_set_encode(1, 191, b"DET_WINDOW_HZ", float("nan"), 9)
+        told = await say(mav.heartbeat_encode(6, 8, 0, 0, 4), set_to_twelve, set_window)
+        assert told == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
+        assert "may not command" in station.texts[-1]
+        assert len(world.of(CommandReply)) == 2
+    transport.close()
 
 
 @given(st.integers(-(2**22), 2**23), st.booleans())

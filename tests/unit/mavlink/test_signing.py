@@ -1,12 +1,12 @@
 """MAVLink 2 signing, with pymavlink's as the other side."""
 
-import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -57,9 +57,7 @@ def writer(ours: Signing) -> FrameWriter:
     return FrameWriter(1, 191, lambda frame: ours.signature(frame, 3))
 
 
-HEARTBEAT = dialect.Heartbeat(
-    type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-)
+HEARTBEAT = made.heartbeat()
 
 
 def test_pymavlink_believes_our_signature_and_no_other(pymavlink: ModuleType) -> None:
@@ -128,12 +126,8 @@ def test_a_computer_without_the_time_learns_it_from_the_first_signer(
 
 
 def test_unsigned_frames_are_taken_by_the_policy_only() -> None:
-    tunnel_message = dialect.Tunnel(
-        target_system=0,
-        target_component=0,
-        payload_type=0,
-        payload_length=4,
-        payload=b"\5\0\0\0",
+    tunnel_message = made.tunnel(
+        0, b"\5\0\0\0", target_system=0, target_component=0, payload_length=4
     )
     radio = dialect.RadioStatus(
         rxerrors=0, fixed=0, rssi=0, remrssi=0, txbuf=90, noise=0, remnoise=0
@@ -164,28 +158,24 @@ def test_a_key_file_holds_64_digits_and_the_key_is_never_shown(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("flavour", ["ardupilot"])
-def test_a_signing_ground_station_commands_through_ardupilot_and_another_does_not(
+async def test_a_signing_ground_station_commands_through_ardupilot_and_another_does_not(
     make_world: Callable[..., World], until: Until, tmp_path: Path, flavour: str
 ) -> None:
     path = tmp_path / "key"
     path.write_text(KEY.secret.hex())
     path.chmod(0o600)
     world = make_world(mavlink={"signing_key_file": str(path)}, flavour=flavour)
-
-    async def main() -> None:
-        async with world.flying():
-            async with world.station(ack_wait_s=0.1) as (stranger, _):
-                with pytest.raises(LinkError, match=r"not answer .* signs its frames") as told:
-                    await stranger.ask("stop_detection")
-                assert "--signing-key" in (told.value.remedy or "")
-            assert not world.of(Command)
-            await until(lambda: world.counter("unsigned_refused") >= 4)
-            with pytest.raises(LinkError, match="not signed with the key given"):
-                async with world.station(signing_key=OTHER):
-                    pass
-            async with world.station(signing_key=KEY) as (friend, _):
-                await friend.ask("stop_detection")
-                assert friend.refused == {}
-            assert [command.name for command in world.of(Command)] == ["stop_detection"]
-
-    asyncio.run(main())
+    async with world.flying():
+        async with world.station(ack_wait_s=0.1) as (stranger, _):
+            with pytest.raises(LinkError, match=r"not answer .* signs its frames") as told:
+                await stranger.ask("stop_detection")
+            assert "--signing-key" in (told.value.remedy or "")
+        assert not world.of(Command)
+        await until(lambda: world.counter("unsigned_refused") >= 4)
+        with pytest.raises(LinkError, match="not signed with the key given"):
+            async with world.station(signing_key=OTHER):
+                pass
+        async with world.station(signing_key=KEY) as (friend, _):
+            await friend.ask("stop_detection")
+            assert friend.refused == {}
+        assert [command.name for command in world.of(Command)] == ["stop_detection"]

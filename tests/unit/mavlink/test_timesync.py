@@ -1,6 +1,7 @@
 import random
 
 import pytest
+from some import some
 
 from uavrt.mavlink import TimeSync
 
@@ -60,8 +61,7 @@ def test_a_slow_clock_is_right_from_its_restart_on_over_a_slow_link() -> None:
     for tenth in range(1, 35):
         now_ns = boot_at_ns + tenth * SECOND // 10
         answer(now_ns, boot_at_ns)
-        local_ns = sync.local_ns(round((now_ns - boot_at_ns) * rate))
-        assert local_ns is not None
+        local_ns = some(sync.local_ns(round((now_ns - boot_at_ns) * rate)))
         errors_s.append((local_ns - now_ns) / SECOND)
     assert sync.resets == 1
     assert max(map(abs, errors_s[5:])) < 0.02  # 0.05 s, when the skew is forgotten
@@ -89,8 +89,7 @@ def test_an_autopilot_that_answers_no_timesync_serves_by_its_least_delay() -> No
         sync.add_one_way(boot_ns, START_NS + step * 20_000_000 + delay_ns)
         if step < 100:
             assert sync.local_ns(boot_ns) is None
-    local_ns = sync.local_ns(7 * SECOND)
-    assert local_ns is not None
+    local_ns = some(sync.local_ns(7 * SECOND))
     assert 3_000_000 <= local_ns - START_NS < 3_200_000
 
 
@@ -114,13 +113,11 @@ def test_a_simulated_px4_that_runs_slow_is_followed_from_the_third_second(
         sent_ns += SECOND // 10 if step < 20 else SECOND
         if sent_ns - START_NS > 3 * SECOND:
             for ahead_ns in (0, SECOND // 2):
-                local_ns = sync.local_ns(boot_ns(sent_ns + ahead_ns))
-                assert local_ns is not None
+                local_ns = some(sync.local_ns(boot_ns(sent_ns + ahead_ns)))
                 worst_s = max(worst_s, abs(local_ns - sent_ns - ahead_ns) / SECOND)
     assert sync.resets == 0
     assert worst_s < 2.0 * jitter_s + 0.001
-    assert sync.residual_s is not None
-    assert sync.residual_s < 2.0 * jitter_s
+    assert some(sync.residual_s) < 2.0 * jitter_s
 
 
 def test_the_bound_of_one_way_messages_ages_with_a_clock_that_runs_slow() -> None:
@@ -131,8 +128,7 @@ def test_the_bound_of_one_way_messages_ages_with_a_clock_that_runs_slow() -> Non
         boot_ns = 7 * SECOND + round((local_ns - START_NS) * 0.985)
         sync.add_one_way(boot_ns, local_ns + round(draw.expovariate(1000.0) * 1e9))
         if step > 50 * 5:
-            told_ns = sync.local_ns(boot_ns)
-            assert told_ns is not None
+            told_ns = some(sync.local_ns(boot_ns))
             # Never bound by an offset of two minutes ago, which is 1.8 s off by now.
             assert abs(told_ns - local_ns) < 0.02 * SECOND
 

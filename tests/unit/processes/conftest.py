@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from pulses import pulse_at
 from relay import Relay
+from some import some
 
 from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
@@ -21,7 +23,6 @@ from uavrt.ipc.link import ChildLink, LineBuffer
 from uavrt.messages import (
     Command,
     CommandReply,
-    FlightInfo,
     Health,
     Pose,
     Pulse,
@@ -120,17 +121,11 @@ class Bay:
 
     def tell(self, topic: str, record: object) -> None:
         """What the supervisor sends to the process."""
-        assert self._sock is not None
-        self._sock.sendall(encode_record(topic, record))
+        some(self._sock).sendall(encode_record(topic, record))
 
     def begin_flight(self, directory: Path) -> None:
-        info = FlightInfo(
-            directory=str(directory),
-            start_time_ns=self.clock.now_ns(),
-            clock_offset_ns=self.clock.offset_ns,
-            center_frequency_hz=148.7e6,
-            sample_rate_hz=3e6,
-            tags=(),
+        info = made.flight_info(
+            directory, start_time_ns=self.clock.now_ns(), clock_offset_ns=self.clock.offset_ns
         )
         self.tell("flight", info)
 
@@ -160,13 +155,8 @@ class Bay:
 
     def recorded_flight(self, directory: Path, numbers: range) -> Path:
         """A flight that has ended, with pulses that nobody has."""
-        info = FlightInfo(
-            directory=str(directory),
-            start_time_ns=self.clock.now_ns(),
-            clock_offset_ns=self.clock.offset_ns,
-            center_frequency_hz=148.7e6,
-            sample_rate_hz=3e6,
-            tags=(),
+        info = made.flight_info(
+            directory, start_time_ns=self.clock.now_ns(), clock_offset_ns=self.clock.offset_ns
         )
         recorder = FlightRecorder.create(info)
         pulses = [make_pulse(n, self.clock.now_ns() - 10**9 * (100 - n)) for n in numbers]
@@ -179,8 +169,7 @@ class Bay:
         self.assignment = replace(self.assignment, last_flights=(*map(str, directories),))
 
     def counter(self, name: str) -> float:
-        assert self.process is not None
-        return self.process._counters()[name]
+        return some(self.process)._counters()[name]
 
     def _take(self, topic: str, record: object) -> None:
         """Be recorder and supervisor: what was recorded comes back, every command is taken."""

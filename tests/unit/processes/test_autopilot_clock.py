@@ -26,53 +26,45 @@ def pulse_poses(bay: Any) -> list[PulsePose]:
     return [record for topic, record in bay.records if topic == "pulse_pose"]
 
 
-def test_poses_are_right_by_a_clock_that_runs_slow_and_answers_with_random_targets(
+async def test_poses_are_right_by_a_clock_that_runs_slow_and_answers_with_random_targets(
     bay: Any, until: Until
 ) -> None:
     bay.autopilot_settings = replace(
         bay.autopilot_settings, clock_skew_ppm=-15_000.0, companion_jitter_s=0.003
     )
-
-    async def fly() -> None:
-        async with bay.running():
-            await until(lambda: bay.process._link.component.time_sync.round_trips >= 24)
-            for number in range(40):
-                bay.send_pulse(number)
-                await asyncio.sleep(0.1)
-            await until(lambda: len(pulse_poses(bay)) == 40)
-            known = bay.process._link.counters()
-            assert known["clock_skew_ppm"] == pytest.approx(15_000.0, abs=1_500.0)
-            assert known["clock_residual_ms"] < 5.0
-            assert known.get("timesync_foreign", 0) == 0
-
-    asyncio.run(fly())
+    async with bay.running():
+        await until(lambda: bay.process._link.component.time_sync.round_trips >= 24)
+        for number in range(40):
+            bay.send_pulse(number)
+            await asyncio.sleep(0.1)
+        await until(lambda: len(pulse_poses(bay)) == 40)
+        known = bay.process._link.counters()
+        assert known["clock_skew_ppm"] == pytest.approx(15_000.0, abs=1_500.0)
+        assert known["clock_residual_ms"] < 5.0
+        assert known.get("timesync_foreign", 0) == 0
     errors = [yaw_error_deg(bay, item) for item in pulse_poses(bay)]
     assert max(errors) <= 1.5
     assert sum(error**2 for error in errors) / len(errors) <= 0.5**2
 
 
-def test_poses_by_a_clock_that_is_carried_on_say_so_and_the_operator_is_told(
+async def test_poses_by_a_clock_that_is_carried_on_say_so_and_the_operator_is_told(
     bay: Any, until: Until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in (timesync, component):
         monkeypatch.setattr(module, "STALE_NS", ns_from_s(2.5))
-
-    async def fly() -> None:
-        async with bay.running():
-            await until(lambda: bay.process._link.component.time_sync.round_trips >= 20)
-            bay.send_pulse(1)
-            await until(lambda: len(pulse_poses(bay)) == 1)
-            bay.autopilot._settings = replace(bay.autopilot._settings, mute_clock=True)
-            await until(lambda: bay.process._link.clock_is_stale)
-            bay.send_pulse(2)
-            await until(lambda: len(pulse_poses(bay)) == 2)
-            bay.autopilot._settings = replace(bay.autopilot._settings, mute_clock=False)
-            await until(lambda: not bay.process._link.clock_is_stale)
-            bay.send_pulse(3)
-            await until(lambda: len(pulse_poses(bay)) == 3)
-            assert bay.counter("poses_on_stale_clock") >= 1
-
-    asyncio.run(fly())
+    async with bay.running():
+        await until(lambda: bay.process._link.component.time_sync.round_trips >= 20)
+        bay.send_pulse(1)
+        await until(lambda: len(pulse_poses(bay)) == 1)
+        bay.autopilot._settings = replace(bay.autopilot._settings, mute_clock=True)
+        await until(lambda: bay.process._link.clock_is_stale)
+        bay.send_pulse(2)
+        await until(lambda: len(pulse_poses(bay)) == 2)
+        bay.autopilot._settings = replace(bay.autopilot._settings, mute_clock=False)
+        await until(lambda: not bay.process._link.clock_is_stale)
+        bay.send_pulse(3)
+        await until(lambda: len(pulse_poses(bay)) == 3)
+        assert bay.counter("poses_on_stale_clock") >= 1
     marked = [item.pose is not None and item.pose.extrapolated for item in pulse_poses(bay)]
     assert marked == [False, True, False]
     texts = [record.text for _, record in bay.records if isinstance(record, StatusText)]

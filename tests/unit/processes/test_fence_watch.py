@@ -2,8 +2,10 @@
 
 import random
 
+import made
 import pytest
 
+from uavrt.guidance.mission import MissionItem
 from uavrt.mavlink import Message, dialect
 from uavrt.messages import VehicleFence
 from uavrt.processes.fence_watch import FenceWatch
@@ -40,25 +42,10 @@ class Watched:
 
     def draw(self, radius_m: float) -> None:
         """Let somebody upload a circle to stay within."""
-        self.store.held[1] = (
-            dialect.MissionItemInt(
-                target_system=1,
-                target_component=1,
-                seq=0,
-                frame=0,
-                command=5003,
-                current=0,
-                autocontinue=1,
-                param1=radius_m,
-                param2=0.0,
-                param3=0.0,
-                param4=0.0,
-                x=471_000_000,
-                y=85_000_000,
-                z=0.0,
-                mission_type=1,
-            ),
+        circle = MissionItem(
+            frame=0, command=5003, params=(radius_m, 0.0, 0.0, 0.0), x=471_000_000, y=85_000_000
         )
+        self.store.held[1] = made.mission_items([circle], 1)
 
     @property
     def radius_m(self) -> float | None:

@@ -1,6 +1,5 @@
 """Files from the drone through autopilot and radio, or over Wi-Fi, with real sockets."""
 
-import asyncio
 import random
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -26,7 +25,7 @@ def put_flight(tmp_path: Path) -> Path:
     return tmp_path / "ground" / "flight.sqlite"
 
 
-def test_a_fetch_through_a_lossy_radio_is_interrupted_goes_on_and_is_right(
+async def test_a_fetch_through_a_lossy_radio_is_interrupted_goes_on_and_is_right(
     bay: Bay, tmp_path: Path
 ) -> None:
     place = put_flight(tmp_path)
@@ -41,46 +40,39 @@ def test_a_fetch_through_a_lossy_radio_is_interrupted_goes_on_and_is_right(
         if done > 2_500:
             raise Interrupted
 
-    async def main() -> None:
-        async with bay.running():
-            with pytest.raises(Interrupted):
-                async with DroneFiles(bay.clock.now_ns).open(address) as client:
-                    await fetch_file(client, ENTRY, place, interrupt)
-            kept = part.stat().st_size
-            assert 2_500 < kept < len(CONTENT)
-            assert part.read_bytes() == CONTENT[:kept]
-            before = bay.counter("ftp_bytes")
+    async with bay.running():
+        with pytest.raises(Interrupted):
             async with DroneFiles(bay.clock.now_ns).open(address) as client:
-                assert await fetch_file(client, ENTRY, place)
-            assert place.read_bytes() == CONTENT
-            counters = bay.autopilot.counters()
-            assert counters["lost_ground_link"] > 0
-            assert counters["dropped_to_ground"] == 0  # paced: the ring of PX4 lost nothing
-            # What was here was not sent again, but for what the radio lost.
-            assert bay.counter("ftp_bytes") - before < 2.0 * (len(CONTENT) - kept)
+                await fetch_file(client, ENTRY, place, interrupt)
+        kept = part.stat().st_size
+        assert 2_500 < kept < len(CONTENT)
+        assert part.read_bytes() == CONTENT[:kept]
+        before = bay.counter("ftp_bytes")
+        async with DroneFiles(bay.clock.now_ns).open(address) as client:
+            assert await fetch_file(client, ENTRY, place)
+        assert place.read_bytes() == CONTENT
+        counters = bay.autopilot.counters()
+        assert counters["lost_ground_link"] > 0
+        assert counters["dropped_to_ground"] == 0  # paced: the ring of PX4 lost nothing
+        # What was here was not sent again, but for what the radio lost.
+        assert bay.counter("ftp_bytes") - before < 2.0 * (len(CONTENT) - kept)
 
-    asyncio.run(main())
 
-
-def test_a_fetch_takes_the_quicker_link_and_goes_on_by_radio_when_that_is_cut(
+async def test_a_fetch_takes_the_quicker_link_and_goes_on_by_radio_when_that_is_cut(
     two_link_bay: Bay, tmp_path: Path
 ) -> None:
     bay, place = two_link_bay, put_flight(tmp_path)
     radio = f"udpin://127.0.0.1:{bay.ground_port}"
     bay.autopilot_settings = replace(bay.autopilot_settings, ground_jitter_s=0.1)
+    async with bay.relay.running() as wifi, bay.running():
+        files = DroneFiles(bay.clock.now_ns)
 
-    async def main() -> None:
-        async with bay.relay.running() as wifi, bay.running():
-            files = DroneFiles(bay.clock.now_ns)
+        def cut(done: int, size: int) -> None:
+            if done > len(CONTENT) // 2:
+                wifi.cut = True
 
-            def cut(done: int, size: int) -> None:
-                if done > len(CONTENT) // 2:
-                    wifi.cut = True
-
-            async with files.open(radio, f"udpout://127.0.0.1:{wifi.port}") as client:
-                assert files.link == 1
-                assert await fetch_file(client, ENTRY, place, cut)
-                assert files.link == 0
-            assert place.read_bytes() == CONTENT
-
-    asyncio.run(main())
+        async with files.open(radio, f"udpout://127.0.0.1:{wifi.port}") as client:
+            assert files.link == 1
+            assert await fetch_file(client, ENTRY, place, cut)
+            assert files.link == 0
+        assert place.read_bytes() == CONTENT

@@ -19,7 +19,7 @@ HOUR_NS = 3600 * 10**9
 
 
 @pytest.mark.parametrize("step_ns", [HOUR_NS, -HOUR_NS, 0])
-def test_pulses_and_poses_have_the_flights_time_and_nothing_falls_silent(
+async def test_pulses_and_poses_have_the_flights_time_and_nothing_falls_silent(
     bay: Bay, until: Until, tmp_path: Path, step_ns: int
 ) -> None:
     base = bay.clock
@@ -31,57 +31,50 @@ def test_pulses_and_poses_have_the_flights_time_and_nothing_falls_silent(
         told = euler_deg(item.pose.quaternion_wxyz)[0]
         return (told - truth + 180.0) % 360.0 - 180.0
 
-    async def main() -> None:
-        async with bay.running(), bay.ground_station() as (_, events):
-            await until(lambda: bay.health is not None and bay.health.status == "ready")
-            bay.clock = Clock(base.offset_ns + step_ns)
-            bay.begin_flight(tmp_path)
-            await until(lambda: bay.health.time_ns > bay.clock.now_ns() - 10**9)
-            for number in range(40):
-                bay.send_pulse(number)
-                await asyncio.sleep(0.02)
-            pulses: list[PulsePose] = []
-
-            def all_there() -> bool:
-                pulses[:] = [event for event in events if isinstance(event, PulsePose)]
-                return len(pulses) == 40
-
-            await until(all_there)
-            recorded = [r for _, r in bay.records if isinstance(r, PulsePose)]
-            sure = [r for r in recorded if r.pose is not None and not r.pose.extrapolated]
-            assert len(sure) >= 20
-            assert max(abs(yaw_error_deg(item)) for item in sure) < 1.5
-            events.clear()
-            await until(lambda: sum(isinstance(e, DroneHeartbeat) for e in events) >= 2)
-            await until(lambda: any(isinstance(e, DetectorAlive) for e in feed(events)))
-            poses = [r for _, r in bay.records if isinstance(r, Poses)][-1].poses
-            assert abs(poses[-1].time_ns - bay.clock.now_ns()) < 5 * 10**9
-
-        def times(name: str) -> list[int]:
-            return [record.time_ns for topic, record in bay.records if topic == name]
-
-        assert all(abs(t - bay.clock.now_ns()) < 60 * 10**9 for t in times("delivered"))
-
     def feed(events: list[Any]) -> list[Any]:
         bay.send_pulse(100)
         return events
 
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station() as (_, events):
+        await until(lambda: bay.health is not None and bay.health.status == "ready")
+        bay.clock = Clock(base.offset_ns + step_ns)
+        bay.begin_flight(tmp_path)
+        await until(lambda: bay.health.time_ns > bay.clock.now_ns() - 10**9)
+        for number in range(40):
+            bay.send_pulse(number)
+            await asyncio.sleep(0.02)
+        pulses: list[PulsePose] = []
+
+        def all_there() -> bool:
+            pulses[:] = [event for event in events if isinstance(event, PulsePose)]
+            return len(pulses) == 40
+
+        await until(all_there)
+        recorded = [r for _, r in bay.records if isinstance(r, PulsePose)]
+        sure = [r for r in recorded if r.pose is not None and not r.pose.extrapolated]
+        assert len(sure) >= 20
+        assert max(abs(yaw_error_deg(item)) for item in sure) < 1.5
+        events.clear()
+        await until(lambda: sum(isinstance(e, DroneHeartbeat) for e in events) >= 2)
+        await until(lambda: any(isinstance(e, DetectorAlive) for e in feed(events)))
+        poses = [r for _, r in bay.records if isinstance(r, Poses)][-1].poses
+        assert abs(poses[-1].time_ns - bay.clock.now_ns()) < 5 * 10**9
+
+    def times(name: str) -> list[int]:
+        return [record.time_ns for topic, record in bay.records if topic == name]
+
+    assert all(abs(t - bay.clock.now_ns()) < 60 * 10**9 for t in times("delivered"))
 
 
-def test_a_connection_started_after_the_flight_delivers_what_that_left(
+async def test_a_connection_started_after_the_flight_delivers_what_that_left(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
     flights = [
         bay.recorded_flight(tmp_path / f"flight_{n}", range(n * 9, n * 9 + 9)) for n in (0, 1)
     ]
     bay.last_flights(*flights)
-
-    async def main() -> None:
-        async with bay.running(), bay.ground_station() as (_, events):
-            pulses = events
-            await until(lambda: sum(isinstance(e, PulsePose) for e in pulses) == 18)
-            frequencies = [e.pulse.frequency_hz for e in events if isinstance(e, PulsePose)]
-            assert sorted(frequencies) == [148_710_000.0 + number for number in range(18)]
-
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station() as (_, events):
+        pulses = events
+        await until(lambda: sum(isinstance(e, PulsePose) for e in pulses) == 18)
+        frequencies = [e.pulse.frequency_hz for e in events if isinstance(e, PulsePose)]
+        assert sorted(frequencies) == [148_710_000.0 + number for number in range(18)]

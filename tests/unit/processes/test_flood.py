@@ -33,9 +33,7 @@ OURS = {"target_system": 1, "target_component": 191}
 
 
 def tunnel(kind: int, payload: bytes) -> dialect.Tunnel:
-    return dialect.Tunnel(
-        **OURS, payload_type=kind, payload_length=len(payload), payload=payload
-    )
+    return made.tunnel(kind, payload, **OURS)
 
 
 def flood() -> Iterator[bytes]:
@@ -51,12 +49,7 @@ def flood() -> Iterator[bytes]:
             dialect.ParamSet(**OURS, param_id="DET_K", param_value=5.0, param_type=9),
             dialect.ParamRequestList(**OURS),
             dialect.Ping(time_usec=1, seq=2, target_system=0, target_component=0),
-            dialect.CommandLong(
-                **OURS,
-                command=512,
-                confirmation=0,
-                **{f"param{n}": 148.0 for n in range(1, 8)},  # type: ignore[arg-type]
-            ),
+            made.command_long(512, *[148.0] * 7, **OURS),
         )
     )
     for number in range(COUNT):
@@ -158,31 +151,28 @@ def test_a_flood_delays_95_percent_of_the_pulses_by_a_tenth_at_most(
     assert flooded.seen.keys() >= flooded.sent.keys()
 
 
-def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
+async def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
     bay: Bay, until: Until, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def main() -> None:
-        async with bay.running(), bay.ground_station() as (ground, events):
-            await until(lambda: ground.protocol.drone is not None)
-            bay.tell("system_status", commanded_by("mavlink 255/190"))
-            stranger = socket.socket(type=socket.SOCK_DGRAM)
-            stranger.connect(("127.0.0.1", bay.companion_port))
-            capsys.readouterr()
-            for number, frame in enumerate(flood()):
-                stranger.send(frame)
-                if number % 40 == 0:
-                    await asyncio.sleep(0.01)
-                if number % 400 == 0:
-                    bay.send_pulse(number // 400)
-            await ground.stop_detection()
-            await until(lambda: len(pulses(events)) == COUNT // 400)
-            stranger.close()
-            counters = bay.process._counters()
-            assert counters["messages_passed_over"] > COUNT // 4
-            assert counters["questions_passed_over"] > COUNT // 20
-            assert len(bay.commands) < COUNT // 20
-
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station() as (ground, events):
+        await until(lambda: ground.protocol.drone is not None)
+        bay.tell("system_status", commanded_by("mavlink 255/190"))
+        stranger = socket.socket(type=socket.SOCK_DGRAM)
+        stranger.connect(("127.0.0.1", bay.companion_port))
+        capsys.readouterr()
+        for number, frame in enumerate(flood()):
+            stranger.send(frame)
+            if number % 40 == 0:
+                await asyncio.sleep(0.01)
+            if number % 400 == 0:
+                bay.send_pulse(number // 400)
+        await ground.stop_detection()
+        await until(lambda: len(pulses(events)) == COUNT // 400)
+        stranger.close()
+        counters = bay.process._counters()
+        assert counters["messages_passed_over"] > COUNT // 4
+        assert counters["questions_passed_over"] > COUNT // 20
+        assert len(bay.commands) < COUNT // 20
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) < 60, "powers of two of a few kinds"
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import made
 import numpy as np
 import pytest
 from flown import Flown
@@ -16,7 +17,6 @@ from virtual_time import VirtualClock
 from uavrt.config.settings import GuidanceSettings, Settings
 from uavrt.geodesy import distance_m
 from uavrt.messages import (
-    FlightInfo,
     KeepOut,
     MotionOffer,
     MotionRequest,
@@ -176,14 +176,7 @@ def test_what_cannot_be_flown_any_more_when_it_is_confirmed_ends_with_the_reason
 def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str) -> None:
     """Home that moves while an order is planned is the one that its offer is made with."""
     tag = Tag(tag_id=2, frequency_hz=150e6, pulse_width_s=0.02, pulse_intervals_s=(1.3,))
-    info = FlightInfo(
-        directory="",
-        start_time_ns=0,
-        clock_offset_ns=0,
-        center_frequency_hz=150e6,
-        sample_rate_hz=3e6,
-        tags=(tag,),
-    )
+    info = made.flight_info("", (tag,), center_frequency_hz=150e6)
     hub.guide.take("flight", info)
     asked: dict[str, dict[str, Any]] = {
         "goto": {"places": (hub.flown.place(100.0, 0.0),), "height_m": 40.0},

@@ -7,6 +7,7 @@ from typing import Any
 import made
 import numpy as np
 import pytest
+from tests.unit.processes.test_radio_restart import Sink
 
 from uavrt.config import parse_settings
 from uavrt.config.settings import RecordingSettings, Settings
@@ -23,18 +24,6 @@ TAGS = tuple(
     for n, hz in ((2, 148_710_000.0), (3, 148_710_300.0), (4, 148_760_000.0))
 )
 """The first two share a channel."""
-
-
-class Sink:
-    """A detector that takes everything."""
-
-    samples_dropped = 0
-
-    def send(self, block: object) -> None:
-        """Take it."""
-
-    def flush(self) -> None:
-        """Nothing waits."""
 
 
 class Frame:

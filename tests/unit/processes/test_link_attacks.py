@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from attacked import (
     BATCH_S,
@@ -23,10 +24,11 @@ from attacked import (
     key_file,
     tunnel,
 )
+from some import some
 
 from uavrt.ground.link import ask, confirm, motion_request, stop
 from uavrt.mavlink import FrameWriter
-from uavrt.messages import PulsePose, SystemState, SystemStatus
+from uavrt.messages import PulsePose, SystemStatus
 from uavrt.tunnel import (
     MOTION_INSIDE,
     MOTION_TYPE,
@@ -110,8 +112,7 @@ def test_every_take_back_acts_within_half_a_second_under_2000_hostile_frames_a_s
                     begun_s = drone.bay.clock.now_ns() / 1e9
                     state = await stop(link)
                     await until(lambda: drone.standing == "out")
-                    assert drone.out_s is not None
-                    acted_s.append(drone.out_s - begun_s)
+                    acted_s.append(some(drone.out_s) - begun_s)
                     assert state.kind == "state", "the drone's own answer, not the forged one"
                 lasted_s = drone.bay.clock.now_ns() / 1e9 - first_s
                 assert attacker.sent >= 1900 * lasted_s
@@ -138,8 +139,7 @@ def test_the_loss_of_the_confirmer_is_noticed_though_others_send_under_its_ids(
                     lost_s = drone.bay.clock.now_ns() / 1e9
                     link._ways._shared.write = lambda message, number: None
                     await until(lambda: drone.lost_s is not None)
-                    assert drone.lost_s is not None
-                    noticed_s.append(drone.lost_s - lost_s)
+                    noticed_s.append(some(drone.lost_s) - lost_s)
                     link._ways._shared.write = write
                     await stop(link)
                     await until(lambda: drone.standing == "out")
@@ -200,97 +200,77 @@ def test_pulses_of_a_keyed_drone_are_delayed_by_a_tenth_at_most(
 
 
 def commanded_by_the_station() -> SystemStatus:
-    return SystemStatus(
-        time_ns=0,
-        state=SystemState.DETECTING,
-        flight_directory=None,
-        center_frequency_hz=None,
-        tags=(),
-        processes=(),
-        commander=f"mavlink {CONFIRMER[0]}/{CONFIRMER[1]}",
-    )
+    return made.system_status(0, commander=f"mavlink {CONFIRMER[0]}/{CONFIRMER[1]}")
 
 
-def test_a_station_of_an_older_version_is_refused_with_the_remedy_and_can_still_stop(
+async def test_a_station_of_an_older_version_is_refused_with_the_remedy_and_can_still_stop(
     make_bay: Callable[[], Bay], tmp_path: Path
 ) -> None:
     """It seals for the announced session, proves no session, and sends no sign of life."""
-
-    async def main() -> None:
-        drone, states = Guided(make_bay(), key_file(tmp_path)), []
-        async with drone.bay.running(), drone.bay.ground_station() as (old, _):
-            old._on_event = lambda event: (
-                states.append(event)
-                if isinstance(event, MotionState) and event.request_id
-                else None
-            )
-            await until(lambda: drone.report is not None and drone.report.fault is None)
-            session, *_ = session_of(drone.bay.process._gate.announcement(DRONE), KEY, DRONE)
-            for counter, order in enumerate(
-                (
-                    encode_request(motion_request("goto", (NORTH,), height_m=40.0)),
-                    encode_stop(MotionStop(request_id=5)),
-                ),
-                start=1,
-            ):
-                sealed = seal(order, MOTION_INSIDE, KEY, CONFIRMER, counter, session)
-                old.send(tunnel(SEALED_TYPE, sealed))
-                await until(lambda: len(states) == counter)  # noqa: B023 - within the turn
-        refused, stopped = states
-        assert refused.kind == "refused"
-        assert "older than the drone's. Update it" in refused.text
-        assert (stopped.kind, stopped.request_id) == ("state", 5)
-
-    asyncio.run(main())
+    drone, states = Guided(make_bay(), key_file(tmp_path)), []
+    async with drone.bay.running(), drone.bay.ground_station() as (old, _):
+        old._on_event = lambda event: (
+            states.append(event)
+            if isinstance(event, MotionState) and event.request_id
+            else None
+        )
+        await until(lambda: drone.report is not None and drone.report.fault is None)
+        session, *_ = session_of(drone.bay.process._gate.announcement(DRONE), KEY, DRONE)
+        for counter, order in enumerate(
+            (
+                encode_request(motion_request("goto", (NORTH,), height_m=40.0)),
+                encode_stop(MotionStop(request_id=5)),
+            ),
+            start=1,
+        ):
+            sealed = seal(order, MOTION_INSIDE, KEY, CONFIRMER, counter, session)
+            old.send(tunnel(SEALED_TYPE, sealed))
+            await until(lambda: len(states) == counter)  # noqa: B023 - within the turn
+    refused, stopped = states
+    assert refused.kind == "refused"
+    assert "older than the drone's. Update it" in refused.text
+    assert (stopped.kind, stopped.request_id) == ("state", 5)
 
 
-def test_the_drone_proves_no_answer_to_an_order_without_a_seal(
+async def test_the_drone_proves_no_answer_to_an_order_without_a_seal(
     make_bay: Callable[[], Bay], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An attacker reads the number of a sealed order and sends its own under the same ids."""
-
-    async def main() -> None:
-        async with flying(make_bay, key_file(tmp_path)) as (drone, link):
-            waiting: list[Any] = []
-            offer = drone._offer
-            monkeypatch.setattr(drone, "_offer", waiting.append)
-            request = motion_request("goto", (NORTH,), height_m=40.0)
-            asked = asyncio.create_task(ask(link, request))
-            await until(lambda: waiting)
-            forged = encode_confirmation(
-                MotionConfirmation(request_id=request.request_id, order_id=1, nonce=1)
-            )
-            bad = link.protocol.counters["bad_payloads"]
-            with socket.socket(type=socket.SOCK_DGRAM) as stranger:
-                stranger.connect(("127.0.0.1", drone.bay.companion_port))
-                stranger.send(FrameWriter(*CONFIRMER).encode(tunnel(MOTION_TYPE, forged)))
-            await until(lambda: link.protocol.counters["bad_payloads"] > bad)
-            assert not asked.done(), "the refusal has no proof"
-            offer(waiting[0])
-            assert (await asked).kind == "offer"
-
-    asyncio.run(main())
+    async with flying(make_bay, key_file(tmp_path)) as (drone, link):
+        waiting: list[Any] = []
+        offer = drone._offer
+        monkeypatch.setattr(drone, "_offer", waiting.append)
+        request = motion_request("goto", (NORTH,), height_m=40.0)
+        asked = asyncio.create_task(ask(link, request))
+        await until(lambda: waiting)
+        forged = encode_confirmation(
+            MotionConfirmation(request_id=request.request_id, order_id=1, nonce=1)
+        )
+        bad = link.protocol.counters["bad_payloads"]
+        with socket.socket(type=socket.SOCK_DGRAM) as stranger:
+            stranger.connect(("127.0.0.1", drone.bay.companion_port))
+            stranger.send(FrameWriter(*CONFIRMER).encode(tunnel(MOTION_TYPE, forged)))
+        await until(lambda: link.protocol.counters["bad_payloads"] > bad)
+        assert not asked.done(), "the refusal has no proof"
+        offer(waiting[0])
+        assert (await asked).kind == "offer"
 
 
-def test_without_a_key_a_second_station_with_the_same_ids_keeps_the_order_alive(
+async def test_without_a_key_a_second_station_with_the_same_ids_keeps_the_order_alive(
     make_bay: Callable[[], Bay],
 ) -> None:
     """As the manual's table says of a drone without a key: here the simulator on loopback."""
-
-    async def main() -> None:
-        drone = Guided(make_bay(), None)
-        async with drone.bay.running(), drone.bay.ground_station() as (link, _):
-            await until(lambda: drone.report is not None and drone.report.fault is None)
-            await asyncio.sleep(4.0)  # it asks who the autopilot is
-            await take_off_orders(drone, link)
-            link._ways._shared.write = lambda message, number: None
-            second = FrameWriter(*CONFIRMER)
-            with socket.socket(type=socket.SOCK_DGRAM) as laptop:
-                laptop.connect(("127.0.0.1", drone.bay.companion_port))
-                for _ in range(10):
-                    laptop.send(second.encode(link.protocol.heartbeat()))
-                    await asyncio.sleep(1.0)
-                assert drone.lost_s is None
-            await until(lambda: drone.lost_s is not None, 7.0)
-
-    asyncio.run(main())
+    drone = Guided(make_bay(), None)
+    async with drone.bay.running(), drone.bay.ground_station() as (link, _):
+        await until(lambda: drone.report is not None and drone.report.fault is None)
+        await asyncio.sleep(4.0)  # it asks who the autopilot is
+        await take_off_orders(drone, link)
+        link._ways._shared.write = lambda message, number: None
+        second = FrameWriter(*CONFIRMER)
+        with socket.socket(type=socket.SOCK_DGRAM) as laptop:
+            laptop.connect(("127.0.0.1", drone.bay.companion_port))
+            for _ in range(10):
+                laptop.send(second.encode(link.protocol.heartbeat()))
+                await asyncio.sleep(1.0)
+            assert drone.lost_s is None
+        await until(lambda: drone.lost_s is not None, 7.0)

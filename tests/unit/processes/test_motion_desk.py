@@ -4,9 +4,12 @@ import random
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import made
 import pytest
 from flown import Flown
 from rough import Rough
+from some import some
+from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import fence_items
@@ -61,6 +64,7 @@ class Link:
     silent_s: dict[tuple[int, int], float] = field(default_factory=lambda: {US: 0.0})
 
     def __post_init__(self) -> None:
+        follow(lambda: self.flown.time_s)
         numbers = iter(range(1, 1000))
         self.desk = MotionDesk(
             self.settings,
@@ -131,12 +135,11 @@ class Link:
                 values[name] = bytes(18 if name == "uid2" else 8)
         self.desk.vehicle(dialect.AutopilotVersion(**values | {"uid": number}))
 
-    def offered(self, mode: str = "Position") -> None:
-        self.desk.offer(
-            MotionOffer(
-                request_id=9, asker=US, order_id=5, nonce=77, summary="hold here", mode=mode
-            )
+    def offered(self, mode: str = "Position", **fields: Any) -> None:
+        offer = MotionOffer(
+            request_id=9, asker=US, order_id=5, nonce=77, summary="hold here", mode=mode
         )
+        self.desk.offer(replace(offer, **fields))
 
     def confirm(self, asker: tuple[int, int] = US, nonce: int = 77) -> MotionState:
         confirmation = MotionConfirmation(
@@ -158,21 +161,19 @@ class Link:
         )
 
 
-def made(
-    monkeypatch: pytest.MonkeyPatch,
+def started(
     flown: Flown,
     address: str = "udpin://127.0.0.1:14540",
     settings: GuidanceSettings = SETTINGS,
 ) -> Link:
     link = Link(flown=flown, address=address, settings=settings)
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
     link.run(1.5)
     return link
 
 
 @pytest.fixture
-def link(monkeypatch: pytest.MonkeyPatch) -> Link:
-    return made(monkeypatch, Flown("px4"))
+def link() -> Link:
+    return started(Flown("px4"))
 
 
 def request(number: int = 9) -> bytes:
@@ -255,16 +256,7 @@ def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) ->
     begin(link)
     link.fly(200.0)
     link.run(2.0)
-    link.desk.offer(
-        MotionOffer(
-            request_id=11,
-            asker=US,
-            order_id=6,
-            nonce=78,
-            summary="hold here",
-            mode="Hold",
-        )
-    )
+    link.offered("Hold", request_id=11, order_id=6, nonce=78)
     confirmation = MotionConfirmation(request_id=12, order_id=6, nonce=78, sticks_unseen=True)
     link.say(encode_confirmation(confirmation))
     assert link.states[-1].text == "confirmed"
@@ -281,10 +273,10 @@ def test_a_stop_between_two_orders_stops_what_the_first_one_flies(link: Link) ->
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 @pytest.mark.parametrize("phase", range(10))
 def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
-    monkeypatch: pytest.MonkeyPatch, flavour: Flavour, phase: int
+    flavour: Flavour, phase: int
 ) -> None:
     """The pilot's return has begun, and is not told yet."""
-    link = made(monkeypatch, Flown(flavour))
+    link = started(Flown(flavour))
     link.run(0.05 * phase)
     own = link.flown.authority.manners.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
@@ -395,10 +387,8 @@ def test_the_silence_of_who_confirmed_counts_whoever_else_is_heard(link: Link) -
 @pytest.mark.parametrize(
     "address", ["udpin://0.0.0.0:14540", "udpout://10.0.0.1:14550", "serial:///dev/ttyAMA0"]
 )
-def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(
-    monkeypatch: pytest.MonkeyPatch, address: str
-) -> None:
-    link = made(monkeypatch, Flown("px4"), address)
+def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(address: str) -> None:
+    link = started(Flown("px4"), address)
     link.simulator()
     link.say(request(), sealed=False)
     assert "sealed" in link.states[-1].text
@@ -406,11 +396,9 @@ def test_who_is_not_on_this_computer_is_no_simulator_whatever_it_says(
     assert link.desk.counters()["neighbours_refused"] == 1
 
 
-def test_no_order_is_flown_over_tcp_to_another_computer(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_no_order_is_flown_over_tcp_to_another_computer() -> None:
     """What TCP repeats arrives when a pilot may have taken over."""
-    link = made(monkeypatch, Flown("px4"), "tcp://192.168.1.7:5760")
+    link = started(Flown("px4"), "tcp://192.168.1.7:5760")
     link.say(request())
     assert link.states[-1].kind == "refused"
     assert "not flown over TCP" in link.states[-1].text
@@ -420,7 +408,7 @@ def test_no_order_is_flown_over_tcp_to_another_computer(
     assert link.confirm().kind == "refused"
     link.say(encode_stop(MotionStop(request_id=3)))
     assert [one.kind for one in link.states[-2:]] == ["refused", "state"]
-    near = made(monkeypatch, Flown("px4"), "tcp://127.0.0.1:5760")
+    near = started(Flown("px4"), "tcp://127.0.0.1:5760")
     begin(near)
 
 
@@ -445,9 +433,9 @@ def test_the_operator_is_told_once_that_the_link_is_too_late_to_command(link: Li
     )
 
 
-def test_a_channel_of_the_settings_is_not_watched(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_channel_of_the_settings_is_not_watched() -> None:
     settings = GuidanceSettings(enabled=True, unwatched_channels=(8,))
-    link = made(monkeypatch, Flown("px4", sticks=True), settings=settings)
+    link = started(Flown("px4", sticks=True), settings=settings)
     link.flown.switches = (1000,) * 4
     link.run(1.0)
     begin(link)
@@ -654,27 +642,13 @@ def begin(link: Link, north_m: float = 60.0) -> None:
     link.alive()
 
 
-def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
     link = Link(flown=Flown("px4", on_ground=True))
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
     link.run(1.5)
     report = [one for one in link.records if isinstance(one, VehicleReport)][-1]
     assert report.takeoff_fault is None
-    assert report.fault is not None
-    assert "on the ground" in report.fault
-    link.desk.offer(
-        MotionOffer(
-            request_id=9,
-            asker=US,
-            order_id=5,
-            nonce=77,
-            summary="take off",
-            mode="Position",
-            takeoff=True,
-        )
-    )
+    assert "on the ground" in some(report.fault)
+    link.offered("Position", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
     wish = VehicleWish(order_id=5, kind="takeoff", height_m=30.0, altitude_amsl_m=460.0)
     for _ in range(20):  # until the mode was told just now
@@ -690,24 +664,11 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent(
     assert len(link.motions) == 1
 
 
-def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> None:
     """ArduPilot was given its mode, and not told to climb yet."""
     link = Link(flown=Flown("ardupilot", on_ground=True))
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", lambda: link.flown.time_s)
     link.run(1.5)
-    link.desk.offer(
-        MotionOffer(
-            request_id=9,
-            asker=US,
-            order_id=5,
-            nonce=77,
-            summary="take off",
-            mode="Loiter",
-            takeoff=True,
-        )
-    )
+    link.offered("Loiter", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
     link.desk.wish(VehicleWish(order_id=5, kind="mode"))
     assert [one.command for one in link.motions] == [dialect.MavCmd.DO_SET_MODE]
@@ -726,30 +687,6 @@ def fences(link: Link) -> list[VehicleFence]:
     return [one for one in link.records if isinstance(one, VehicleFence)]
 
 
-def held(fence: VehicleFence) -> tuple[dialect.MissionItemInt, ...]:
-    """A fence as another ground station has uploaded it."""
-    return tuple(
-        dialect.MissionItemInt(
-            target_system=1,
-            target_component=1,
-            seq=number,
-            frame=one.frame,
-            command=one.command,
-            current=0,
-            autocontinue=1,
-            param1=one.params[0],
-            param2=0.0,
-            param3=0.0,
-            param4=0.0,
-            x=one.x,
-            y=one.y,
-            z=0.0,
-            mission_type=1,
-        )
-        for number, one in enumerate(fence_items(fence))
-    )
-
-
 MEADOW = VehicleFence(
     within=(
         KeepOut(places=((47.09, 8.49), (47.09, 8.51), (47.11, 8.5)), name="vehicle's fence"),
@@ -759,16 +696,15 @@ MEADOW = VehicleFence(
 
 def test_a_fence_that_cannot_be_read_is_told_with_the_reason() -> None:
     link = Link()
-    link.missions.held[1] = held(MEADOW)[:2]
+    link.missions.held[1] = made.mission_items(fence_items(MEADOW), 1)[:2]
     link.run(3.0)
     (fence,) = fences(link)
-    assert fence.fault is not None
-    assert "a corner of the vehicle's fence is missing" in fence.fault
+    assert "a corner of the vehicle's fence is missing" in some(fence.fault)
 
 
 def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
     link = Link()
-    link.missions.held[1] = held(MEADOW)
+    link.missions.held[1] = made.mission_items(fence_items(MEADOW), 1)
     link.run(3.0)
     link.desk.wish(VehicleWish(order_id=None, kind="end"))
     assert fences(link) == [MEADOW, MEADOW]

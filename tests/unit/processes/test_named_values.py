@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.mavlink.dialect import Heartbeat, MavAutopilot, MavState, MavType
+from uavrt.mavlink.dialect import MavAutopilot, MavState, MavType
 from uavrt.mavlink.discovery import Discovery, Peer, station_heartbeat
 from uavrt.processes.heard_tags import HeardTags
 from uavrt.processes.named_values import NamedValues
@@ -144,13 +144,8 @@ def test_only_confirmed_pulses_make_a_text_and_doubt_is_told() -> None:
 
 
 def test_ground_stations_of_others_are_told_from_ours_and_fall_silent() -> None:
-    stock = Heartbeat(
-        type=MavType.GCS,
-        autopilot=MavAutopilot.INVALID,
-        base_mode=0,
-        custom_mode=0,
-        system_status=MavState.ACTIVE,
-        mavlink_version=3,
+    stock = made.heartbeat(
+        type=MavType.GCS, autopilot=MavAutopilot.INVALID, system_status=MavState.ACTIVE
     )
     discovery = Discovery()
     discovery.heartbeat(Peer(254, 190), station_heartbeat(), 0)

@@ -65,59 +65,51 @@ def texts(bay: Bay) -> list[str]:
     return [one.text for _, one in bay.records if isinstance(one, StatusText)]
 
 
-def test_a_masts_pulses_have_its_place_and_the_ground_sees_where_it_stands(
+async def test_a_masts_pulses_have_its_place_and_the_ground_sees_where_it_stands(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
     address = without_autopilot(bay, MAST, tmp_path)
-
-    async def main() -> None:
-        frames: list[Any] = []
-        station = bay.ground_station(address, radio=False, on_frame=frames.append)
-        async with bay.running(), station as (link, events):
-            await until(lambda: bay.health is not None and bay.health.status == "ready")
-            bay.send_pulse(1)
-            await until(lambda: poses_of(events))
-            (pose,) = poses_of(events)
-            assert (pose.latitude_deg, pose.longitude_deg) == pytest.approx(
-                (46.501, 8.002), abs=1e-6
-            )
-            assert recorded_pose(bay).altitude_amsl_m == pytest.approx(706.0, abs=0.01)
-            assert pose.altitude_relative_m == pytest.approx(6.0, abs=0.01)
-            assert heading_deg(pose) == pytest.approx(250.0, abs=0.1)
-            await until(lambda: {dialect.GlobalPositionInt.ID} & {f.message_id for f in frames})
-            watch = VehicleWatch(Peer(254, 190), link.protocol.identity)
-            seen = [pose for one in frames if (pose := watch.receive(one, 10**18)) is not None]
-            assert (seen[-1].latitude_deg, heading_deg(seen[-1])) == pytest.approx(
-                (46.501, 250.0), abs=0.01
-            )
-            assert link.protocol.identity.system_id == 7
-            recorded = [one for _, one in bay.records if isinstance(one, Poses)]
-            await until(lambda: [one for _, one in bay.records if isinstance(one, Poses)])
-            assert not any(pose.extrapolated for one in recorded for pose in one.poses)
-
-    asyncio.run(main())
+    frames: list[Any] = []
+    station = bay.ground_station(address, radio=False, on_frame=frames.append)
+    async with bay.running(), station as (link, events):
+        await until(lambda: bay.health is not None and bay.health.status == "ready")
+        bay.send_pulse(1)
+        await until(lambda: poses_of(events))
+        (pose,) = poses_of(events)
+        assert (pose.latitude_deg, pose.longitude_deg) == pytest.approx(
+            (46.501, 8.002), abs=1e-6
+        )
+        assert recorded_pose(bay).altitude_amsl_m == pytest.approx(706.0, abs=0.01)
+        assert pose.altitude_relative_m == pytest.approx(6.0, abs=0.01)
+        assert heading_deg(pose) == pytest.approx(250.0, abs=0.1)
+        await until(lambda: {dialect.GlobalPositionInt.ID} & {f.message_id for f in frames})
+        watch = VehicleWatch(Peer(254, 190), link.protocol.identity)
+        seen = [pose for one in frames if (pose := watch.receive(one, 10**18)) is not None]
+        assert (seen[-1].latitude_deg, heading_deg(seen[-1])) == pytest.approx(
+            (46.501, 250.0), abs=0.01
+        )
+        assert link.protocol.identity.system_id == 7
+        recorded = [one for _, one in bay.records if isinstance(one, Poses)]
+        await until(lambda: [one for _, one in bay.records if isinstance(one, Poses)])
+        assert not any(pose.extrapolated for one in recorded for pose in one.poses)
 
 
-def test_a_heading_that_is_typed_while_it_runs_is_in_force_at_once(
+async def test_a_heading_that_is_typed_while_it_runs_is_in_force_at_once(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
     address = without_autopilot(bay, MAST, tmp_path)
-
-    async def main() -> None:
-        async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
-            await until(lambda: bay.health is not None and bay.health.status == "ready")
-            turned = replace(bay.settings, pose=replace(MAST, heading_deg=-10.0))
-            bay.tell("settings", turned)
-            told = bay.counter("pose_places")
-            await until(lambda: bay.counter("pose_places") >= told + 3)
-            bay.send_pulse(1)
-            await until(lambda: poses_of(events))
-            assert heading_deg(poses_of(events)[0]) == pytest.approx(350.0, abs=0.1)
-
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
+        await until(lambda: bay.health is not None and bay.health.status == "ready")
+        turned = replace(bay.settings, pose=replace(MAST, heading_deg=-10.0))
+        bay.tell("settings", turned)
+        told = bay.counter("pose_places")
+        await until(lambda: bay.counter("pose_places") >= told + 3)
+        bay.send_pulse(1)
+        await until(lambda: poses_of(events))
+        assert heading_deg(poses_of(events)[0]) == pytest.approx(350.0, abs=0.1)
 
 
-def test_a_person_with_an_nmea_receiver_is_where_it_says_whatever_else_comes(
+async def test_a_person_with_an_nmea_receiver_is_where_it_says_whatever_else_comes(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
     port = free_udp_port()
@@ -129,92 +121,79 @@ def test_a_person_with_an_nmea_receiver_is_where_it_says_whatever_else_comes(
         b"$GNGGA,broken\r\n\xff\x00" + b"x" * 500,
     ]
     compass = sentence("HCHDT,90.0,T")
+    receiver = socket.socket(type=socket.SOCK_DGRAM)
+    sending = [*told]
 
-    async def main() -> None:
-        receiver = socket.socket(type=socket.SOCK_DGRAM)
-        sending = [*told]
+    async def send() -> None:
+        while True:
+            for one in sending:
+                receiver.sendto(one, ("127.0.0.1", port))
+            await asyncio.sleep(0.2)
 
-        async def send() -> None:
-            while True:
-                for one in sending:
-                    receiver.sendto(one, ("127.0.0.1", port))
-                await asyncio.sleep(0.2)
-
-        async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
-            task = asyncio.create_task(send())
-            await until(lambda: any("heading" in one for one in texts(bay)))
-            sending.append(compass)
-            await until(lambda: bay.health is not None and bay.health.status == "ready")
-            bay.send_pulse(1)
-            await until(lambda: poses_of(events))
-            assert bay.counter("pose_refused") > 0
-            task.cancel()
-            receiver.close()
-        (pose,) = poses_of(events)
-        assert (pose.latitude_deg, pose.longitude_deg) == pytest.approx(
-            (46.501, 8.002), abs=1e-6
-        )
-        assert recorded_pose(bay).altitude_amsl_m == pytest.approx(412.0, abs=0.01)
-        assert pose.altitude_relative_m == pytest.approx(1.5, abs=0.01)
-        assert heading_deg(pose) == pytest.approx(90.0, abs=0.1)
-        assert bay.counter("pose_places_without_altitude") > 0
-
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
+        task = asyncio.create_task(send())
+        await until(lambda: any("heading" in one for one in texts(bay)))
+        sending.append(compass)
+        await until(lambda: bay.health is not None and bay.health.status == "ready")
+        bay.send_pulse(1)
+        await until(lambda: poses_of(events))
+        assert bay.counter("pose_refused") > 0
+        task.cancel()
+        receiver.close()
+    (pose,) = poses_of(events)
+    assert (pose.latitude_deg, pose.longitude_deg) == pytest.approx((46.501, 8.002), abs=1e-6)
+    assert recorded_pose(bay).altitude_amsl_m == pytest.approx(412.0, abs=0.01)
+    assert pose.altitude_relative_m == pytest.approx(1.5, abs=0.01)
+    assert heading_deg(pose) == pytest.approx(90.0, abs=0.1)
+    assert bay.counter("pose_places_without_altitude") > 0
 
 
-def test_gpsd_is_asked_and_asked_again_when_it_comes_back(
+async def test_gpsd_is_asked_and_asked_again_when_it_comes_back(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
-    async def main() -> None:
-        asked: list[bytes] = []
-        clients: list[asyncio.StreamWriter] = []
+    asked: list[bytes] = []
+    clients: list[asyncio.StreamWriter] = []
 
-        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            clients.append(writer)
-            writer.write(b'{"class":"VERSION","release":"3.25"}\n')
-            asked.append(await reader.readline())
-            report = {"class": "TPV", "mode": 3, "lat": 46.5, "lon": 8.0, "altMSL": 412.0}
-            while not writer.is_closing():
-                writer.write(json.dumps(report).encode() + b"\n")
-                writer.write(b'{"class":"ATT","heading":33.0}\n')
-                await asyncio.sleep(0.2)
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        clients.append(writer)
+        writer.write(b'{"class":"VERSION","release":"3.25"}\n')
+        asked.append(await reader.readline())
+        report = {"class": "TPV", "mode": 3, "lat": 46.5, "lon": 8.0, "altMSL": 412.0}
+        while not writer.is_closing():
+            writer.write(json.dumps(report).encode() + b"\n")
+            writer.write(b'{"class":"ATT","heading":33.0}\n')
+            await asyncio.sleep(0.2)
 
-        server = await asyncio.start_server(serve, "127.0.0.1", 0)
-        port = server.sockets[0].getsockname()[1]
-        source = PoseSettings(source="gpsd", address=f"127.0.0.1:{port}")
-        address = without_autopilot(bay, source, tmp_path)
-        async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
-            await until(lambda: bay.health is not None and bay.health.status == "ready")
-            clients[0].close()
-            await until(lambda: len(asked) == 2)
-            places = bay.counter("pose_places")
-            await until(lambda: bay.counter("pose_places") > places + 2)
-            bay.send_pulse(1)
-            await until(lambda: poses_of(events))
-            for one in clients:
-                one.close()
-            server.close()
-        assert all(b"WATCH" in one for one in asked)
-        assert heading_deg(poses_of(events)[0]) == pytest.approx(33.0, abs=0.1)
-
-    asyncio.run(main())
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+    source = PoseSettings(source="gpsd", address=f"127.0.0.1:{port}")
+    address = without_autopilot(bay, source, tmp_path)
+    async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
+        await until(lambda: bay.health is not None and bay.health.status == "ready")
+        clients[0].close()
+        await until(lambda: len(asked) == 2)
+        places = bay.counter("pose_places")
+        await until(lambda: bay.counter("pose_places") > places + 2)
+        bay.send_pulse(1)
+        await until(lambda: poses_of(events))
+        for one in clients:
+            one.close()
+        server.close()
+    assert all(b"WATCH" in one for one in asked)
+    assert heading_deg(poses_of(events)[0]) == pytest.approx(33.0, abs=0.1)
 
 
-def test_a_receiver_that_falls_silent_is_named_and_pulses_go_on_without_a_place(
+async def test_a_receiver_that_falls_silent_is_named_and_pulses_go_on_without_a_place(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
     port = free_udp_port()
     source = PoseSettings(source="nmea", address=f"udpin://127.0.0.1:{port}", heading_deg=0.0)
     address = without_autopilot(bay, source, tmp_path)
-
-    async def main() -> None:
-        async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
-            await until(lambda: any("Waiting for a place" in one for one in texts(bay)))
-            bay.send_pulse(1)
-            await until(lambda: [one for one in events if isinstance(one, PulsePose)])
-        assert poses_of(events) == []
-
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
+        await until(lambda: any("Waiting for a place" in one for one in texts(bay)))
+        bay.send_pulse(1)
+        await until(lambda: [one for one in events if isinstance(one, PulsePose)])
+    assert poses_of(events) == []
 
 
 @pytest.mark.parametrize(

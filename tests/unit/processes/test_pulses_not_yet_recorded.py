@@ -16,7 +16,7 @@ Until = Callable[..., Awaitable[None]]
 
 
 @pytest.mark.timeout(90)
-def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwards(
+async def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwards(
     bay: Any, until: Until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("uavrt.processes.connection.FIRST_REFILL_NS", 0)
@@ -26,29 +26,26 @@ def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_afterwar
     def got(events: list[Any]) -> list[int]:
         return [round(e.pulse.frequency_hz) for e in events if isinstance(e, PulsePose)]
 
-    async def story() -> None:
-        async with bay.running():
-            info = made.flight_info(
-                directory, start_time_ns=bay.clock.now_ns(), clock_offset_ns=bay.clock.offset_ns
-            )
-            recorder = FlightRecorder.create(info)
-            bay.tell("flight", info)
-            async with bay.ground_station(receipts=Receipts(1)) as (_, first):
-                bay.send_pulse(1)
-                await until(lambda: len(got(first)) == 1)
-                # It leaves the memory of the connection: its only reader has it.
-                await until(lambda: bay.counter("pulses_acknowledged") == 1)
-            async with bay.ground_station(receipts=Receipts(2)) as (_, second):
-                # Another pulse shows the new station's store; the first is nowhere to be found.
-                bay.send_pulse(2)
-                await until(lambda: len(got(second)) == 1)
-                await asyncio.sleep(1.5)
-                posed = [r for topic, r in bay.records if topic == "pulse_pose"]
-                recorder.write_pulse_poses(posed)
-                recorder.commit()
-                bay.tell("recorded", Recorded(pulses=tuple(one.pulse.key for one in posed)))
-                await until(lambda: len(got(second)) == 2)
-                assert sorted(got(second)) == [148_710_001, 148_710_002]
-            recorder.close()
-
-    asyncio.run(story())
+    async with bay.running():
+        info = made.flight_info(
+            directory, start_time_ns=bay.clock.now_ns(), clock_offset_ns=bay.clock.offset_ns
+        )
+        recorder = FlightRecorder.create(info)
+        bay.tell("flight", info)
+        async with bay.ground_station(receipts=Receipts(1)) as (_, first):
+            bay.send_pulse(1)
+            await until(lambda: len(got(first)) == 1)
+            # It leaves the memory of the connection: its only reader has it.
+            await until(lambda: bay.counter("pulses_acknowledged") == 1)
+        async with bay.ground_station(receipts=Receipts(2)) as (_, second):
+            # Another pulse shows the new station's store; the first is nowhere to be found.
+            bay.send_pulse(2)
+            await until(lambda: len(got(second)) == 1)
+            await asyncio.sleep(1.5)
+            posed = [r for topic, r in bay.records if topic == "pulse_pose"]
+            recorder.write_pulse_poses(posed)
+            recorder.commit()
+            bay.tell("recorded", Recorded(pulses=tuple(one.pulse.key for one in posed)))
+            await until(lambda: len(got(second)) == 2)
+            assert sorted(got(second)) == [148_710_001, 148_710_002]
+        recorder.close()

@@ -18,7 +18,7 @@ TAGS = tuple(made.tag(number, 148.7e6 + 10_000.0 * number) for number in (2, 4))
 LONG = "Detector 1 gave up on tag 4: " + "its channel has been overloaded " * 5
 
 
-def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
+async def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
     bay: Bay, until: Until
 ) -> None:
     loads: list[dialect.OnboardComputerStatus] = []
@@ -28,28 +28,25 @@ def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground(
         if isinstance(message, dialect.OnboardComputerStatus):
             loads.append(message)
 
-    async def main() -> None:
-        async with bay.running(), bay.ground_station(on_frame=take) as (_, events):
+    async with bay.running(), bay.ground_station(on_frame=take) as (_, events):
 
-            def of(kind: type) -> list[Any]:
-                return [event for event in events if isinstance(event, kind)]
+        def of(kind: type) -> list[Any]:
+            return [event for event in events if isinstance(event, kind)]
 
-            bay.tell("system_status", status(bay.clock.now_ns()))
-            bay.send_pulse(1)  # tag 2 is found
-            bay.tell("search_report", report(4, bay.clock.now_ns()))
-            bay.tell("search_report", report(4, bay.clock.now_ns()))  # too soon for another
-            bay.tell("status_text", StatusText(severity=4, text=LONG))
-            warning = StatusText(severity=4, text=LONG)
-            await until(lambda: of(SearchReport) and warning in of(StatusText) and loads)
-            await until(lambda: {alive.tag_id for alive in of(DetectorAlive)} == {2, 4})
-            (search,) = of(SearchReport)
-            assert search.tag_id == 4
-            assert search.noise_psd == 2.0**-40
-            heard = StatusText(severity=6, text="Tag 2 heard: 20.0 dB")
-            await until(lambda: heard in of(StatusText))
-            await until(lambda: of(DroneHeartbeat)[-1].state is SystemState.DETECTING)
-
-    asyncio.run(main())
+        bay.tell("system_status", status(bay.clock.now_ns()))
+        bay.send_pulse(1)  # tag 2 is found
+        bay.tell("search_report", report(4, bay.clock.now_ns()))
+        bay.tell("search_report", report(4, bay.clock.now_ns()))  # too soon for another
+        bay.tell("status_text", StatusText(severity=4, text=LONG))
+        warning = StatusText(severity=4, text=LONG)
+        await until(lambda: of(SearchReport) and warning in of(StatusText) and loads)
+        await until(lambda: {alive.tag_id for alive in of(DetectorAlive)} == {2, 4})
+        (search,) = of(SearchReport)
+        assert search.tag_id == 4
+        assert search.noise_psd == 2.0**-40
+        heard = StatusText(severity=6, text="Tag 2 heard: 20.0 dB")
+        await until(lambda: heard in of(StatusText))
+        await until(lambda: of(DroneHeartbeat)[-1].state is SystemState.DETECTING)
     assert loads[0].ram_total > loads[0].ram_usage > 0
     assert loads[0].storage_total[0] > loads[0].storage_usage[0] >= 0
     assert loads[0].storage_total[0] != 0xFFFFFFFF
@@ -63,25 +60,22 @@ def report(tag_id: int, time_ns: int) -> SearchReport:
     return made.search_report(tag_id, time_ns, frequency_hz=148.74e6, noise_psd=2.0**-40)
 
 
-def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_second(
+async def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_second(
     bay: Bay, until: Until
 ) -> None:
-    async def main() -> None:
-        async with bay.running(), bay.ground_station() as (_, events):
-            loop = asyncio.get_running_loop()
+    async with bay.running(), bay.ground_station() as (_, events):
+        loop = asyncio.get_running_loop()
 
-            def last() -> SystemState | None:
-                beats = [one for one in events if isinstance(one, DroneHeartbeat)]
-                return beats[-1].state if beats else None
+        def last() -> SystemState | None:
+            beats = [one for one in events if isinstance(one, DroneHeartbeat)]
+            return beats[-1].state if beats else None
 
-            await until(lambda: last() is SystemState.IDLE)
-            for number in range(10):
-                state = SystemState.HAS_TAGS if number % 2 else SystemState.DETECTING
-                await asyncio.sleep(0.31)
-                changed_s = loop.time()
-                now_ns = bay.clock.now_ns()
-                bay.tell("system_status", made.system_status(now_ns, state=state, tags=TAGS))
-                await until(lambda state=state: last() is state)
-                assert loop.time() - changed_s < 0.3
-
-    asyncio.run(main())
+        await until(lambda: last() is SystemState.IDLE)
+        for number in range(10):
+            state = SystemState.HAS_TAGS if number % 2 else SystemState.DETECTING
+            await asyncio.sleep(0.31)
+            changed_s = loop.time()
+            now_ns = bay.clock.now_ns()
+            bay.tell("system_status", made.system_status(now_ns, state=state, tags=TAGS))
+            await until(lambda state=state: last() is state)
+            assert loop.time() - changed_s < 0.3

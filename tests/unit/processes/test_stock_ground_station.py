@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 from pulses import pulse_at
 
@@ -17,8 +18,6 @@ from uavrt.messages import (
     PulsePose,
     StatusText,
     SystemState,
-    SystemStatus,
-    Tag,
 )
 from uavrt.recording import FlightRecorder
 from uavrt.supervisor.mission.orders import Mission
@@ -27,13 +26,7 @@ from uavrt.supervisor.mission.saved_state import StateStore
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]
 
-LYNX = Tag(
-    tag_id=2,
-    frequency_hz=148_710_000.0,
-    pulse_width_s=0.02,
-    pulse_intervals_s=(1.254,),
-    name="lynx",
-)
+LYNX = made.tag(2, 148_710_000.0, name="lynx")
 FOX = replace(LYNX, tag_id=4_000_000, frequency_hz=148_720_000.0, name=None)
 
 
@@ -155,13 +148,10 @@ class MissionBehind:
 
     def tell_status(self) -> None:
         detecting = self.mission.state is SystemState.DETECTING or self.mission.ending
-        status = SystemStatus(
-            time_ns=self.bay.clock.now_ns(),
+        status = made.system_status(
+            self.bay.clock.now_ns(),
             state=SystemState.DETECTING if detecting else self.mission.state,
-            flight_directory=None,
-            center_frequency_hz=None,
             tags=(*self.mission.tags.values(),),
-            processes=(),
             ending=self.mission.ending,
         )
         self.bay.tell("system_status", status)
@@ -178,62 +168,55 @@ class MissionBehind:
             assert self.mission.command(own).accepted
 
 
-def test_it_starts_and_stops_by_a_parameter_that_tells_the_truth(
+async def test_it_starts_and_stops_by_a_parameter_that_tells_the_truth(
     bay: Bay, until: Until
 ) -> None:
     behind = MissionBehind(bay)
-
-    async def main() -> None:
-        async with bay.running(), stock_station(bay, until) as station:
-            station.set_run(1)
-            await until(lambda: station.runs == [0])
-            await until(lambda: station.texts)
-            assert station.texts == ["no tags are known: send them once, by uavrt ground"]
-            behind.send_tags()
-            station.set_run(1)
-            await until(lambda: station.runs == [0, 1])
-            assert behind.mission.state is SystemState.DETECTING
-            station.set_run(0)
-            await until(lambda: station.runs == [0, 1, 0])
-            assert behind.mission.ending  # the last pulses are being recorded
-            behind.tell_status()
-            behind.mission.flight_ended()
-            behind.tell_status()
-            # Somebody at the drone's side starts it, and stops it.
-            own = Command(name="start_detection", request_id=7, source="command line")
-            behind.do(own)
-            behind.do(replace(own, name="stop_detection", request_id=8))
-            await until(lambda: station.runs == [0, 1, 0, 1, 0])
-
-    asyncio.run(main())
+    async with bay.running(), stock_station(bay, until) as station:
+        station.set_run(1)
+        await until(lambda: station.runs == [0])
+        await until(lambda: station.texts)
+        assert station.texts == ["no tags are known: send them once, by uavrt ground"]
+        behind.send_tags()
+        station.set_run(1)
+        await until(lambda: station.runs == [0, 1])
+        assert behind.mission.state is SystemState.DETECTING
+        station.set_run(0)
+        await until(lambda: station.runs == [0, 1, 0])
+        assert behind.mission.ending  # the last pulses are being recorded
+        behind.tell_status()
+        behind.mission.flight_ended()
+        behind.tell_status()
+        # Somebody at the drone's side starts it, and stops it.
+        own = Command(name="start_detection", request_id=7, source="command line")
+        behind.do(own)
+        behind.do(replace(own, name="stop_detection", request_id=8))
+        await until(lambda: station.runs == [0, 1, 0, 1, 0])
 
 
-def test_it_hears_of_a_tag_by_text_and_by_numbers(bay: Bay, until: Until) -> None:
-    async def main() -> None:
-        async with bay.running(), stock_station(bay, until) as station:
-            begin_flight(bay)
-            start_ns = bay.clock.now_ns() - 200_000_000_000
-            hear(bay, 2, start_ns, snr_db=14.23)
-            hear(bay, 2, start_ns, snr_db=99.0, confirmed=False, after_s=0.1)
-            await until(lambda: ("CNT_2", 1.0) in station.values)
-            hear(bay, 2, start_ns, snr_db=12.0, after_s=1.25)
-            hear(bay, FOX.tag_id, start_ns, snr_db=9.5, after_s=1.25, clipped=True)
-            hear(bay, 2, start_ns, snr_db=11.5, after_s=46.27)
-            await until(lambda: ("CNT_2", 3.0) in station.values)
-            await until(lambda: len(station.texts) == 3 and len(station.values) == 6)
-            assert set(station.texts) == {
-                "Tag 2 (lynx) heard: 14.2 dB",
-                "Tag 4000000 heard: at least 9.5 dB",
-                "Tag 2 (lynx) heard again after 45 s: 11.5 dB",
-            }
-            assert station.values[:2] == [("SNR_2", 14.23), ("CNT_2", 1.0)]
-            assert ("SNR_2", 11.5) in station.values
-            assert {("SNR2DQF4", 9.5), ("CNT2DQF4", 1.0)} < set(station.values)
-
-    asyncio.run(main())
+async def test_it_hears_of_a_tag_by_text_and_by_numbers(bay: Bay, until: Until) -> None:
+    async with bay.running(), stock_station(bay, until) as station:
+        begin_flight(bay)
+        start_ns = bay.clock.now_ns() - 200_000_000_000
+        hear(bay, 2, start_ns, snr_db=14.23)
+        hear(bay, 2, start_ns, snr_db=99.0, confirmed=False, after_s=0.1)
+        await until(lambda: ("CNT_2", 1.0) in station.values)
+        hear(bay, 2, start_ns, snr_db=12.0, after_s=1.25)
+        hear(bay, FOX.tag_id, start_ns, snr_db=9.5, after_s=1.25, clipped=True)
+        hear(bay, 2, start_ns, snr_db=11.5, after_s=46.27)
+        await until(lambda: ("CNT_2", 3.0) in station.values)
+        await until(lambda: len(station.texts) == 3 and len(station.values) == 6)
+        assert set(station.texts) == {
+            "Tag 2 (lynx) heard: 14.2 dB",
+            "Tag 4000000 heard: at least 9.5 dB",
+            "Tag 2 (lynx) heard again after 45 s: 11.5 dB",
+        }
+        assert station.values[:2] == [("SNR_2", 14.23), ("CNT_2", 1.0)]
+        assert ("SNR_2", 11.5) in station.values
+        assert {("SNR2DQF4", 9.5), ("CNT2DQF4", 1.0)} < set(station.values)
 
 
-def test_our_own_ground_station_gets_no_numbers_besides_its_pulses(
+async def test_our_own_ground_station_gets_no_numbers_besides_its_pulses(
     bay: Bay, until: Until
 ) -> None:
     numbers: list[int] = []
@@ -242,40 +225,33 @@ def test_our_own_ground_station_gets_no_numbers_besides_its_pulses(
         if frame.message_id == 251:
             numbers.append(frame.message_id)
 
-    async def main() -> None:
-        async with bay.running(), bay.ground_station(on_frame=take) as (_, events):
-            begin_flight(bay)
-            hear(bay, 2, bay.clock.now_ns(), snr_db=14.2)
-            text = StatusText(severity=6, text="Tag 2 (lynx) heard: 14.2 dB")
-            await until(lambda: text in events)
-            await asyncio.sleep(0.6)
-
-    asyncio.run(main())
+    async with bay.running(), bay.ground_station(on_frame=take) as (_, events):
+        begin_flight(bay)
+        hear(bay, 2, bay.clock.now_ns(), snr_db=14.2)
+        text = StatusText(severity=6, text="Tag 2 (lynx) heard: 14.2 dB")
+        await until(lambda: text in events)
+        await asyncio.sleep(0.6)
     assert numbers == []
 
 
-def test_numbers_reach_it_by_radio_while_our_pulses_go_by_wifi(
+async def test_numbers_reach_it_by_radio_while_our_pulses_go_by_wifi(
     two_link_bay: Bay, until: Until
 ) -> None:
     bay = two_link_bay
-
-    async def main() -> None:
-        async with (
-            bay.relay.running() as wifi,
-            bay.running(),
-            stock_station(bay, until) as station,
-            bay.ground_station(f"udpout://127.0.0.1:{wifi.port}", radio=False),
-        ):
-            await until(lambda: bay.process._link.tunnel._links == (1, 0))
-            begin_flight(bay)
-            hear(bay, 2, bay.clock.now_ns(), snr_db=14.25)
-            await until(lambda: len(station.values) == 2)
-            assert station.values == [("SNR_2", 14.25), ("CNT_2", 1.0)]
-
-    asyncio.run(main())
+    async with (
+        bay.relay.running() as wifi,
+        bay.running(),
+        stock_station(bay, until) as station,
+        bay.ground_station(f"udpout://127.0.0.1:{wifi.port}", radio=False),
+    ):
+        await until(lambda: bay.process._link.tunnel._links == (1, 0))
+        begin_flight(bay)
+        hear(bay, 2, bay.clock.now_ns(), snr_db=14.25)
+        await until(lambda: len(station.values) == 2)
+        assert station.values == [("SNR_2", 14.25), ("CNT_2", 1.0)]
 
 
-def test_a_restarted_connection_goes_on_counting_and_tells_no_first_time_again(
+async def test_a_restarted_connection_goes_on_counting_and_tells_no_first_time_again(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
     start_ns = bay.clock.now_ns() - 100_000_000_000
@@ -289,16 +265,12 @@ def test_a_restarted_connection_goes_on_counting_and_tells_no_first_time_again(
     recorder.write_pulse_poses([PulsePose(pulse=pulse, pose=None) for pulse in before])
     recorder.close()
     bay.assignment = replace(bay.assignment, flight=flight)
-
-    async def main() -> None:
-        async with bay.running(), stock_station(bay, until) as station:
-            hear(bay, 2, start_ns, snr_db=9.0, after_s=3 * 1.254)
-            await until(lambda: ("CNT_2", 3.0) in station.values)
-            hear(bay, 2, start_ns, snr_db=8.0, after_s=90.0)
-            await until(lambda: station.texts)
-            assert station.texts == ["Tag 2 (lynx) heard again after 86 s: 8.0 dB"]
-
-    asyncio.run(main())
+    async with bay.running(), stock_station(bay, until) as station:
+        hear(bay, 2, start_ns, snr_db=9.0, after_s=3 * 1.254)
+        await until(lambda: ("CNT_2", 3.0) in station.values)
+        hear(bay, 2, start_ns, snr_db=8.0, after_s=90.0)
+        await until(lambda: station.texts)
+        assert station.texts == ["Tag 2 (lynx) heard again after 86 s: 8.0 dB"]
 
 
 def begin_flight(bay: Bay) -> None:
@@ -306,13 +278,11 @@ def begin_flight(bay: Bay) -> None:
 
 
 def flight_of(bay: Bay) -> FlightInfo:
-    return FlightInfo(
-        directory=bay.settings.recording.directory,
+    return made.flight_info(
+        bay.settings.recording.directory,
+        (LYNX, FOX),
         start_time_ns=bay.clock.now_ns(),
         clock_offset_ns=bay.clock.offset_ns,
-        center_frequency_hz=148.7e6,
-        sample_rate_hz=3e6,
-        tags=(LYNX, FOX),
     )
 
 

@@ -26,91 +26,80 @@ def numbers(events: list[Any]) -> list[int]:
     ]
 
 
-def test_pulses_go_by_wifi_and_when_it_is_cut_by_radio_each_once(
+async def test_pulses_go_by_wifi_and_when_it_is_cut_by_radio_each_once(
     two_link_bay: Bay, until: Until
 ) -> None:
     bay = two_link_bay
+    async with (
+        bay.relay.running() as wifi,
+        bay.running(),
+        bay.ground_station(f"udpout://127.0.0.1:{wifi.port}") as (_, events),
+    ):
+        sent = 0
 
-    async def main() -> None:
-        async with (
-            bay.relay.running() as wifi,
-            bay.running(),
-            bay.ground_station(f"udpout://127.0.0.1:{wifi.port}") as (_, events),
-        ):
-            sent = 0
-
-            async def send(count: int) -> None:
-                nonlocal sent
-                for _ in range(count):
-                    bay.send_pulse(sent)
-                    sent += 1
-                await until(lambda: len(numbers(events)) == sent)
-
-            await until(lambda: bay.process._link.tunnel.link == 1)
-            await send(20)
-            passed_by_radio = bay.autopilot.counters()["forwarded_to_ground"]
-            wifi.cut = True
-            bay.send_pulse(sent)
-            sent += 1
+        async def send(count: int) -> None:
+            nonlocal sent
+            for _ in range(count):
+                bay.send_pulse(sent)
+                sent += 1
             await until(lambda: len(numbers(events)) == sent)
-            assert bay.process._link.tunnel.link == 0
-            await send(20)
-            assert bay.autopilot.counters()["forwarded_to_ground"] > passed_by_radio + 20
-            wifi.cut = False
-            await until(lambda: bay.process._link.tunnel.link == 1)
-            await send(5)
-            assert sorted(numbers(events)) == list(range(sent))
-            assert bay.process._link.tunnel.changes == 3
 
-    asyncio.run(main())
+        await until(lambda: bay.process._link.tunnel.link == 1)
+        await send(20)
+        passed_by_radio = bay.autopilot.counters()["forwarded_to_ground"]
+        wifi.cut = True
+        bay.send_pulse(sent)
+        sent += 1
+        await until(lambda: len(numbers(events)) == sent)
+        assert bay.process._link.tunnel.link == 0
+        await send(20)
+        assert bay.autopilot.counters()["forwarded_to_ground"] > passed_by_radio + 20
+        wifi.cut = False
+        await until(lambda: bay.process._link.tunnel.link == 1)
+        await send(5)
+        assert sorted(numbers(events)) == list(range(sent))
+        assert bay.process._link.tunnel.changes == 3
 
 
-def test_a_command_is_answered_by_the_link_that_it_came_by(
+async def test_a_command_is_answered_by_the_link_that_it_came_by(
     two_link_bay: Bay, until: Until
 ) -> None:
     bay = two_link_bay
-
-    async def main() -> None:
-        async with (
-            bay.relay.running() as wifi,
-            bay.running(),
-            bay.ground_station(f"udpout://127.0.0.1:{wifi.port}") as (by_wifi, _),
-        ):
-            await until(lambda: bay.process._link.tunnel.link == 1)
-            before = bay.autopilot.counters()["forwarded_to_ground"]
-            await by_wifi.stop_detection()
-            by_radio = by_wifi._ways
-            by_radio.best = lambda: [1, 0]  # as if Wi-Fi were silent
-            await by_wifi.stop_detection()
-            await until(lambda: len(bay.commands) == 2)
-            assert bay.process._asked_on == {(254, 190): 0}
-            assert bay.autopilot.counters()["forwarded_to_ground"] > before
-
-    asyncio.run(main())
+    async with (
+        bay.relay.running() as wifi,
+        bay.running(),
+        bay.ground_station(f"udpout://127.0.0.1:{wifi.port}") as (by_wifi, _),
+    ):
+        await until(lambda: bay.process._link.tunnel.link == 1)
+        before = bay.autopilot.counters()["forwarded_to_ground"]
+        await by_wifi.stop_detection()
+        by_radio = by_wifi._ways
+        by_radio.best = lambda: [1, 0]  # as if Wi-Fi were silent
+        await by_wifi.stop_detection()
+        await until(lambda: len(bay.commands) == 2)
+        assert bay.process._asked_on == {(254, 190): 0}
+        assert bay.autopilot.counters()["forwarded_to_ground"] > before
 
 
-def test_a_second_ground_station_on_the_radio_alone_gets_each_pulse_too(
+async def test_a_second_ground_station_on_the_radio_alone_gets_each_pulse_too(
     two_link_bay: Bay, until: Until
 ) -> None:
     bay = two_link_bay
-
-    async def main() -> None:
-        async with (
-            bay.relay.running() as wifi,
-            bay.running(),
-            bay.ground_station() as (_, by_radio),
-            bay.ground_station(
-                f"udpout://127.0.0.1:{wifi.port}", radio=False, system_id=245
-            ) as (_, by_wifi),
-        ):
-            await until(lambda: len(bay.process._link.tunnel._links) == 2)
-            for number in range(30):
-                bay.send_pulse(number)
-            await until(lambda: len(numbers(by_wifi)) == len(numbers(by_radio)) == 30)
-            await asyncio.sleep(0.5)
-            assert sorted(numbers(by_wifi)) == sorted(numbers(by_radio)) == list(range(30))
-
-    asyncio.run(main())
+    async with (
+        bay.relay.running() as wifi,
+        bay.running(),
+        bay.ground_station() as (_, by_radio),
+        bay.ground_station(f"udpout://127.0.0.1:{wifi.port}", radio=False, system_id=245) as (
+            _,
+            by_wifi,
+        ),
+    ):
+        await until(lambda: len(bay.process._link.tunnel._links) == 2)
+        for number in range(30):
+            bay.send_pulse(number)
+        await until(lambda: len(numbers(by_wifi)) == len(numbers(by_radio)) == 30)
+        await asyncio.sleep(0.5)
+        assert sorted(numbers(by_wifi)) == sorted(numbers(by_radio)) == list(range(30))
 
 
 @given(

@@ -13,7 +13,7 @@ from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance import now_of
 from uavrt.mavlink import WATCHED_HZ, dialect, wind_of
 from uavrt.messages import VehicleFence, VehicleReport
-from uavrt.processes import guide, motion_desk
+from uavrt.processes import guide
 from uavrt.simulation.flown import ASKED_IDS
 from uavrt.simulation.flying import Flavour, Frame
 
@@ -47,11 +47,8 @@ def test_a_wind_that_cannot_be_is_none(speed: float) -> None:
 
 
 @BOTH
-def test_the_desk_reports_the_wind_until_it_is_old(
-    flavour: Flavour, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_desk_reports_the_wind_until_it_is_old(flavour: Flavour) -> None:
     flown = Flown(flavour, frame=Frame(wind_m_s=BLOWS))
-    monkeypatch.setattr(motion_desk, "monotonic_s", lambda: flown.time_s)
     link = Link(flown=flown)
     link.run(10.0)
     report = [one for one in link.records if isinstance(one, VehicleReport)][-1]

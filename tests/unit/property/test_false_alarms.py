@@ -9,7 +9,6 @@ import os
 
 import pytest
 from campaigns import BEGUN, CROSSED, TAKEOVERS, fault_of, takeover_fault
-from desked import clock
 
 from uavrt.simulation.flying import Flavour
 
@@ -18,11 +17,6 @@ INSTANTS = int(os.environ.get("UAVRT_TAKEOVERS", "3"))
 SHARES = {"survey": 1.0, "search": 0.25, "takeoff": 1.0, "rotation": 0.5}
 """Flights of each kind; a search takes the longest."""
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
-
-
-@pytest.fixture(autouse=True)
-def _virtual_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", clock)
 
 
 @BOTH

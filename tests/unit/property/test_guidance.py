@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from desked import Desked, clock
+from desked import Desked
 from flown import CENTRED, HOME, STEP_S, Flown, nonce_of
 from rough import Rough
 from searched import Animal, Searched
@@ -239,10 +239,7 @@ def test_after_a_takeover_not_one_more_command_leaves(flavour: Flavour) -> None:
 
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 @pytest.mark.timeout(1800)
-def test_nor_behind_the_desk_over_a_rough_link(
-    flavour: Flavour, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", clock)
+def test_nor_behind_the_desk_over_a_rough_link(flavour: Flavour) -> None:
     crossings = alone = commanded = 0
     happened: Counter[str] = Counter()
     for seed in range(ROUGH // 2):

@@ -4,6 +4,7 @@ import random
 import struct
 from itertools import pairwise
 
+import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,12 +31,12 @@ START_NS = 1_700_000_000 * 10**9
 
 
 def tunnel_of(payload: bytes) -> Tunnel:
-    return Tunnel(
+    return made.tunnel(
+        0,
+        payload.ljust(128, b"\0"),
         target_system=1,
         target_component=191,
-        payload_type=0,
         payload_length=len(payload),
-        payload=payload.ljust(128, b"\0"),
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from virtual_time import VirtualClock
 
 from uavrt.config import Settings
 from uavrt.config.settings import DetectionSettings
@@ -36,6 +37,7 @@ from uavrt.recording import (
     read_pulse_pose_log,
     read_search_reports,
 )
+from uavrt.recording.flight_recorder import CHECKPOINT_S
 
 START_NS = 1_700_205_419_230_494_976
 
@@ -254,15 +256,12 @@ def test_a_write_ahead_log_torn_anywhere_leaves_a_prefix_of_the_flight(
 
 
 def test_after_a_checkpoint_the_database_file_alone_has_everything(
-    make_info: MakeInfo,
-    make_pulse: MakePulse,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    make_info: MakeInfo, make_pulse: MakePulse, tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    monkeypatch.setattr("uavrt.recording.flight_recorder.CHECKPOINT_S", 0.0)
     info = make_info()
     recorder = FlightRecorder.create(info)
     recorder.write_pulses([make_pulse(number) for number in range(20)])
+    clock_of_test.now_s += CHECKPOINT_S
     recorder.commit()
     alone = tmp_path / "alone"
     alone.mkdir()

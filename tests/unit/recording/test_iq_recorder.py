@@ -7,6 +7,7 @@ import threading
 from datetime import datetime
 from pathlib import Path
 
+import made
 import numpy as np
 import pytest
 import sigmf
@@ -28,11 +29,11 @@ def block(number: int, *, lost: int = 0) -> IQBlock:
     first = number * BLOCK + lost
     index = np.arange(first, first + BLOCK)
     samples = ((index % 30_000) + 1j * (index % 7 - 3)).astype(np.complex64) / 32_768.0
-    return IQBlock(
-        samples=samples.astype(np.complex64),
-        sample_index=first,
+    return made.iq_block(
+        samples.astype(np.complex64),
+        first,
+        RATE_HZ,
         time_ns=START_NS + round(first / RATE_HZ * 1e9),
-        sample_rate_hz=RATE_HZ,
         lost_before=lost,
     )
 

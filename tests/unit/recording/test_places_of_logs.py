@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numbered
 import pytest
+from some import some
 
 from uavrt.analysis.tracks import read_track
 from uavrt.errors import FormatError
@@ -33,8 +34,7 @@ def write(path: Path, pulses: list[PulsePose]) -> Path:
 
 
 def moved(one: PulsePose, **changes: object) -> PulsePose:
-    assert one.pose is not None
-    return replace(one, pose=replace(one.pose, **changes))  # type: ignore[arg-type]
+    return replace(one, pose=replace(some(one.pose), **changes))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -76,8 +76,7 @@ def test_what_is_not_a_number_is_absence(tmp_path: Path, name: str, field: str) 
     pulses = [numbered.pulse_pose(number) for number in range(4)]
     path = write(tmp_path / name, pulses)
     lines = path.read_text().splitlines()
-    pose = pulses[2].pose
-    assert pose is not None
+    pose = some(pulses[2].pose)
     row = next(number for number, line in enumerate(lines) if line[0] in "{27") + 2
     if name.endswith("jsonl"):
         value = [0, 0, 0, 0] if field == "quaternion_wxyz" else math.nan

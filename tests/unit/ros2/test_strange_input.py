@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import made
 import pytest
 from ros_bench import FLIGHT, PULSE, TAG, Bench, S, started_with, tags
 
-from uavrt.messages import SystemState, SystemStatus, Tag
+from uavrt.messages import SystemState, Tag
 from uavrt.ros2.convert import pulse_to_ros, tag_to_ros
 from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, KeyValue, RosTag
 
@@ -93,14 +94,8 @@ def test_the_end_of_an_upload_says_how_many_tags_were_sent() -> None:
 
 def receiving(bench: Bench, *received: Tag, commander: str = "ros2") -> None:
     bench.gateway.take(
-        SystemStatus(
-            time_ns=bench.now_ns,
-            state=SystemState.RECEIVING_TAGS,
-            flight_directory=None,
-            center_frequency_hz=None,
-            tags=received,
-            processes=(),
-            commander=commander,
+        made.system_status(
+            bench.now_ns, state=SystemState.RECEIVING_TAGS, tags=received, commander=commander
         )
     )
 

@@ -3,8 +3,10 @@
 import math
 from typing import Any
 
+import made
 import pytest
 from flown import HOME, Flown
+from some import some
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavResult
@@ -22,39 +24,13 @@ def hovering(flavour: Flavour, **frame: Any) -> FlyingVehicle:
 
 def go(vehicle: FlyingVehicle, north_m: float, east_m: float, yaw_rad: float = math.nan) -> int:
     latitude, longitude = HOME.to_geodetic(north_m, east_m)
-    result = vehicle.command(
-        dialect.CommandInt(
-            target_system=1,
-            target_component=1,
-            frame=5,
-            command=dialect.MavCmd.DO_REPOSITION,
-            current=0,
-            autocontinue=0,
-            param1=-1.0,
-            param2=1.0,
-            param3=0.0,
-            param4=yaw_rad,
-            x=round(latitude * 1e7),
-            y=round(longitude * 1e7),
-            z=HOME.altitude_amsl_m + 40.0,
-        )
-    )
-    assert result is not None
-    return result
+    place = {"x": round(latitude * 1e7), "y": round(longitude * 1e7)}
+    height = {"z": HOME.altitude_amsl_m + 40.0, "param4": yaw_rad}
+    return some(vehicle.command(made.reposition(frame=5, **place, **height)))
 
 
 def pause(vehicle: FlyingVehicle, param1: float = 0.0) -> int | None:
-    values = {f"param{number}": 0.0 for number in range(2, 8)}
-    return vehicle.command(
-        dialect.CommandLong(
-            target_system=1,
-            target_component=1,
-            command=DO_PAUSE_CONTINUE,
-            confirmation=0,
-            param1=param1,
-            **values,
-        )
-    )
+    return vehicle.command(made.command_long(DO_PAUSE_CONTINUE, param1))
 
 
 def fly(vehicle: FlyingVehicle, seconds: float) -> None:
@@ -63,8 +39,7 @@ def fly(vehicle: FlyingVehicle, seconds: float) -> None:
 
 
 def target(vehicle: FlyingVehicle) -> dialect.PositionTargetGlobalInt:
-    told = vehicle.position_target(0)
-    assert told is not None
+    told = some(vehicle.position_target(0))
     return told
 
 

@@ -18,17 +18,8 @@ SECOND_NS = 10**9
 
 def reposition(scenario: Scenario, north_m: float, east_m: float) -> dialect.CommandInt:
     latitude, longitude = scenario.plane.to_geodetic(north_m, east_m)
-    return dialect.CommandInt(
-        target_system=1,
-        target_component=1,
+    return made.reposition(
         frame=5,
-        command=dialect.MavCmd.DO_REPOSITION,
-        current=0,
-        autocontinue=0,
-        param1=-1.0,
-        param2=1.0,
-        param3=0.0,
-        param4=math.nan,
         x=round(latitude * 1e7),
         y=round(longitude * 1e7),
         z=scenario.plane.altitude_amsl_m + 30.0,

@@ -2,10 +2,10 @@
 
 import itertools
 
+import made
 import pytest
 
 from uavrt.mavlink import Frame, FrameParser, FrameWriter, PacedQueue, Priority
-from uavrt.mavlink.dialect import Tunnel
 from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
 from uavrt.tunnel.reliable import Outgoing
 
@@ -13,13 +13,7 @@ START_NS = 1_700_000_000 * 10**9
 
 
 def tunnel_frame(size: int = 128) -> Frame:
-    message = Tunnel(
-        target_system=255,
-        target_component=190,
-        payload_type=0,
-        payload_length=size,
-        payload=b"\xff" * size,
-    )
+    message = made.tunnel(0, b"\xff" * size, target_system=255, payload_length=size)
     (frame,) = FrameParser().feed(FrameWriter(1, 191).encode(message))
     return frame
 

@@ -1,8 +1,9 @@
 """Records are read at once after a silence, and together when there is much."""
 
 import asyncio
+import contextlib
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
 from functools import partial
 
 import pytest
@@ -40,21 +41,17 @@ class Sources:
             theirs.close()
 
 
-def with_sources(
-    period_s: float, count: int, story: Callable[[Sources], Awaitable[None]]
-) -> None:
-    async def run() -> None:
-        sources = Sources(Intake(period_s), count)
-        try:
-            await story(sources)
-        finally:
-            sources.close()
-
-    asyncio.run(run())
+@contextlib.asynccontextmanager
+async def sources_of(period_s: float, count: int) -> AsyncIterator[Sources]:
+    sources = Sources(Intake(period_s), count)
+    try:
+        yield sources
+    finally:
+        sources.close()
 
 
-def test_what_comes_after_a_silence_is_read_at_once_and_the_next_waits() -> None:
-    async def story(sources: Sources) -> None:
+async def test_what_comes_after_a_silence_is_read_at_once_and_the_next_waits() -> None:
+    async with sources_of(LONG_S, 2) as sources:
         sources.say(0, b"command")
         await sources.until(1)
         sources.say(1, b"pulse")
@@ -62,11 +59,9 @@ def test_what_comes_after_a_silence_is_read_at_once_and_the_next_waits() -> None
             await asyncio.sleep(0.001)
         assert sources.got == [(0, b"command")]
 
-    with_sources(LONG_S, 2, story)
 
-
-def test_all_that_came_within_a_period_is_read_together_and_nothing_is_lost() -> None:
-    async def story(sources: Sources) -> None:
+async def test_all_that_came_within_a_period_is_read_together_and_nothing_is_lost() -> None:
+    async with sources_of(0.02, 3) as sources:
         sources.say(0, b"first")
         await sources.until(1)
         for part in (b"a", b"b", b"c"):
@@ -80,11 +75,9 @@ def test_all_that_came_within_a_period_is_read_together_and_nothing_is_lost() ->
             sources.say(number % 3, b"more")
             await sources.until(4 + number)
 
-    with_sources(0.02, 3, story)
 
-
-def test_a_reader_that_is_removed_by_another_is_not_called() -> None:
-    async def story(sources: Sources) -> None:
+async def test_a_reader_that_is_removed_by_another_is_not_called() -> None:
+    async with sources_of(LONG_S, 2) as sources:
         intake, (_, first), (_, second) = sources.intake, *sources.pairs
         called: list[int] = []
 
@@ -101,11 +94,9 @@ def test_a_reader_that_is_removed_by_another_is_not_called() -> None:
         await asyncio.sleep(0.02)
         assert len(set(called)) == 1
 
-    with_sources(LONG_S, 2, story)
 
-
-def test_a_reader_that_fails_does_not_make_the_others_deaf() -> None:
-    async def story(sources: Sources) -> None:
+async def test_a_reader_that_fails_does_not_make_the_others_deaf() -> None:
+    async with sources_of(0.01, 1) as sources:
         faults: list[object] = []
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(lambda _, context: faults.append(context["exception"]))
@@ -125,22 +116,17 @@ def test_a_reader_that_fails_does_not_make_the_others_deaf() -> None:
         ours.close()
         theirs.close()
 
-    with_sources(0.01, 1, story)
-
 
 @pytest.mark.parametrize("busy", [False, True], ids=["after a silence", "while busy"])
-def test_an_intake_without_sources_leaves_nothing_in_the_event_loop(busy: bool) -> None:
-    async def run() -> None:
-        sources = Sources(Intake(0.01), 2)
-        if busy:
-            sources.say(0, b"x")
-            await sources.until(1)
-        sources.close()
-        # Descriptors are used again: a new source under an old number is heard.
-        again = Sources(sources.intake, 2)
-        again.say(1, b"y")
-        await again.until(1)
-        assert again.got == [(1, b"y")]
-        again.close()
-
-    asyncio.run(run())
+async def test_an_intake_without_sources_leaves_nothing_in_the_event_loop(busy: bool) -> None:
+    sources = Sources(Intake(0.01), 2)
+    if busy:
+        sources.say(0, b"x")
+        await sources.until(1)
+    sources.close()
+    # Descriptors are used again: a new source under an old number is heard.
+    again = Sources(sources.intake, 2)
+    again.say(1, b"y")
+    await again.until(1)
+    assert again.got == [(1, b"y")]
+    again.close()

@@ -16,7 +16,6 @@ from uavrt.clock import Clock
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import Command, FlightInfo, SystemState
-from uavrt.supervisor.mission import orders
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
 from uavrt.supervisor.mission.wall_clock import AGAIN_S, NOTED_S, WallClockWatch
@@ -112,7 +111,7 @@ def test_each_flight_has_the_wall_clocks_time_at_its_start_and_keeps_it(
 
 
 def test_the_last_flights_outlive_the_supervisor_while_their_pulses_may_be_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock_of_test: VirtualClock
+    tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
     mission = new_mission(tmp_path)
     upload(mission, *START[:3])
@@ -125,7 +124,7 @@ def test_the_last_flights_outlive_the_supervisor_while_their_pulses_may_be_missi
     after = new_mission(tmp_path)
     after.resume()
     assert list(after.last_flights) == flown[-3:]
-    monkeypatch.setattr(orders, "boot_id", lambda: "the next boot")
+    reboot(tmp_path)
     clock_of_test.wall_offset_s += 7e5
     next_week = new_mission(tmp_path)
     next_week.resume()
@@ -158,9 +157,13 @@ def test_a_wrong_time_is_told_once_more_to_a_ground_station_that_comes_later(
     assert told == [100 + AGAIN_S]
 
 
-def rebooted(
-    directory: Path, monkeypatch: pytest.MonkeyPatch, clock: VirtualClock, off_s: float
-) -> tuple[FlightInfo, Mission]:
+def reboot(directory: Path) -> None:
+    """Let what was saved be of the boot before."""
+    store = StateStore(directory)
+    store.save(replace(some(store.load()), boot_id="the boot before"))
+
+
+def rebooted(directory: Path, clock: VirtualClock, off_s: float) -> tuple[FlightInfo, Mission]:
     """A flight cut off by the battery, and the mission of the next boot."""
     before = new_mission(directory)
     upload(before, *START)
@@ -168,15 +171,15 @@ def rebooted(
     database = Path(before.flight.directory) / "flight.sqlite"
     database.write_bytes(b"")
     os.utime(database, ns=(clock.time_ns(), clock.time_ns()))
-    monkeypatch.setattr(orders, "boot_id", lambda: "the next boot")
+    reboot(directory)
     clock.wall_offset_s += off_s
     return before.flight, new_mission(directory)
 
 
 def test_after_a_brown_out_a_new_flight_begins_on_a_new_clock(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock_of_test: VirtualClock
+    tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    flight, after = rebooted(tmp_path, monkeypatch, clock_of_test, 40.0)
+    flight, after = rebooted(tmp_path, clock_of_test, 40.0)
     assert after.resume()
     assert after.flight is not None
     assert after.flight.directory != flight.directory
@@ -186,9 +189,9 @@ def test_after_a_brown_out_a_new_flight_begins_on_a_new_clock(
 
 
 def test_last_weeks_flight_does_not_start_the_radio(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock_of_test: VirtualClock
+    tmp_path: Path, clock_of_test: VirtualClock
 ) -> None:
-    _, after = rebooted(tmp_path, monkeypatch, clock_of_test, 7 * 86_400.0)
+    _, after = rebooted(tmp_path, clock_of_test, 7 * 86_400.0)
     assert not after.resume()
     assert after.state is SystemState.HAS_TAGS
     assert after.tags == {2: TAG}

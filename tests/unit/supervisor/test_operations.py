@@ -64,38 +64,32 @@ def tree(directory: Path) -> dict[str, bytes]:
     return {str(path.relative_to(directory)): path.read_bytes() for path in files}
 
 
-def test_flights_are_copied_to_the_drive_and_then_removed(tmp_path: Path) -> None:
+async def test_flights_are_copied_to_the_drive_and_then_removed(tmp_path: Path) -> None:
     flights, drive = tmp_path / "flights", tmp_path / "drive"
     make_flights(flights)
     drive.mkdir()
     before = tree(flights)
-
-    async def main() -> None:
-        drone = Drone(flights, drive)
-        reply = drone.say("save_logs")
-        assert reply.accepted, reply.message
-        assert drone.say("clean_logs").message == "busy: save logs in progress"
-        assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted is False
-        assert (await drone.done()).state == "complete"
-        assert tree(drive) == before
-        assert [step.step for step in drone.steps] == [0, 0, 1, 2, 2]
-        assert {step.step_count for step in drone.steps} == {2}
-        assert drone.texts == ["#Saving logs", "#Log save complete"]
-        first = drone.say("clean_logs")
-        assert first.message.startswith("send it again after 10 s to delete 1 flights")
-        assert len(list(flights.glob("flight_log_*"))) == 2
-        drone.now_s += 11.0
-        answer = drone.say("clean_logs")
-        assert answer.message == "1 flights; the newest and the starred stay, 1 of 2"
-        assert answer.accepted
-        assert (await drone.done()).state == "complete"
-        assert [flight.name for flight in flights.glob("flight_log_*")] == [
-            "flight_log_2026-01-02"
-        ]
-        assert not drone.say("clean_logs").accepted
-        assert drone.texts[-1] == "#Logs deleted"
-
-    asyncio.run(main())
+    drone = Drone(flights, drive)
+    reply = drone.say("save_logs")
+    assert reply.accepted, reply.message
+    assert drone.say("clean_logs").message == "busy: save logs in progress"
+    assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted is False
+    assert (await drone.done()).state == "complete"
+    assert tree(drive) == before
+    assert [step.step for step in drone.steps] == [0, 0, 1, 2, 2]
+    assert {step.step_count for step in drone.steps} == {2}
+    assert drone.texts == ["#Saving logs", "#Log save complete"]
+    first = drone.say("clean_logs")
+    assert first.message.startswith("send it again after 10 s to delete 1 flights")
+    assert len(list(flights.glob("flight_log_*"))) == 2
+    drone.now_s += 11.0
+    answer = drone.say("clean_logs")
+    assert answer.message == "1 flights; the newest and the starred stay, 1 of 2"
+    assert answer.accepted
+    assert (await drone.done()).state == "complete"
+    assert [flight.name for flight in flights.glob("flight_log_*")] == ["flight_log_2026-01-02"]
+    assert not drone.say("clean_logs").accepted
+    assert drone.texts[-1] == "#Logs deleted"
 
 
 def test_a_second_save_copies_only_what_is_new(
@@ -136,38 +130,30 @@ def test_a_save_broken_off_leaves_whole_files_only_and_can_be_repeated(tmp_path:
     assert tree(tmp_path / "flights") == before
 
 
-def test_the_system_ends_though_the_drive_does_not_answer(tmp_path: Path) -> None:
+async def test_the_system_ends_though_the_drive_does_not_answer(tmp_path: Path) -> None:
     make_flights(tmp_path / "flights")
     hanging = tmp_path / "drive" / "flight_log_2026-01-01" / "flight.sqlite.part"
     hanging.parent.mkdir(parents=True)
     os.mkfifo(hanging)  # opening it takes until somebody reads
-
-    async def main() -> None:
-        drone = Drone(tmp_path / "flights", tmp_path / "drive")
-        assert drone.say("save_logs").accepted
-        while not drone.steps or not drone.steps[-1].message:  # noqa: ASYNC110 - in a thread
-            await asyncio.sleep(0.005)
-        await drone.operations.end()
-        assert drone.operations.running is not None
-
-    asyncio.run(main())
+    drone = Drone(tmp_path / "flights", tmp_path / "drive")
+    assert drone.say("save_logs").accepted
+    while not drone.steps or not drone.steps[-1].message:  # noqa: ASYNC110 - in a thread
+        await asyncio.sleep(0.005)
+    await drone.operations.end()
+    assert drone.operations.running is not None
     os.close(os.open(hanging, os.O_RDONLY))  # lets the thread go
 
 
-def test_a_drive_that_cannot_be_written_fails_with_the_reason(tmp_path: Path) -> None:
+async def test_a_drive_that_cannot_be_written_fails_with_the_reason(tmp_path: Path) -> None:
     make_flights(tmp_path / "flights")
     drive = tmp_path / "drive"
     drive.mkdir()
     (drive / "flight_log_2026-01-01").write_text("a file in the way")
-
-    async def main() -> None:
-        drone = Drone(tmp_path / "flights", drive)
-        assert drone.say("save_logs").accepted
-        last = await drone.done()
-        assert last.state == "failed"
-        assert drone.texts[-1] == last.message != ""
-
-    asyncio.run(main())
+    drone = Drone(tmp_path / "flights", drive)
+    assert drone.say("save_logs").accepted
+    last = await drone.done()
+    assert last.state == "failed"
+    assert drone.texts[-1] == last.message != ""
 
 
 def test_without_a_drive_saving_is_refused_with_what_to_do(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.config import check_start
@@ -13,15 +14,7 @@ from uavrt.messages import Command, CommandReply, Tag
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
 
-TAGS = [
-    Tag(
-        tag_id=2 * number,
-        frequency_hz=148.7e6 + 5e3 * number,
-        pulse_width_s=0.02,
-        pulse_intervals_s=(1.254,),
-    )
-    for number in range(1, 4)
-]
+TAGS = [made.tag(2 * number, 148.7e6 + 5e3 * number) for number in range(1, 4)]
 SOURCES = ["ros2", "mavlink 255/190", "command line 1"]
 
 

@@ -7,10 +7,9 @@ import os
 from collections.abc import Callable
 from itertools import product
 
-import pytest
+from virtual_time import follow
 
 from uavrt.errors import LinkError, TunnelError
-from uavrt.tunnel import gate
 from uavrt.tunnel.gate import Sealer
 from uavrt.tunnel.seal import (
     ALIVE_INSIDE,
@@ -128,11 +127,11 @@ STEPS: tuple[Callable[[Link], None], ...] = (
 BEGUN = (Link.tick, Link.deliver, Link.tick, Link.deliver, Link.deliver)
 
 
-def test_no_order_of_an_attackers_steps_repeats_an_order_or_keeps_the_next_from_arriving(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_no_order_of_an_attackers_steps_repeats_an_order_or_keeps_the_next_from_arriving() -> (
+    None
+):
     explored, link = 0, Link()
-    monkeypatch.setattr(gate, "monotonic_s", lambda: link.now_s)
+    follow(lambda: link.now_s)
     for steps in product(STEPS, repeat=DEPTH):
         link = Link()
         for step in (*BEGUN, *steps):

@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from sealed import introduce
+from virtual_time import VirtualClock
 
 from uavrt.errors import LinkError, TunnelError
-from uavrt.tunnel import MAX_PAYLOAD, MotionState, decode_state, encode_state, gate
+from uavrt.tunnel import MAX_PAYLOAD, MotionState, decode_state, encode_state
 from uavrt.tunnel.gate import ALIVE_S, Sealer
 from uavrt.tunnel.motion import MAX_TEXT
 from uavrt.tunnel.seal import (
@@ -34,22 +35,15 @@ OFFER = MotionState(
 )
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    made = Clock()
-    monkeypatch.setattr(gate, "monotonic_s", made)
-    return made
+def clock(clock_of_test: VirtualClock) -> VirtualClock:
+    clock_of_test.now_s = 100.0
+    return clock_of_test
 
 
-def exchange(station: Sealer, drone: SealKeeper, *, replayed: list[bytes]) -> int:
+def exchange(
+    clock: VirtualClock, station: Sealer, drone: SealKeeper, *, replayed: list[bytes]
+) -> int:
     """Announce once a second with replays between, until the session is known; nonces sent."""
     for turn in count():
         for one in (*replayed, drone.announcement(DRONE)):
@@ -63,7 +57,7 @@ def exchange(station: Sealer, drone: SealKeeper, *, replayed: list[bytes]) -> in
             if nonce:
                 station.hear(drone.announcement(DRONE, nonce), DRONE)
                 return turn + 1
-        gate.monotonic_s.now_s += ALIVE_S + 1e-6  # type: ignore[attr-defined]
+        clock.now_s += ALIVE_S + 1e-6
     raise AssertionError
 
 
@@ -79,7 +73,7 @@ def test_the_bytes_of_a_sign_of_life_an_echo_and_a_proven_answer_are_these() -> 
     assert answer.hex() == "118de74eaa4011c0080000000900000000000000676f746f203430206d"
 
 
-def test_a_replayed_announcement_takes_no_session_away(clock: Clock) -> None:
+def test_a_replayed_announcement_takes_no_session_away(clock: VirtualClock) -> None:
     station, drone = Sealer(KEY, GROUND), SealKeeper(KEY)
     introduce(station, drone, GROUND, DRONE)
     yesterday = SealKeeper(KEY)
@@ -88,17 +82,19 @@ def test_a_replayed_announcement_takes_no_session_away(clock: Clock) -> None:
     assert drone.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")
 
 
-def test_the_drone_s_session_is_found_among_replays_of_a_whole_season(clock: Clock) -> None:
+def test_the_drone_s_session_is_found_among_replays_of_a_whole_season(
+    clock: VirtualClock,
+) -> None:
     replayed = [SealKeeper(KEY).announcement(DRONE) for _ in range(100)]
     station, drone = Sealer(KEY, GROUND), SealKeeper(KEY)
-    assert exchange(station, drone, replayed=replayed) <= 101
+    assert exchange(clock, station, drone, replayed=replayed) <= 101
     restarted = SealKeeper(KEY)
-    tries = exchange(station, restarted, replayed=replayed)
+    tries = exchange(clock, station, restarted, replayed=replayed)
     assert tries <= 2, "the sessions tried before come after the new one"
     assert restarted.open(station(b"stop", 0), GROUND, DRONE) == (0, b"stop")
 
 
-def test_an_echo_counts_once_and_only_of_a_nonce_sent_a_moment_ago(clock: Clock) -> None:
+def test_an_echo_counts_once_and_only_of_a_nonce_sent_a_moment_ago(clock: VirtualClock) -> None:
     station, drone = Sealer(KEY, GROUND), SealKeeper(KEY)
     station.hear(drone.announcement(DRONE), DRONE)
     (sealed,) = station.signs_of_life()
@@ -122,7 +118,7 @@ def test_an_echo_counts_once_and_only_of_a_nonce_sent_a_moment_ago(clock: Clock)
 
 
 def test_a_drone_of_an_older_version_is_named_before_anything_is_sealed_for_it(
-    clock: Clock,
+    clock: VirtualClock,
 ) -> None:
     station, old = Sealer(KEY, GROUND), SealKeeper(KEY)
     for _ in range(8):
@@ -133,7 +129,9 @@ def test_a_drone_of_an_older_version_is_named_before_anything_is_sealed_for_it(
         station(b"order", 60_005)
 
 
-def test_signs_of_life_are_often_enough_for_a_link_that_loses_a_fifth(clock: Clock) -> None:
+def test_signs_of_life_are_often_enough_for_a_link_that_loses_a_fifth(
+    clock: VirtualClock,
+) -> None:
     station, drone = Sealer(KEY, GROUND), SealKeeper(KEY)
     introduce(station, drone, GROUND, DRONE)
     sent_s = []

@@ -7,21 +7,17 @@ from uavrt.messages import PulsePose, SystemState
 from world import THESIS_TAG, World, until
 
 
-def test_pulses_reach_the_ground_over_a_bad_radio(tmp_path: Path) -> None:
+async def test_pulses_reach_the_ground_over_a_bad_radio(tmp_path: Path) -> None:
     world = World(tmp_path)
-
-    async def main() -> None:
-        async with world.flying(), world.station() as (link, events):
-            await link.upload_tags([THESIS_TAG])
-            await link.start_detection()
-            assert world.mission.state is SystemState.DETECTING
-            world.radio.loss = 0.2
-            for number in range(30):
-                world.find_pulse(number)
-                await asyncio.sleep(0.2)
-            await until(lambda: len([e for e in events if isinstance(e, PulsePose)]) >= 30)
-            world.radio.loss = 0.0
-            await link.stop_detection()
-            await until(lambda: world.mission.state is SystemState.HAS_TAGS)
-
-    asyncio.run(main())
+    async with world.flying(), world.station() as (link, events):
+        await link.upload_tags([THESIS_TAG])
+        await link.start_detection()
+        assert world.mission.state is SystemState.DETECTING
+        world.radio.loss = 0.2
+        for number in range(30):
+            world.find_pulse(number)
+            await asyncio.sleep(0.2)
+        await until(lambda: len([e for e in events if isinstance(e, PulsePose)]) >= 30)
+        world.radio.loss = 0.0
+        await link.stop_detection()
+        await until(lambda: world.mission.state is SystemState.HAS_TAGS)

@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -19,30 +19,17 @@ SQUARE = [
     for north, east in ((0.0, 0.0), (0.0, 0.002), (0.001, 0.002), (0.001, 0.0))
 ]
 MISSION = {"action": "survey", "places": SQUARE, "spacing_m": 40, "height_m": 60}
-Flight = Callable[[World, AskedPage], Awaitable[None]]
 
 
-@pytest.fixture
-def fly(tmp_path: Path) -> Callable[[Flight], None]:
-    """Do something with a drone that hovers and a page that has found it."""
-
-    @contextlib.asynccontextmanager
-    async def flown() -> AsyncIterator[tuple[World, AskedPage]]:
-        world = World(tmp_path, animals=[Animal(60.0, 0.0)], guidance=GUIDANCE, flies=True)
-        page = AskedPage(tmp_path / "ground", world.ground_address)
-        async with world.flying(), page.served():
-            await page.until(lambda s: s["drone"]["present"] and s["motion"] is not None)
-            await asyncio.sleep(5.0)  # by then the drone knows its autopilot
-            yield world, page
-
-    def run(flight: Flight) -> None:
-        async def main() -> None:
-            async with flown() as (world, page):
-                await flight(world, page)
-
-        asyncio.run(main())
-
-    return run
+@contextlib.asynccontextmanager
+async def flown(directory: Path) -> AsyncIterator[tuple[World, AskedPage]]:
+    """A drone that hovers, and a page that has found it."""
+    world = World(directory, animals=[Animal(60.0, 0.0)], guidance=GUIDANCE, flies=True)
+    page = AskedPage(directory / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await page.until(lambda s: s["drone"]["present"] and s["motion"] is not None)
+        await asyncio.sleep(5.0)  # by then the drone knows its autopilot
+        yield world, page
 
 
 async def motion(page: AskedPage, what: str, body: Any, **headers: str) -> Any:
@@ -50,8 +37,8 @@ async def motion(page: AskedPage, what: str, body: Any, **headers: str) -> Any:
     return await page.ask("POST", f"/api/motion/{what}", body, named)
 
 
-def test_a_motion_is_offered_confirmed_once_and_stopped(fly: Callable[[Flight], None]) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_a_motion_is_offered_confirmed_once_and_stopped(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         wish = {"action": "rotate", "duration_s": 40, "clockwise": False, "height_m": 45}
         offer = (await motion(page, "ask", wish)).json
         assert offer["text"].startswith("turn once to the left here at 45 m")
@@ -76,23 +63,19 @@ def test_a_motion_is_offered_confirmed_once_and_stopped(fly: Callable[[Flight], 
         await asyncio.sleep(10.0)
         assert world.flown.yaw_deg == pytest.approx(stands_at, abs=0.01)
 
-    fly(flight)
 
-
-def test_a_refusal_is_told_in_the_drones_words(fly: Callable[[Flight], None]) -> None:
-    async def flight(_: World, page: AskedPage) -> None:
+async def test_a_refusal_is_told_in_the_drones_words(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (_, page):
         far = {"action": "goto", "places": [[HOME[0] + 0.01, HOME[1]]], "height_m": 45}
         answer = await motion(page, "ask", far)
         assert answer.status == 409
         assert "fence" in answer.json["error"]
 
-    fly(flight)
 
-
-def test_only_the_page_that_commands_asks_and_every_page_takes_back(
-    fly: Callable[[Flight], None],
+async def test_only_the_page_that_commands_asks_and_every_page_takes_back(
+    tmp_path: Path,
 ) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+    async with flown(tmp_path) as (world, page):
         for name in ("first", "second"):
             page.session.commander.come(name)
         refused = await motion(page, "ask", {"action": "hold"}, X_Page="second")
@@ -108,13 +91,11 @@ def test_only_the_page_that_commands_asks_and_every_page_takes_back(
         assert world.vehicle_report.standing == "out"
         assert (await motion(page, "stop", {}, X_Page="first")).status == 200
 
-    fly(flight)
 
-
-def test_taking_back_waits_for_no_other_command(fly: Callable[[Flight], None]) -> None:
+async def test_taking_back_waits_for_no_other_command(tmp_path: Path) -> None:
     """The tags are lost, and sent again after two seconds."""
 
-    async def flight(world: World, page: AskedPage) -> None:
+    async with flown(tmp_path) as (world, page):
         row = {"frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20, "id": 2}
         assert (await page.ask("PUT", "/api/tags", [row])).status == 200
         world.radio_cut()
@@ -125,11 +106,9 @@ def test_taking_back_waits_for_no_other_command(fly: Callable[[Flight], None]) -
         assert (await page.state())["busy"] is not None
         assert (await sending).status == 200
 
-    fly(flight)
 
-
-def test_the_way_is_shown_before_anything_is_asked(fly: Callable[[Flight], None]) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_the_way_is_shown_before_anything_is_asked(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         wish = MISSION | {"height_m": None}
         lines = (await motion(page, "plan", wish)).json
         assert lines["way"][0] == pytest.approx(HOME, abs=1e-4)  # where the drone is
@@ -143,44 +122,34 @@ def test_the_way_is_shown_before_anything_is_asked(fly: Callable[[Flight], None]
         assert len((await motion(page, "area", circle)).json["places"]) == 20
         assert not world.of(MotionRequest)
 
-    fly(flight)
 
-
-def test_a_survey_becomes_the_vehicles_mission_and_nothing_is_asked_of_the_drone(
-    fly: Callable[[Flight], None],
+async def test_a_survey_becomes_the_vehicles_mission_and_nothing_is_asked_of_the_drone(
+    tmp_path: Path,
 ) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+    async with flown(tmp_path) as (world, page):
         answer = await motion(page, "upload", MISSION)
         assert answer.json == {"items": 7, "sent_again": 0}
         held = world.autopilot.missions.held[0]
         assert [item.command for item in held] == [16] * 6 + [20]
         assert not world.of(MotionRequest)
 
-    fly(flight)
 
-
-def test_a_mission_that_is_none_or_is_flown_is_not_replaced(
-    fly: Callable[[Flight], None],
-) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_a_mission_that_is_none_or_is_flown_is_not_replaced(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         turns = await motion(page, "upload", MISSION | {"pattern": "points"})
         assert turns.status == 422
         assert "holds no turns" in turns.json["error"]
         assert (await motion(page, "upload", MISSION | {"height_m": None})).status == 422
         world.flown.set_mode(4 << 16 | 4 << 24)  # AUTO.MISSION
         await asyncio.sleep(2.5)
-        flown = await motion(page, "upload", MISSION)
-        assert flown.status == 409
-        assert "would change its way" in flown.json["error"]
+        replaced = await motion(page, "upload", MISSION)
+        assert replaced.status == 409
+        assert "would change its way" in replaced.json["error"]
         assert not world.autopilot.missions.held[0]
 
-    fly(flight)
 
-
-def test_a_search_is_asked_for_with_its_area_and_its_wish(
-    fly: Callable[[Flight], None],
-) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_a_search_is_asked_for_with_its_area_and_its_wish(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         world.detect(*world.tags)
         await until(lambda: "detector-1" in world.health)
         wish = {"action": "search", "radius_m": 150, "wish_m": 30, "tags": [2]}
@@ -189,5 +158,3 @@ def test_a_search_is_asked_for_with_its_area_and_its_wish(
         (asked,) = world.of(MotionRequest)
         assert (asked.radius_m, asked.wish_m, asked.tags) == (150.0, 30.0, (2,))
         assert (asked.duration_s, asked.places) == (300.0, ())
-
-    fly(flight)

@@ -1,7 +1,8 @@
 """The page's server and a drone: what is shown, stored and judged."""
 
 import asyncio
-from collections.abc import Callable
+import contextlib
+from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,24 +17,16 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 from world import THESIS_TAG, World
 
 SECOND_NS = NANOSECONDS_PER_SECOND
-Flight = Callable[[World, AskedPage], Any]
 
 
-@pytest.fixture
-def fly(tmp_path: Path) -> Callable[[Flight], None]:
-    """Do something with a drone and a page that has found it."""
-
-    def run(flight: Flight) -> None:
-        async def main() -> None:
-            world = World(tmp_path)
-            page = AskedPage(tmp_path / "ground", world.ground_address)
-            async with world.flying(), page.served():
-                await page.until(lambda state: state["drone"]["state"] == "idle")
-                await flight(world, page)
-
-        asyncio.run(main())
-
-    return run
+@contextlib.asynccontextmanager
+async def flown(directory: Path) -> AsyncIterator[tuple[World, AskedPage]]:
+    """A drone, and a page that has found it."""
+    world = World(directory)
+    page = AskedPage(directory / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await page.until(lambda state: state["drone"]["state"] == "idle")
+        yield world, page
 
 
 def find(world: World, old_s: float = 1.0, **changes: Any) -> None:
@@ -47,36 +40,31 @@ def pulses(count: int) -> Callable[[dict[str, Any]], bool]:
     return lambda state: bool(state["flight"]["pulses"] == count)
 
 
-def test_a_drone_is_found_and_its_state_shown(
-    fly: Callable[[Flight], None], monkeypatch: pytest.MonkeyPatch
+async def test_a_drone_is_found_and_its_state_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("uavrt.processes.ground_status.cpu_temperature_c", lambda: 51.5)
 
-    async def flight(_: World, page: AskedPage) -> None:
+    async with flown(tmp_path) as (_, page):
         state = await page.state()
         assert state["drone"]["cpu_temperature_c"] == 51.5
         assert state["actions"]["start"]["reason"] == "Send the tags first"
 
-    fly(flight)
 
-
-def test_a_start_right_after_the_tags_is_taken(fly: Callable[[Flight], None]) -> None:
-    """The drone's next heartbeat is a second away."""
-
-    async def flight(_: World, page: AskedPage) -> None:
+async def test_a_start_and_a_stop_right_after_the_tags_are_taken(tmp_path: Path) -> None:
+    """The drone's next heartbeat in turn is a second away."""
+    async with flown(tmp_path) as (_, page):
         row = {"id": 2, "frequency_mhz": 148.7, "interval_ms": 1254, "pulse_width_ms": 20}
         headers = {"If-Match": f'"{table_version(page.session.store.tags)}"'}
         saved = await page.ask("PUT", "/api/tags", [row], headers=headers)
         assert saved.status == 200, saved.json
-        for name in ("send_tags", "start"):
+        for name in ("send_tags", "start", "stop"):
             answer = await page.ask("POST", f"/api/commands/{name}", {})
             assert answer.status == 200, answer.json
 
-    fly(flight)
 
-
-def test_a_pulse_is_stored_once_however_often_it_comes(fly: Callable[[Flight], None]) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_a_pulse_is_stored_once_however_often_it_comes(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         world.detect()
         world.radio.copied = 1.0
         for place in range(5):
@@ -92,11 +80,9 @@ def test_a_pulse_is_stored_once_however_often_it_comes(fly: Callable[[Flight], N
         assert [record["snr_db"] for record in records] == [20.0] * 5
         assert state["link"]["counters"]["repeated_pulses"] >= 1
 
-    fly(flight)
 
-
-def test_what_is_inside_a_burst_is_put_into_its_record(fly: Callable[[Flight], None]) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_what_is_inside_a_burst_is_put_into_its_record(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         world.detect()
         await asyncio.sleep(3.0)
         # A time that the wire's seconds hold exactly, as the key of a pulse must be.
@@ -116,11 +102,9 @@ def test_what_is_inside_a_burst_is_put_into_its_record(fly: Callable[[Flight], N
         assert {name: getattr(stored.pulse, name) for name in inside} == inside
         assert stored.pose is not None
 
-    fly(flight)
 
-
-def test_a_drone_whose_clock_is_an_hour_late_is_told(fly: Callable[[Flight], None]) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_a_drone_whose_clock_is_an_hour_late_is_told(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         world.detect()
         for place in range(6):
             find(world, 3600.0 + 7.0 * (place % 2) + place / 100)
@@ -129,24 +113,18 @@ def test_a_drone_whose_clock_is_an_hour_late_is_told(fly: Callable[[Flight], Non
         log = (await page.ask("GET", "/api/log")).json
         assert any("clock differs by -360" in line["text"] for line in log)
 
-    fly(flight)
 
-
-def test_old_pulses_sent_again_are_no_clock_that_is_late(
-    fly: Callable[[Flight], None],
-) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_old_pulses_sent_again_are_no_clock_that_is_late(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         world.detect()
         for old_s in (60, 50, 40, 30, 20, 1, 10):
             find(world, old_s)
         state = await page.until(pulses(7))
         assert state["drone"]["clock_skew_s"] == 0.0
 
-    fly(flight)
 
-
-def test_another_start_is_another_flight(fly: Callable[[Flight], None]) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_another_start_is_another_flight(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         for number in (1, 2):
             world.detect()
             await page.until(lambda state: not state["flight"]["ended"])
@@ -157,11 +135,9 @@ def test_another_start_is_another_flight(fly: Callable[[Flight], None]) -> None:
             assert len((await page.ask("GET", "/api/flights")).json) == number
             await asyncio.sleep(2.0)
 
-    fly(flight)
 
-
-def test_what_the_drone_says_is_kept_as_it_is(fly: Callable[[Flight], None]) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_what_the_drone_says_is_kept_as_it_is(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         said = '<script>alert(1)</script> "quoted" & more'
         world.computer.supervisor._tell(4, said)
         await asyncio.sleep(1.0)
@@ -169,13 +145,9 @@ def test_what_the_drone_says_is_kept_as_it_is(fly: Callable[[Flight], None]) -> 
         (line,) = [line for line in log if line["text"] == said]
         assert (line["severity"], line["source"]) == (4, "drone")
 
-    fly(flight)
 
-
-def test_a_command_that_nobody_acknowledges_fails_in_words(
-    fly: Callable[[Flight], None],
-) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+async def test_a_command_that_nobody_acknowledges_fails_in_words(tmp_path: Path) -> None:
+    async with flown(tmp_path) as (world, page):
         world.detect()
         await page.until(lambda state: state["drone"]["state"] == "detecting")
         world.radio_cut()
@@ -183,13 +155,11 @@ def test_a_command_that_nobody_acknowledges_fails_in_words(
         assert answer.status == 409
         assert "did not answer" in answer.json["message"]
 
-    fly(flight)
 
-
-def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
-    fly: Callable[[Flight], None], tmp_path: Path
+async def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
+    tmp_path: Path,
 ) -> None:
-    async def flight(world: World, page: AskedPage) -> None:
+    async with flown(tmp_path) as (world, page):
         world.detect()
         await page.until(lambda state: not state["flight"]["ended"])
         other = World(tmp_path / "other", ground_port=world.ground_port, system_id=2)
@@ -221,5 +191,3 @@ def test_a_second_drone_on_the_link_is_named_and_never_taken_unasked(
                 )
             )
             assert state["drone"]["system_id"] == 2
-
-    fly(flight)

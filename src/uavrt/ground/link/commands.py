@@ -14,6 +14,7 @@ from uavrt.commands import Button, SystemState
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.web import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
+from uavrt.ground.web.actions import unreachable
 from uavrt.recording import Mark, mark_note
 
 if TYPE_CHECKING:
@@ -94,8 +95,11 @@ class Commands:
             return self._session.drone_directory or "detecting"
 
     async def stop(self) -> str:
-        """Stop detection or capture."""
-        link = self._allowed("stop")
+        """Stop detection or capture, whatever the last heartbeat said."""
+        if (reason := unreachable(self._session.situation())) is not None:
+            raise LinkError(reason)
+        link = self._session.link
+        assert link is not None
         async with self._working("stop", "stopping"):
             await link.stop_detection()
             return "stopped"

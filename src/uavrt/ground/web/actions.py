@@ -57,15 +57,20 @@ def action_states(now: Situation) -> dict[str, dict[str, Any]]:
     }
 
 
-def _reason(action: str, now: Situation) -> str | None:
-    if action == "mark":
-        return None if now.flight_open else "No flight yet: start first"
+def unreachable(now: Situation) -> str | None:
+    """Explain why no command can go out at all; None where one can."""
     if not now.link_open:
         return "Not connected: choose the connection under Set-up"
     if not now.drone_present:
         return "The drone is not heard: check its power and the radio"
-    if now.busy is not None:
-        return f"Wait: {now.busy.text}"
+    return None if now.busy is None else f"Wait: {now.busy.text}"
+
+
+def _reason(action: str, now: Situation) -> str | None:
+    if action == "mark":
+        return None if now.flight_open else "No flight yet: start first"
+    if (reason := unreachable(now)) is not None:
+        return reason
     if now.foreign and action != "stop":
         return "Two vehicles have the same number: choose one above"
     if action == "send_tags" and now.tags == 0:
