@@ -6,7 +6,8 @@
 import os
 
 import pytest
-from authority_world import explore
+from authority_world import EVENTS, KEYS, World
+from explored import explore
 
 from uavrt.simulation.flying import Flavour
 
@@ -18,7 +19,9 @@ DEPTH = int(os.environ.get("UAVRT_DEPTH", "6"))
 def test_no_interleaving_moves_the_drone_unconfirmed_and_take_back_always_works(
     flavour: Flavour,
 ) -> None:
-    counts = explore(flavour, DEPTH)
+    start = World(flavour)
+    start.beat()
+    counts = explore(start, tuple(EVENTS), DEPTH, KEYS)
     print(f"{flavour}, depth {DEPTH}: {dict(counts)}")
     for standing in ("out", "confirmed", "in command"):
         assert counts[standing] > 20, counts
