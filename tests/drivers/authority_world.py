@@ -41,9 +41,15 @@ def _begun(order: _Order) -> bool:
     return order.motion is not None
 
 
+def _target(authority: Authority) -> object:
+    """Age decides in command alone."""
+    target = authority._target
+    return target if target is None or authority._motion is not None else target.latitude_deg
+
+
 KEYS = Keys(
     {
-        **dict.fromkeys((".counters", ".reason", ".out_s", ".manners", "World.now_s")),
+        **dict.fromkeys((".counters", ".reason", ".out_s", ".manners", ".now_s")),
         # Here no message is late, and neither home nor landing changes.
         **dict.fromkeys([f"Authority._{one}" for one in ("lateness", "landed", "home")]),
         "Authority._withdrawn": None,
@@ -59,6 +65,7 @@ KEYS = Keys(
         "boot_s": 54.0,
         **dict.fromkeys(("made_s", "offered_s", "confirmed_s"), OFFER_S + 1.0),
     },
+    {"Authority._target": _target},
 )
 
 
@@ -94,6 +101,13 @@ class World:
         self.mode = MODES[self.flavour]["position"]
         self.restart()
 
+    @classmethod
+    def flying(cls, flavour: Flavour) -> "World":
+        """Make one whose vehicle has reported."""
+        world = cls(flavour)
+        world.beat()
+        return world
+
     @property
     def own_mode(self) -> bool:
         return self.mode == MODES[self.flavour]["hold"]
@@ -106,6 +120,10 @@ class World:
     @property
     def kind(self) -> str:
         return self.authority.standing.value
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        return tuple(EVENTS)
 
     def after(self, event: str) -> None:
         """Let an event happen, and a second pass."""

@@ -6,11 +6,11 @@ age. Records that cannot change are shared between the copies of a state.
 
 import gc
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import is_dataclass
 from enum import Enum
 from functools import cache
-from types import FunctionType, NoneType
+from types import FunctionType, MappingProxyType, NoneType
 from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -29,6 +29,10 @@ class Explored(Protocol):
     def kind(self) -> str:
         """Kind of state, for the counts."""
 
+    @property
+    def events(self) -> tuple[str, ...]:
+        """What may happen now."""
+
     def after(self, event: str) -> None:
         """Let an event happen, and as much time pass as it takes."""
 
@@ -39,9 +43,17 @@ class Explored(Protocol):
 W = TypeVar("W", bound=Explored)
 
 
-def explore(start: W, events: Iterable[str], depth: int, keys: "Keys") -> Counter[str]:
+def explore(start: W, depth: int, keys: "Keys") -> Counter[str]:
     """Visit all states that `depth` events lead to; an `AssertionError` names the events."""
-    counts, events = Counter[str](), tuple(events)
+    gc.disable()  # what is kept would be looked through again and again
+    try:
+        return _explored(start, depth, keys)
+    finally:
+        gc.enable()
+
+
+def _explored(start: W, depth: int, keys: "Keys") -> Counter[str]:
+    counts: Counter[str] = Counter()
     seen = {hash(keys.of(start))}
     front: list[tuple[W, tuple[str, ...]]] = [(start, ())]
     for level in range(depth):
@@ -49,7 +61,7 @@ def explore(start: W, events: Iterable[str], depth: int, keys: "Keys") -> Counte
         front.reverse()
         while front:
             world, story = front.pop()
-            for event in events:
+            for event in world.events:
                 after = copied(world)
                 counts["transitions"] += 1
                 try:
@@ -66,22 +78,20 @@ def explore(start: W, events: Iterable[str], depth: int, keys: "Keys") -> Counte
                 if level + 1 < depth:
                     following.append((after, (*story, event)))
         front = following
-        gc.freeze()  # what is kept is not looked through again and again
     counts["states"] = len(seen)
     return counts
 
 
-def assert_equal_states_stay_equal(
-    start: W, events: Iterable[str], depth: int, keys: "Keys"
-) -> int:
+def assert_equal_states_stay_equal(start: W, depth: int, keys: "Keys") -> int:
     """Show that nothing decides but what the key has; return the number of states compared."""
-    events, compared = tuple(events), 0
+    compared = 0
     follow: dict[object, list[object]] = {}
     front = [start]
     for _ in range(depth):
         following = []
         for world in front:
-            key, afters = keys.of(world), [copied(world) for _ in events]
+            key, events = keys.of(world), world.events
+            afters = [copied(world) for _ in events]
             for after, event in zip(afters, events, strict=True):
                 after.after(event)
             led = [keys.of(after) for after in afters]
@@ -146,7 +156,7 @@ def _slots(kind: type) -> list[str]:
 
 def _made(*lines: str, **names: Any) -> Any:
     """Make a function that goes through attributes: much faster than a loop over them."""
-    exec("\n    ".join(("def made(thing, now_s=0.0):", *lines)), names)  # noqa: S102
+    exec("\n    ".join(("def made(thing, now_s=0.0):", *lines)), names)
     return names["made"]
 
 
@@ -161,14 +171,17 @@ class Keys:
     oldest_s : mapping of str to float
         Age from which on all ages of a time are equal, by the name of the attribute; ``""``:
         of all others.
+    reduced : mapping of str to callable
+        Gets what decides of an attribute (``"Class.name"``) from its object.
     """
 
     def __init__(
         self,
         undecided: Mapping[str, Callable[[Any], bool] | None],
         oldest_s: Mapping[str, float],
+        reduced: Mapping[str, Callable[[Any], Any]] = MappingProxyType({}),
     ) -> None:
-        self._undecided, self._oldest_s = undecided, oldest_s
+        self._undecided, self._oldest_s, self._reduced = undecided, oldest_s, reduced
         self._by_kind: dict[type, Key] = {}
 
     def of(self, world: Explored) -> object:
@@ -188,6 +201,8 @@ class Keys:
 
     def _key_of(self, kind: type, thing: object) -> Key:
         one_key = self._key
+        if hasattr(kind, "state_key"):
+            return kind.state_key  # type: ignore[no-any-return]
         if kind in (tuple, list, deque):
             return lambda many, now_s: tuple([one_key(one, now_s) for one in many])
         if issubclass(kind, set | frozenset):
@@ -211,6 +226,9 @@ class Keys:
                         if self._undecided[rule] is None
                         else f"None if {name}_undecided(thing) else {part}"
                     )
+            if full in self._reduced:
+                names[f"{name}_reduced"] = self._reduced[full]
+                part = f"one_key({name}_reduced(thing), now_s)"
             if part:
                 parts.append(part)
         key: Key = _made(f"return ({', '.join(parts)},)", **names)

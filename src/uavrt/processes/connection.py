@@ -5,7 +5,6 @@ tunnel payloads into commands and the supervisor's replies into acknowledgements
 """
 
 import asyncio
-from collections import OrderedDict
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -79,7 +78,6 @@ from uavrt.tunnel import (
     PARAMETER_INSIDE,
     PAYLOAD_TYPE,
     PLAIN_INSIDE,
-    PROVEN_STATE_TYPE,
     RECEIPT_INSIDE,
     SEALED_TYPE,
     SESSION_TYPE,
@@ -89,11 +87,10 @@ from uavrt.tunnel import (
     Gate,
     MotionState,
     PulseDelivery,
-    alive_of,
     encode_bearing,
     encode_course,
     encode_state,
-    is_stop,
+    number_of,
 )
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -102,11 +99,6 @@ log = get_logger()
 TICK_S = 0.05
 SESSION_NS = NANOSECONDS_PER_SECOND
 LINK_RETRY_S = 3.0
-FILES_NS = 3 * NANOSECONDS_PER_SECOND
-"""Validity of a sealed sign of life that says that files are asked for."""
-SEALED_ORDERS = 64
-"""Sealed orders of motion whose answers carry a proof; an order is answered within seconds."""
-OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 MAVLINK_SOURCE = "mavlink "
 PEERS = ("autopilot", "ground station")
 FIRST_REFILL_NS = 4_000_000_000
@@ -242,14 +234,6 @@ class ConnectionProcess:
             ALIVE_INSIDE: self._take_sign_of_life,
         }
         """Handlers of what ground stations send, by its number inside a seal."""
-        self._sealed_ns: dict[tuple[int, int], int] = {}
-        """When each station was last heard by a valid seal."""
-        self._files_ns: dict[tuple[int, int], int] = {}
-        """When each station last sealed that it asks for files."""
-        self._proving: set[tuple[int, int]] = set()
-        """Stations that check proofs: they have sent a sealed sign of life."""
-        self._sealed_orders: OrderedDict[tuple[tuple[int, int], int], None] = OrderedDict()
-        self._answers_proven = True
         self._crowd = Crowd()
         self._state = SystemState.IDLE
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
@@ -483,43 +467,23 @@ class ConnectionProcess:
         """Handle an order of motion, or refuse it with the remedy."""
         asker = (peer.system_id, peer.component_id)
         self._asked_on[asker] = peer.link
-        number = int.from_bytes(payload[4:8], "little")
-        refusal = self._gate.refusal(asker, sealed=sealed)
-        if sealed and asker not in self._proving and not is_stop(payload):
-            refusal = OLD_STATION
-        if sealed:
-            self._sealed_orders[asker, number] = None
-            while len(self._sealed_orders) > SEALED_ORDERS:
-                self._sealed_orders.popitem(last=False)
-        self._answers_proven = sealed
-        try:
-            if self._motion is None:
-                text = "this drone takes no orders of motion: see guidance.enabled"
-                state = MotionState(
-                    kind="refused", standing="out", text=text, request_id=number
-                )
-                self._tell_motion(encode_state(state), asker)
-            else:
+        with self._gate.order(payload, asker, sealed=sealed) as refusal:
+            if self._motion is not None:
                 self._motion.receive(payload, asker, refusal, sealed=sealed)
-        finally:
-            self._answers_proven = True
+                return
+            text = "this drone takes no orders of motion: see guidance.enabled"
+            number = number_of(payload)
+            state = MotionState(kind="refused", standing="out", text=text, request_id=number)
+            self._tell_motion(encode_state(state), asker)
 
     def _tell_motion(self, payload: bytes, asker: tuple[int, int] | None) -> None:
-        """Report the progress of an order: to its station, or to all.
-
-        The answer to a sealed order carries a proof. Who sends an unsealed one under the same
-        ids and number gets an answer without.
-        """
+        """Report the progress of an order: to its station, or to all."""
         if asker is None:
             self._link.tunnel.send_tunnel(payload, Priority.STATUS, None, MOTION_STATE_TYPE)
             return
-        peer, kind = Peer(*asker, self._asked_on.get(asker, 0)), MOTION_STATE_TYPE
-        ordered = (asker, int.from_bytes(payload[4:8], "little")) in self._sealed_orders
-        sealed = ordered and self._answers_proven
-        if sealed and asker in self._proving:
-            payload = self._gate.prove_answer(payload, asker, self._link.place)
-            kind = PROVEN_STATE_TYPE
-        priority = Priority.ACK if sealed or not self._gate.locked else Priority.OTHER
+        payload, kind, first = self._gate.answer(payload, asker, self._link.place)
+        peer = Peer(*asker, self._asked_on.get(asker, 0))
+        priority = Priority.ACK if first else Priority.OTHER
         self._link.tunnel.send_tunnel(payload, priority, peer, kind)
 
     def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
@@ -558,7 +522,6 @@ class ConnectionProcess:
             if opened is None:
                 return
             kind, payload = opened
-            self._sealed_ns[place] = self._base.now_ns()
             self._takers[kind](payload, peer, sealed=True)
             return
         row = UNSEALED.get(payload_type)
@@ -593,12 +556,8 @@ class ConnectionProcess:
         """Note a station that knows proofs, and return its nonce."""
         assert sealed
         place = (peer.system_id, peer.component_id)
-        self._proving.add(place)
         self._asked_on[place] = peer.link
-        nonce, files = alive_of(payload)
-        if files:
-            self._files_ns[place] = self._base.now_ns()
-        session = self._gate.announcement(self._link.place, nonce) if nonce else None
+        session = self._gate.sign_of_life(payload, place, self._link.place)
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 
@@ -618,11 +577,7 @@ class ConnectionProcess:
 
     def _silent_s(self) -> dict[tuple[int, int], float]:
         """How long each ground station was silent; one that has sealed counts only by seals."""
-        now_ns = self._base.now_ns()
-        return self._link.stations_silent_s() | {
-            place: (now_ns - heard_ns) / NANOSECONDS_PER_SECOND
-            for place, heard_ns in self._sealed_ns.items()
-        }
+        return self._link.stations_silent_s() | self._gate.silent_s()
 
     def _parameter_request(self, message: Requests, peer: Peer) -> None:
         answers = len(PARAMETERS) if isinstance(message, ParamRequestList) else 1
@@ -639,7 +594,7 @@ class ConnectionProcess:
         now_ns = self._base.now_ns()
         place = (peer.system_id, peer.component_id)
         pulses_first = self._gate.locked and self._state is SystemState.DETECTING
-        proof = not pulses_first or now_ns - self._files_ns.get(place, 0) < FILES_NS
+        proof = not pulses_first or self._gate.asks_for_files(place)
         if not self._crowd.admits_file_request(place, now_ns, proof=proof):
             return
         trip_s = self._files.receive(payload, peer, now_ns)

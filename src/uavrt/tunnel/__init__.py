@@ -69,6 +69,7 @@ if TYPE_CHECKING:
         encode_stop,
         is_confirmation,
         is_stop,
+        number_of,
     )
     from uavrt.tunnel.neighbours import (
         decode_course,
@@ -204,6 +205,7 @@ __all__ = [
     "heartbeat_to_wire",
     "is_confirmation",
     "is_stop",
+    "number_of",
     "parameter_of",
     "payload_hash",
     "pulse_from_wire",
@@ -316,6 +318,7 @@ __getattr__ = lazily(
         "heartbeat_to_wire": "convert",
         "is_confirmation": "motion",
         "is_stop": "motion",
+        "number_of": "motion",
         "parameter_of": "seal",
         "payload_hash": "private",
         "pulse_from_wire": "convert",
