@@ -465,7 +465,7 @@ class ConnectionProcess:
 
     def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Handle an order of motion, or refuse it with the remedy."""
-        asker = (peer.system_id, peer.component_id)
+        asker = peer.place
         self._asked_on[asker] = peer.link
         with self._gate.order(payload, asker, sealed=sealed) as refusal:
             if self._motion is not None:
@@ -489,9 +489,8 @@ class ConnectionProcess:
     def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Handle the report of another drone; ignored unless this drone takes orders."""
         if self._motion is not None:
-            asker = (peer.system_id, peer.component_id)
-            refusal = self._gate.refusal(asker, sealed=sealed)
-            self._motion.neighbour(payload, asker, refusal, sealed=sealed)
+            refusal = self._gate.refusal(peer.place, sealed=sealed)
+            self._motion.neighbour(payload, peer.place, refusal, sealed=sealed)
 
     def _tell_course(self, course: Course) -> None:
         """Report to all where the drone is going."""
@@ -504,7 +503,7 @@ class ConnectionProcess:
 
     def _admits(self, peer: Peer, answers: int = 0) -> bool:
         """Whether to handle a message without a seal; who needs one has no share of its own."""
-        place = (0, 0) if self._gate.locked else (peer.system_id, peer.component_id)
+        place = (0, 0) if self._gate.locked else peer.place
         return self._crowd.admits(place, self._base.now_ns(), answers=answers)
 
     def _tunnel(self, payload: bytes, peer: Peer) -> None:
@@ -516,13 +515,10 @@ class ConnectionProcess:
         A seal is checked first: however much arrives under the ids of who has the key, what
         that station sends is handled. Allowances are for what has no valid seal.
         """
-        place = (peer.system_id, peer.component_id)
         if payload_type == SEALED_TYPE:
-            opened = self._gate.open(payload, place, self._link.place)
-            if opened is None:
-                return
-            kind, payload = opened
-            self._takers[kind](payload, peer, sealed=True)
+            opened = self._gate.open(payload, peer.place, self._link.place)
+            if opened is not None:
+                self._takers[opened[0]](opened[1], peer, sealed=True)
             return
         row = UNSEALED.get(payload_type)
         if row is None:
@@ -534,7 +530,7 @@ class ConnectionProcess:
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
         """Handle a command from who may command, or refuse it with the reason."""
-        asker = (peer.system_id, peer.component_id)
+        asker = peer.place
         self._asked_on[asker] = peer.link
         reason = self._gate.refusal(asker, sealed=sealed)
         if reason is not None:
@@ -548,16 +544,15 @@ class ConnectionProcess:
             self._answer(result)
 
     def _take_sealed_parameter(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=sealed)
+        refusal = self._gate.refusal(peer.place, sealed=sealed)
         number = self._exchange.next_request_id()
         self._parameters.receive_sealed(payload, peer, refusal, number)
 
     def _take_sign_of_life(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Note a station that knows proofs, and return its nonce."""
         assert sealed
-        place = (peer.system_id, peer.component_id)
-        self._asked_on[place] = peer.link
-        session = self._gate.sign_of_life(payload, place, self._link.place)
+        self._asked_on[peer.place] = peer.link
+        session = self._gate.sign_of_life(payload, peer.place, self._link.place)
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 
@@ -567,8 +562,7 @@ class ConnectionProcess:
             return
         now_ns, pulses = self._base.now_ns(), self._outlet.sender
         before = pulses.stores, pulses.proven
-        place = (peer.system_id, peer.component_id)
-        proven, trip_s = self._outlet.receipt(payload, place, now_ns)
+        proven, trip_s = self._outlet.receipt(payload, peer.place, now_ns)
         if pulses.stores - before[0] or pulses.proven - before[1]:
             self._delivery.station_came()
         if proven:
@@ -583,7 +577,7 @@ class ConnectionProcess:
         answers = len(PARAMETERS) if isinstance(message, ParamRequestList) else 1
         if not self._admits(peer, answers):
             return
-        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=False)
+        refusal = self._gate.refusal(peer.place, sealed=False)
         self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
 
     def _radio_status(self, status: RadioStatus) -> None:
@@ -592,7 +586,7 @@ class ConnectionProcess:
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
         now_ns = self._base.now_ns()
-        place = (peer.system_id, peer.component_id)
+        place = peer.place
         pulses_first = self._gate.locked and self._state is SystemState.DETECTING
         proof = not pulses_first or self._gate.asks_for_files(place)
         if not self._crowd.admits_file_request(place, now_ns, proof=proof):
@@ -618,8 +612,7 @@ class ConnectionProcess:
     def _send_parameter(self, value: ParamValue, asker: Peer | None) -> None:
         """Report a value: to all, or after the pulses to one who asks without a proof."""
         tunnel = self._link.tunnel
-        place = None if asker is None else (asker.system_id, asker.component_id)
-        if asker is None or (place and self._crowd.commands(place) and not self._gate.locked):
+        if asker is None or (self._crowd.commands(asker.place) and not self._gate.locked):
             tunnel.send_message(value)
         else:
             tunnel.send_message(value, Priority.OTHER, asker.link)
