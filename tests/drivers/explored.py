@@ -15,7 +15,7 @@ from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
 Key = Callable[[Any, float], object]
-_ATOMS = frozenset({int, str, bool, bytes, NoneType})
+_ATOMS: frozenset[type] = frozenset({int, str, bool, bytes, NoneType})
 _unchanged: set[type] = {*_ATOMS, float}
 """Kinds of things that never change."""
 
@@ -115,7 +115,7 @@ def copied(thing: T) -> T:
 
 
 @cache
-def _copier(kind: type) -> Callable[[Any], Any]:
+def _copier(kind: Any) -> Callable[[Any], Any]:
     frozen = is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
     if frozen or issubclass(kind, Enum | FunctionType | frozenset):
         _unchanged.add(kind)
