@@ -1,7 +1,7 @@
 """Let a ground station's sealer learn a drone's session, as the two do over a link."""
 
-from uavrt.tunnel import Gate, Sealer, alive_of
-from uavrt.tunnel.seal import Place, SealKeeper
+from uavrt.tunnel import Gate, Sealer
+from uavrt.tunnel.seal import Place, SealKeeper, alive_of
 
 
 def introduce(sealer: Sealer, drone: Gate | SealKeeper, station: Place, place: Place) -> None:

@@ -20,8 +20,8 @@ from uavrt.tunnel import (
     decode_neighbour,
     encode_course,
     encode_state,
-    heartbeat_to_wire,
 )
+from uavrt.tunnel.convert import heartbeat_to_wire
 from uavrt.tunnel.wire import CommandId
 
 AFTER = {

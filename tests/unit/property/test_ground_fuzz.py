@@ -31,9 +31,10 @@ from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulsePose
 from uavrt.recording import read_flight, read_pulse_file
-from uavrt.tunnel import CommandId, pulse_to_wire
+from uavrt.tunnel import CommandId
 from uavrt.tunnel.burst import BURST_TYPE
 from uavrt.tunnel.codec import DECODERS
+from uavrt.tunnel.convert import pulse_to_wire
 from uavrt.tunnel.live_bearing import BEARING_TYPE
 
 COUNT = int(os.environ.get("UAVRT_FUZZ", "6000"))

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from sealed import introduce
 
 from uavrt.errors import LinkError, TunnelError
-from uavrt.tunnel import MAX_PAYLOAD, MotionState, decode_state, encode_state, gate
+from uavrt.tunnel import MotionState, encode_state, gate
 from uavrt.tunnel.gate import ALIVE_S, Sealer
-from uavrt.tunnel.motion import MAX_TEXT
+from uavrt.tunnel.motion import MAX_TEXT, decode_state
 from uavrt.tunnel.seal import (
     ALIVE_INSIDE,
     Key,
@@ -23,6 +23,7 @@ from uavrt.tunnel.seal import (
     seal,
     session_of,
 )
+from uavrt.tunnel.wire import MAX_PAYLOAD
 
 KEY = Key(bytes(range(32)))
 GROUND, DRONE = (254, 190), (1, 191)
