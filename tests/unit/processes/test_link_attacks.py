@@ -94,7 +94,7 @@ async def take_off_orders(drone: Guided, link: Any) -> None:
     """Ask for a long leg, confirm it, and wait until the drone flies it."""
     vehicle = drone.bay.autopilot.flown.vehicle
     vehicle.used_wh = 0.0  # each trial with a full battery
-    await asyncio.sleep(1.0)  # a target of before is reported by a slow line, too
+    await asyncio.sleep(3.0)  # it comes to rest: what it still does is not another's doing
     goal = SOUTH if vehicle.north_m > 0.0 else NORTH
     offer = await ask(link, motion_request("goto", (goal,), height_m=40.0))
     assert offer.kind == "offer"
