@@ -48,7 +48,7 @@ ARRIVE: dict[Action, int] = {"": 1, "drop": 0, "delay": 0, "duplicate": 2}
 """How often a frame arrives now."""
 
 
-class _Clock:
+class WorldClock:
     """Time of the world that something happens to."""
 
     now_s = 0.0
@@ -58,7 +58,7 @@ class _Numbers:
     """Stands in for `secrets`: a nonce for each time, the same in all worlds."""
 
     def randbits(self, _: int) -> int:
-        return round(_Clock.now_s * 1e3) << 1
+        return round(WorldClock.now_s * 1e3) << 1
 
 
 class _Quiet:
@@ -73,8 +73,8 @@ def in_its_time() -> Iterator[None]:
     """Let seals read the time of the world explored, and begin a new exploration."""
     _checked.clear()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(gate, "monotonic_s", lambda: _Clock.now_s)
-        patch.setattr(gate, "wall_ns", lambda: round(_Clock.now_s * 1e9))
+        patch.setattr(gate, "monotonic_s", lambda: WorldClock.now_s)
+        patch.setattr(gate, "wall_ns", lambda: round(WorldClock.now_s * 1e9))
         patch.setattr(gate, "secrets", _Numbers())
         patch.setattr(gate, "log", _Quiet())
         patch.setattr(seal, "_mac", lru_cache(100_000)(seal._mac))
@@ -262,7 +262,7 @@ class AttackedWorld(World):
 
     def after(self, event: str) -> None:
         """Let an event happen; a second passes unless it is the attacker's."""
-        _Clock.now_s = self.now_s
+        WorldClock.now_s = self.now_s
         if event in ATTACKS:
             ATTACKS[event](self)
         else:
@@ -273,7 +273,7 @@ class AttackedWorld(World):
         held = self.link.held_up, self.link.held_down
         self.link.held_up, self.link.held_down = [], []
         super(AttackedWorld, self).beat()
-        _Clock.now_s = self.now_s
+        WorldClock.now_s = self.now_s
         self._announce()
         for sealed in self.link.station.signs_of_life():
             self._send_up(sealed, "alive")
@@ -288,14 +288,14 @@ class AttackedWorld(World):
 
     def check(self) -> None:
         """As without a link; *Take back* and the loss of the link whatever is sent again."""
-        link, *world = KEYS.of(self)  # type: ignore[misc]
+        link, *world = KEYS.of(self)
         if _is_new(tuple(world)):
             super(AttackedWorld, self).check()
         if not _is_new((link, self.authority.standing.value, self.linked)):
             return
         taken = copied(self)
         taken.forge()
-        assert KEYS.of(taken)[0] == link, "a forgery changed something"  # type: ignore[index]
+        assert KEYS.of(taken)[0] == link, "a forgery changed something"
         taken.replay()
         taken.take_back()
         for _ in range(TRIES["stop"]):
@@ -304,10 +304,10 @@ class AttackedWorld(World):
         assert taken.authority.standing is Standing.OUT, "not out after take back"
         assert taken.link.pending is None, "no answer to take back"
         lost = copied(self)
-        _Clock.now_s = lost.now_s
+        WorldClock.now_s = lost.now_s
         for _ in range(7):
             lost.replay()
-            lost.now_s = _Clock.now_s = lost.now_s + BEAT_S
+            lost.now_s = WorldClock.now_s = lost.now_s + BEAT_S
             lost._announce()
         assert lost.link.drone.silent_s().get(GROUND, inf) >= LINK_LOST_S, "loss not noticed"
 

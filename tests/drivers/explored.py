@@ -7,7 +7,6 @@ age. Records that cannot change are shared between the copies of a state.
 import gc
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import is_dataclass
 from enum import Enum
 from functools import cache
 from types import FunctionType, MappingProxyType, NoneType
@@ -85,7 +84,7 @@ def _explored(start: W, depth: int, keys: "Keys") -> Counter[str]:
 def assert_equal_states_stay_equal(start: W, depth: int, keys: "Keys") -> int:
     """Show that nothing decides but what the key has; return the number of states compared."""
     compared = 0
-    follow: dict[object, list[object]] = {}
+    follow: dict[object, list[tuple[object, ...]]] = {}
     front = [start]
     for _ in range(depth):
         following = []
@@ -110,13 +109,15 @@ def copied(thing: T) -> T:
     """Copy what may change, and share the rest."""
     if thing.__class__ in _unchanged:
         return thing
-    copy: Callable[[T], T] = _copier(type(thing))
+    kind: Any = type(thing)
+    copy: Callable[[T], T] = _copier(kind)
     return copy(thing)
 
 
 @cache
 def _copier(kind: Any) -> Callable[[Any], Any]:
-    frozen = is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    parameters = getattr(kind, "__dataclass_params__", None)
+    frozen = parameters is not None and parameters.frozen
     if frozen or issubclass(kind, Enum | FunctionType | frozenset):
         _unchanged.add(kind)
         return lambda thing: thing
@@ -184,9 +185,11 @@ class Keys:
         self._undecided, self._oldest_s, self._reduced = undecided, oldest_s, reduced
         self._by_kind: dict[type, Key] = {}
 
-    def of(self, world: Explored) -> object:
-        """Get the key of a state."""
-        return self._key(world, world.now_s)
+    def of(self, world: Explored) -> tuple[object, ...]:
+        """Get the key of a state, one item for each attribute that decides."""
+        key = self._key(world, world.now_s)
+        assert isinstance(key, tuple)
+        return key
 
     def _key(self, thing: Any, now_s: float) -> object:
         kind = type(thing)

@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 from uavrt.demo.programs import free_udp_port
-from uavrt.mavlink import stream
 from uavrt.mavlink.frame import FrameParser
 
 BAUD = 57_600
@@ -57,7 +56,7 @@ class SerialLine:
     def installed(self) -> Iterator[None]:
         """Let serial links open this line."""
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(stream.serial, "Serial", self.open)
+            patch.setattr("serial.Serial", self.open)
             yield
         self._own.close()
         self._their.close()

@@ -8,14 +8,13 @@ import os
 from collections.abc import Callable
 
 import pytest
-from attacked_world import AttackedWorld, in_its_time
+from attacked_world import AttackedWorld, WorldClock, in_its_time
 from authority_world import KEYS, World
 from explored import assert_equal_states_stay_equal, explore
 
 from uavrt.errors import TunnelError
 from uavrt.guidance.authority import Authority
 from uavrt.simulation.flying import Flavour
-from uavrt.tunnel import gate
 from uavrt.tunnel.gate import Gate, Sealer
 from uavrt.tunnel.seal import SealKeeper
 
@@ -107,7 +106,7 @@ def _anything_is_life(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def alive(self: Gate, *payload_and_places: object) -> tuple[int, bytes] | None:
         got = opened(self, *payload_and_places)  # type: ignore[arg-type]
-        self._sealed_s[(254, 190)] = gate.monotonic_s()
+        self._sealed_s[(254, 190)] = WorldClock.now_s
         return got
 
     monkeypatch.setattr(Gate, "open", alive)
