@@ -42,7 +42,8 @@ flights: $(STAMP)       ## whole flights in real time, and the page in a browser
 	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/flight
 
 claims: $(STAMP) browser disk-tools  ## hours: campaigns, guides word by word, new random examples, emulated ARM
-	UAVRT_NEW_EXAMPLES=1 $(PYTEST) -n 2 --dist loadfile tests/claims tests/unit/property
+	UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 $(PYTEST) -n 2 \
+	  --dist loadfile tests/claims tests/unit/property tests/unit/processes/test_link_attacks.py
 
 lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .

@@ -27,7 +27,8 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import Pose, Pulse, PulsePose, SystemState, Tag
 from uavrt.supervisor.tree import pss_mb, usage_of
-from uavrt.tunnel import PAYLOAD_TYPE, heartbeat_to_wire, pulse_to_wire
+from uavrt.tunnel import PAYLOAD_TYPE
+from uavrt.tunnel.convert import heartbeat_to_wire, pulse_to_wire
 
 VEHICLES, TAGS, PULSES_HZ = 5, 20, 8.0
 TURN_S, MOVE_S = 40.0, 5.0

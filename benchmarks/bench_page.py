@@ -28,7 +28,8 @@ from uavrt.localization import TangentPlane
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
-from uavrt.tunnel import PAYLOAD_TYPE, pulse_to_wire
+from uavrt.tunnel import PAYLOAD_TYPE
+from uavrt.tunnel.convert import pulse_to_wire
 
 PULSES, TAGS, FLIGHT_S = 100_000, 20, 7200.0
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)

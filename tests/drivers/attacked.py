@@ -184,11 +184,15 @@ class Attacker:
         for one in (*self._to_drone, self._to_ground):
             one.close()
 
-    def batch(self) -> None:
+    def frame(self) -> bytes:
+        """Get the next frame to the drone."""
+        self.sent += 1
+        return next(self._frames)
+
+    def batch(self, to_drone: int = 4) -> None:
         """Send what comes in 2 ms: four frames to the drone, some to the ground."""
-        for _ in range(4):
-            self._to_drone[self.sent % PORTS].send(next(self._frames))
-            self.sent += 1
+        for _ in range(to_drone):
+            self._to_drone[self.sent % PORTS].send(self.frame())
         self._batches += 1
         if self._yesterday and self._batches % 25 == 0:  # 20 a second
             number = self._batches // 25 % len(self._yesterday)

@@ -1,22 +1,17 @@
 """Every interleaving of what can happen to one `Authority`, driven by its public messages.
 
 `World` holds the authority and as much of pilot, guide, link and vehicle as its messages need;
-`confirmed` says by plain rules whose confirmation is present. `explore` takes each event from
-each state, breadth first, and merges equal states: times count by their age.
+`confirmed` says by plain rules whose confirmation is present.
 """
 
-import copyreg
-import pickle
-from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache
-from types import NoneType
-from typing import Any
+
+from explored import Keys, copied
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Authority, Standing
-from uavrt.guidance.manners import MANNERS, Manners, manners_of
+from uavrt.guidance.authority import Authority, Standing, _Order
+from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.observed import (
     BootTimeSeen,
     HomeSeen,
@@ -40,12 +35,38 @@ PLACES_M = (20.0, 0.0)
 OTHER_M = -20.0
 METRES_PER_DEGREE = 111_195.0
 ORDERS = (1, 2)
-_OLDEST_S = 6.0
-_OFFER_TIMES = frozenset({"made_s", "offered_s", "confirmed_s"})
-_NOT_STATE = frozenset(
-    {"counters", "reason", "out_s", "_lateness", "_withdrawn", "_landed", "_home", "now_s"}
+
+
+def _begun(order: _Order) -> bool:
+    return order.motion is not None
+
+
+def _target(authority: Authority) -> object:
+    """Age decides in command alone."""
+    target = authority._target
+    return target if target is None or authority._motion is not None else target.latitude_deg
+
+
+KEYS = Keys(
+    {
+        **dict.fromkeys((".counters", ".reason", ".out_s", ".manners", ".now_s")),
+        # Here no message is late, and neither home nor landing changes.
+        **dict.fromkeys([f"Authority._{one}" for one in ("lateness", "landed", "home")]),
+        "Authority._withdrawn": None,
+        # What an order began with decides until its first command was obeyed.
+        **dict.fromkeys(("_Order.confirmed_s", "_Order.rest"), _begun),
+        "_Order.mode": lambda order: order.motion is not None and order.own_mode_seen,
+        "_Motion.before": lambda motion: motion.obeyed,
+        "_Motion.start": None,
+    },
+    {
+        "": 4.0,
+        "heartbeat_s": 6.0,
+        "boot_s": 54.0,
+        **dict.fromkeys(("made_s", "offered_s", "confirmed_s"), OFFER_S + 1.0),
+    },
+    {"Authority._target": _target},
 )
-"""Words and counts, what stays, and how late messages come: here none does."""
 
 
 def nonce(order_id: int) -> int:
@@ -80,6 +101,13 @@ class World:
         self.mode = MODES[self.flavour]["position"]
         self.restart()
 
+    @classmethod
+    def flying(cls, flavour: Flavour) -> "World":
+        """Make one whose vehicle has reported."""
+        world = cls(flavour)
+        world.beat()
+        return world
+
     @property
     def own_mode(self) -> bool:
         return self.mode == MODES[self.flavour]["hold"]
@@ -88,6 +116,40 @@ class World:
         self.authority = Authority(MANNERS[self.flavour])
         self.confirmed = self.offered = self.stopped_s = None
         self.used.clear()
+
+    @property
+    def kind(self) -> str:
+        return self.authority.standing.value
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        return tuple(EVENTS)
+
+    def after(self, event: str) -> None:
+        """Let an event happen, and a second pass."""
+        EVENTS[event](self)
+        self.beat()
+
+    def check(self) -> None:
+        """In no state moves an order without its confirmation; *Take back* leads to out."""
+        authority = self.authority
+        if authority.standing is not Standing.OUT:
+            assert authority.order_id == self.confirmed, (
+                f"{authority.standing} for {authority.order_id}, confirmed is {self.confirmed}"
+            )
+        for order_id in ORDERS:
+            if order_id != self.confirmed:
+                assert_refused(copied(authority), order_id, self.now_s)
+        taken = copied(authority)
+        taken.stop(self.now_s)
+        assert taken.standing is Standing.OUT, "not out after take back"
+        for order_id in ORDERS:
+            assert_refused(taken, order_id, self.now_s)
+            try:
+                taken.confirm(order_id, nonce(order_id), self.now_s, sticks_unseen=True)
+            except CommandRefused:
+                continue
+            raise AssertionError(f"order {order_id} was confirmed after take back")
 
     # ------------------------------------------------------------------ what happens
 
@@ -276,59 +338,6 @@ EVENTS: dict[str, Callable[[World], None]] = {
 }
 
 
-def explore(flavour: Flavour, depth: int) -> Counter[str]:
-    """Visit all states that `depth` events lead to; an `AssertionError` names the events."""
-    counts: Counter[str] = Counter()
-    start = World(flavour)
-    start.beat()
-    seen = {hash(state_of(start))}
-    front: list[tuple[bytes, tuple[str, ...]]] = [(packed(start), ())]
-    for level in range(depth):
-        following: list[tuple[bytes, tuple[str, ...]]] = []
-        for world, story in front:
-            for name, event in EVENTS.items():
-                after, told = pickle.loads(world), (*story, name)
-                counts["transitions"] += 1
-                try:
-                    event(after)
-                    after.beat()
-                    key = hash(state_of(after))
-                    if key in seen:
-                        continue
-                    check(after)
-                except AssertionError as error:
-                    raise AssertionError(f"{flavour}: {', '.join(told)}: {error}") from error
-                seen.add(key)
-                counts[after.authority.standing.value] += 1
-                if level + 1 < depth:
-                    following.append((packed(after), told))
-        front = following
-    counts["states"] = len(seen)
-    return counts
-
-
-def check(world: World) -> None:
-    """In no state moves an order without its confirmation; *Take back* leads out of each."""
-    authority = world.authority
-    if authority.standing is not Standing.OUT:
-        assert authority.order_id == world.confirmed, (
-            f"{authority.standing} for {authority.order_id}, confirmed is {world.confirmed}"
-        )
-    for order_id in ORDERS:
-        if order_id != world.confirmed:
-            assert_refused(clone(authority), order_id, world.now_s)
-    taken = clone(authority)
-    taken.stop(world.now_s)
-    assert taken.standing is Standing.OUT, "not out after take back"
-    for order_id in ORDERS:
-        assert_refused(taken, order_id, world.now_s)
-        try:
-            taken.confirm(order_id, nonce(order_id), world.now_s, sticks_unseen=True)
-        except CommandRefused:
-            continue
-        raise AssertionError(f"order {order_id} was confirmed after take back")
-
-
 def assert_refused(authority: Authority, order_id: int, now_s: float) -> None:
     for wish in (flight(PLACES_M[0]), GoHome()):
         for stops in (False, True):
@@ -349,47 +358,3 @@ def flight(north_m: float) -> FlyThere:
 
 def latitude_deg(north_m: float) -> float:
     return HOME_DEG[0] + north_m / METRES_PER_DEGREE
-
-
-copyreg.pickle(Manners, lambda manners: (manners_of, (manners.name,)))
-
-
-def packed(thing: object) -> bytes:
-    return pickle.dumps(thing, pickle.HIGHEST_PROTOCOL)
-
-
-def clone(thing: Any) -> Any:
-    return pickle.loads(packed(thing))
-
-
-def state_of(world: World) -> object:
-    """What decides about all that may follow."""
-    return _state(world, "", world.now_s)
-
-
-@cache
-def _names(kind: type) -> tuple[str, ...]:
-    """Attributes in slots that count."""
-    slots = [name for one in kind.__mro__ for name in getattr(one, "__slots__", ())]
-    return tuple(name for name in slots if name not in _NOT_STATE)
-
-
-def _state(thing: Any, name: str, now_s: float) -> object:
-    kind = type(thing)
-    if kind in (int, str, bool, NoneType, Standing, Manners):
-        return thing if kind is not Manners else None
-    if kind is float:
-        if not name.endswith("_s"):
-            return round(thing, 7)
-        age = now_s - thing - (50.0 if name.endswith("boot_s") else 0.0)
-        oldest = OFFER_S + 1.0 if name in _OFFER_TIMES else _OLDEST_S
-        return round(min(age, oldest), 2)
-    if kind in (tuple, list, deque):
-        return tuple([_state(one, name, now_s) for one in thing])
-    if kind in (set, frozenset):
-        return tuple(sorted(thing))
-    if kind is dict:
-        return tuple([(key, _state(one, "", now_s)) for key, one in sorted(thing.items())])
-    slots: Callable[[type], tuple[str, ...]] = _names
-    names = slots(kind) or [one for one in vars(thing) if one not in _NOT_STATE]
-    return tuple([_state(getattr(thing, one), one, now_s) for one in names])

@@ -2,8 +2,8 @@
 
 from some import some
 
-from uavrt.tunnel import Gate, Sealer, alive_of
-from uavrt.tunnel.seal import Place, SealKeeper
+from uavrt.tunnel import Gate, Sealer
+from uavrt.tunnel.seal import Place, SealKeeper, alive_of
 
 
 def introduce(sealer: Sealer, drone: Gate | SealKeeper, station: Place, place: Place) -> None:

@@ -15,7 +15,8 @@ from uavrt.guidance import Choice, Company, Limits
 from uavrt.guidance.orders import Order, VehicleNow
 from uavrt.messages import Course, Neighbour
 from uavrt.simulation.flying import Flavour, Frame
-from uavrt.tunnel import decode_course, decode_neighbour, encode_course, encode_neighbour
+from uavrt.tunnel import decode_neighbour, encode_course, encode_neighbour
+from uavrt.tunnel.neighbours import decode_course
 
 HOME_M = 30.0
 """Nearer to the home of all they come down."""

@@ -212,8 +212,7 @@ class Connection:
         """Get for how long each ground station was not heard, by its numbers."""
         silent = self.component.discovery.silent_ns(self._clock_ns())
         return {
-            (peer.system_id, peer.component_id): silent_ns / NANOSECONDS_PER_SECOND
-            for peer, silent_ns in silent.items()
+            peer.place: silent_ns / NANOSECONDS_PER_SECOND for peer, silent_ns in silent.items()
         }
 
     def peers(self) -> dict[str, str]:

@@ -35,6 +35,11 @@ class Peer:
     link: int = field(default=0, compare=False)
     """By which of our links it was heard; the same peer may be on several."""
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """System and component id."""
+        return self.system_id, self.component_id
+
     def __str__(self) -> str:
         return f"{self.system_id}/{self.component_id}"
 
@@ -125,7 +130,7 @@ class Discovery:
         ]
         if not present and self._stations:
             present = [max(self._stations, key=self._stations.__getitem__)]
-        return tuple(sorted(present, key=lambda peer: (peer.system_id, peer.component_id)))
+        return tuple(sorted(present, key=lambda peer: peer.place))
 
     def keep(self, peer: Peer) -> None:
         """Never forget a station for others, were it a flood of them: it commands."""

@@ -15,11 +15,9 @@ from typing import Any, Protocol
 
 from uavrt.log import get_logger
 from uavrt.mavlink.address import Address
-from uavrt.mavlink.frame import Frame, FrameParser
+from uavrt.mavlink.frame import FrameParser
 
 log = get_logger()
-
-FrameHandler = Callable[[Frame], None]
 
 
 class Parser(Protocol):

@@ -91,7 +91,6 @@ class Source(Protocol):
 class PacingCounters:
     """What went through the queue."""
 
-    queued: int = 0
     released: int = 0
     dropped: dict[Priority, int] = field(default_factory=lambda: dict.fromkeys(CAPACITY, 0))
 
@@ -152,7 +151,6 @@ class PacedQueue:
             queue.popleft()
             self.counters.dropped[priority] += 1
         queue.append(item)
-        self.counters.queued += 1
 
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until a message may leave; None when none waits."""

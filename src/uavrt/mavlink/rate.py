@@ -80,7 +80,6 @@ class LinkRate:
         self._held_back = False
         self._quick = True
         """Nothing has been queued yet: the link may be a fast one."""
-        self.radio_buffer_free_percent: int | None = None
 
     def bytes_s(self, now_ns: int) -> float:
         """Rate now."""
@@ -93,7 +92,6 @@ class LinkRate:
     def radio_status(self, free_percent: int, now_ns: int) -> None:
         """Handle RADIO_STATUS: free space in the radio's send buffer."""
         self._radio_ns = now_ns
-        self.radio_buffer_free_percent = free_percent
         if free_percent < 20:
             self._rate *= 0.6
         elif free_percent < 50:

@@ -123,15 +123,6 @@ class TcpLink(Link):
             return 0.0
         return monotonic_s() - self._writes[0][1]
 
-    @property
-    def gives_up_after_s(self) -> float | None:
-        """After so long without an acknowledgement the system ends the connection."""
-        if self._writer is None or sys.platform != "linux":
-            return None
-        connected = self._writer.get_extra_info("socket")
-        told: int = connected.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
-        return told / 1e3
-
     def _write(self, frame: bytes) -> bool:
         writer = self._writer
         if writer is None or writer.is_closing():

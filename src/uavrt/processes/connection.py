@@ -5,7 +5,6 @@ tunnel payloads into commands and the supervisor's replies into acknowledgements
 """
 
 import asyncio
-from collections import OrderedDict
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -79,7 +78,6 @@ from uavrt.tunnel import (
     PARAMETER_INSIDE,
     PAYLOAD_TYPE,
     PLAIN_INSIDE,
-    PROVEN_STATE_TYPE,
     RECEIPT_INSIDE,
     SEALED_TYPE,
     SESSION_TYPE,
@@ -89,11 +87,10 @@ from uavrt.tunnel import (
     Gate,
     MotionState,
     PulseDelivery,
-    alive_of,
     encode_bearing,
     encode_course,
     encode_state,
-    is_stop,
+    number_of,
 )
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -102,11 +99,6 @@ log = get_logger()
 TICK_S = 0.05
 SESSION_NS = NANOSECONDS_PER_SECOND
 LINK_RETRY_S = 3.0
-FILES_NS = 3 * NANOSECONDS_PER_SECOND
-"""Validity of a sealed sign of life that says that files are asked for."""
-SEALED_ORDERS = 64
-"""Sealed orders of motion whose answers carry a proof; an order is answered within seconds."""
-OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 MAVLINK_SOURCE = "mavlink "
 PEERS = ("autopilot", "ground station")
 FIRST_REFILL_NS = 4_000_000_000
@@ -242,14 +234,6 @@ class ConnectionProcess:
             ALIVE_INSIDE: self._take_sign_of_life,
         }
         """Handlers of what ground stations send, by its number inside a seal."""
-        self._sealed_ns: dict[tuple[int, int], int] = {}
-        """When each station was last heard by a valid seal."""
-        self._files_ns: dict[tuple[int, int], int] = {}
-        """When each station last sealed that it asks for files."""
-        self._proving: set[tuple[int, int]] = set()
-        """Stations that check proofs: they have sent a sealed sign of life."""
-        self._sealed_orders: OrderedDict[tuple[tuple[int, int], int], None] = OrderedDict()
-        self._answers_proven = True
         self._crowd = Crowd()
         self._state = SystemState.IDLE
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
@@ -481,53 +465,32 @@ class ConnectionProcess:
 
     def _take_motion(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Handle an order of motion, or refuse it with the remedy."""
-        asker = (peer.system_id, peer.component_id)
+        asker = peer.place
         self._asked_on[asker] = peer.link
-        number = int.from_bytes(payload[4:8], "little")
-        refusal = self._gate.refusal(asker, sealed=sealed)
-        if sealed and asker not in self._proving and not is_stop(payload):
-            refusal = OLD_STATION
-        if sealed:
-            self._sealed_orders[asker, number] = None
-            while len(self._sealed_orders) > SEALED_ORDERS:
-                self._sealed_orders.popitem(last=False)
-        self._answers_proven = sealed
-        try:
-            if self._motion is None:
-                text = "this drone takes no orders of motion: see guidance.enabled"
-                state = MotionState(
-                    kind="refused", standing="out", text=text, request_id=number
-                )
-                self._tell_motion(encode_state(state), asker)
-            else:
+        with self._gate.order(payload, asker, sealed=sealed) as refusal:
+            if self._motion is not None:
                 self._motion.receive(payload, asker, refusal, sealed=sealed)
-        finally:
-            self._answers_proven = True
+                return
+            text = "this drone takes no orders of motion: see guidance.enabled"
+            number = number_of(payload)
+            state = MotionState(kind="refused", standing="out", text=text, request_id=number)
+            self._tell_motion(encode_state(state), asker)
 
     def _tell_motion(self, payload: bytes, asker: tuple[int, int] | None) -> None:
-        """Report the progress of an order: to its station, or to all.
-
-        The answer to a sealed order carries a proof. Who sends an unsealed one under the same
-        ids and number gets an answer without.
-        """
+        """Report the progress of an order: to its station, or to all."""
         if asker is None:
             self._link.tunnel.send_tunnel(payload, Priority.STATUS, None, MOTION_STATE_TYPE)
             return
-        peer, kind = Peer(*asker, self._asked_on.get(asker, 0)), MOTION_STATE_TYPE
-        ordered = (asker, int.from_bytes(payload[4:8], "little")) in self._sealed_orders
-        sealed = ordered and self._answers_proven
-        if sealed and asker in self._proving:
-            payload = self._gate.prove_answer(payload, asker, self._link.place)
-            kind = PROVEN_STATE_TYPE
-        priority = Priority.ACK if sealed or not self._gate.locked else Priority.OTHER
+        payload, kind, first = self._gate.answer(payload, asker, self._link.place)
+        peer = Peer(*asker, self._asked_on.get(asker, 0))
+        priority = Priority.ACK if first else Priority.OTHER
         self._link.tunnel.send_tunnel(payload, priority, peer, kind)
 
     def _take_neighbour(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Handle the report of another drone; ignored unless this drone takes orders."""
         if self._motion is not None:
-            asker = (peer.system_id, peer.component_id)
-            refusal = self._gate.refusal(asker, sealed=sealed)
-            self._motion.neighbour(payload, asker, refusal, sealed=sealed)
+            refusal = self._gate.refusal(peer.place, sealed=sealed)
+            self._motion.neighbour(payload, peer.place, refusal, sealed=sealed)
 
     def _tell_course(self, course: Course) -> None:
         """Report to all where the drone is going."""
@@ -540,7 +503,7 @@ class ConnectionProcess:
 
     def _admits(self, peer: Peer, answers: int = 0) -> bool:
         """Whether to handle a message without a seal; who needs one has no share of its own."""
-        place = (0, 0) if self._gate.locked else (peer.system_id, peer.component_id)
+        place = (0, 0) if self._gate.locked else peer.place
         return self._crowd.admits(place, self._base.now_ns(), answers=answers)
 
     def _tunnel(self, payload: bytes, peer: Peer) -> None:
@@ -552,14 +515,10 @@ class ConnectionProcess:
         A seal is checked first: however much arrives under the ids of who has the key, what
         that station sends is handled. Allowances are for what has no valid seal.
         """
-        place = (peer.system_id, peer.component_id)
         if payload_type == SEALED_TYPE:
-            opened = self._gate.open(payload, place, self._link.place)
-            if opened is None:
-                return
-            kind, payload = opened
-            self._sealed_ns[place] = self._base.now_ns()
-            self._takers[kind](payload, peer, sealed=True)
+            opened = self._gate.open(payload, peer.place, self._link.place)
+            if opened is not None:
+                self._takers[opened[0]](opened[1], peer, sealed=True)
             return
         row = UNSEALED.get(payload_type)
         if row is None:
@@ -571,7 +530,7 @@ class ConnectionProcess:
         self, payload: bytes, peer: Peer, *, sealed: bool, coded_tag: bool = False
     ) -> None:
         """Handle a command from who may command, or refuse it with the reason."""
-        asker = (peer.system_id, peer.component_id)
+        asker = peer.place
         self._asked_on[asker] = peer.link
         reason = self._gate.refusal(asker, sealed=sealed)
         if reason is not None:
@@ -585,20 +544,15 @@ class ConnectionProcess:
             self._answer(result)
 
     def _take_sealed_parameter(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
-        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=sealed)
+        refusal = self._gate.refusal(peer.place, sealed=sealed)
         number = self._exchange.next_request_id()
         self._parameters.receive_sealed(payload, peer, refusal, number)
 
     def _take_sign_of_life(self, payload: bytes, peer: Peer, *, sealed: bool) -> None:
         """Note a station that knows proofs, and return its nonce."""
         assert sealed
-        place = (peer.system_id, peer.component_id)
-        self._proving.add(place)
-        self._asked_on[place] = peer.link
-        nonce, files = alive_of(payload)
-        if files:
-            self._files_ns[place] = self._base.now_ns()
-        session = self._gate.announcement(self._link.place, nonce) if nonce else None
+        self._asked_on[peer.place] = peer.link
+        session = self._gate.sign_of_life(payload, peer.place, self._link.place)
         if session is not None:
             self._link.tunnel.send_tunnel(session, Priority.ACK, peer, SESSION_TYPE)
 
@@ -608,8 +562,7 @@ class ConnectionProcess:
             return
         now_ns, pulses = self._base.now_ns(), self._outlet.sender
         before = pulses.stores, pulses.proven
-        place = (peer.system_id, peer.component_id)
-        proven, trip_s = self._outlet.receipt(payload, place, now_ns)
+        proven, trip_s = self._outlet.receipt(payload, peer.place, now_ns)
         if pulses.stores - before[0] or pulses.proven - before[1]:
             self._delivery.station_came()
         if proven:
@@ -618,17 +571,13 @@ class ConnectionProcess:
 
     def _silent_s(self) -> dict[tuple[int, int], float]:
         """How long each ground station was silent; one that has sealed counts only by seals."""
-        now_ns = self._base.now_ns()
-        return self._link.stations_silent_s() | {
-            place: (now_ns - heard_ns) / NANOSECONDS_PER_SECOND
-            for place, heard_ns in self._sealed_ns.items()
-        }
+        return self._link.stations_silent_s() | self._gate.silent_s()
 
     def _parameter_request(self, message: Requests, peer: Peer) -> None:
         answers = len(PARAMETERS) if isinstance(message, ParamRequestList) else 1
         if not self._admits(peer, answers):
             return
-        refusal = self._gate.refusal((peer.system_id, peer.component_id), sealed=False)
+        refusal = self._gate.refusal(peer.place, sealed=False)
         self._parameters.receive(message, peer, refusal, self._exchange.next_request_id())
 
     def _radio_status(self, status: RadioStatus) -> None:
@@ -637,9 +586,9 @@ class ConnectionProcess:
 
     def _ftp(self, payload: bytes, peer: Peer) -> None:
         now_ns = self._base.now_ns()
-        place = (peer.system_id, peer.component_id)
+        place = peer.place
         pulses_first = self._gate.locked and self._state is SystemState.DETECTING
-        proof = not pulses_first or now_ns - self._files_ns.get(place, 0) < FILES_NS
+        proof = not pulses_first or self._gate.asks_for_files(place)
         if not self._crowd.admits_file_request(place, now_ns, proof=proof):
             return
         trip_s = self._files.receive(payload, peer, now_ns)
@@ -663,8 +612,7 @@ class ConnectionProcess:
     def _send_parameter(self, value: ParamValue, asker: Peer | None) -> None:
         """Report a value: to all, or after the pulses to one who asks without a proof."""
         tunnel = self._link.tunnel
-        place = None if asker is None else (asker.system_id, asker.component_id)
-        if asker is None or (place and self._crowd.commands(place) and not self._gate.locked):
+        if asker is None or (self._crowd.commands(asker.place) and not self._gate.locked):
             tunnel.send_message(value)
         else:
             tunnel.send_message(value, Priority.OTHER, asker.link)

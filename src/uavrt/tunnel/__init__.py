@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.tunnel.burst import BURST_TYPE, decode_burst, encode_burst
+    from uavrt.tunnel.burst import BURST_TYPE, encode_burst
     from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
     from uavrt.tunnel.coded_tag import CODED_TAG_TYPE, CodedTag
     from uavrt.tunnel.convert import (
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     )
     from uavrt.tunnel.gate import Gate, Sealer
     from uavrt.tunnel.link_messages import FROM_DRONE, UNSEALED
-    from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing, encode_bearing
+    from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
     from uavrt.tunnel.motion import (
         MAX_PLACES,
         MOTION_ACTIONS,
@@ -62,13 +62,13 @@ if TYPE_CHECKING:
         StateKind,
         cut_text,
         decode_motion,
-        decode_state,
         encode_confirmation,
         encode_request,
         encode_state,
         encode_stop,
         is_confirmation,
         is_stop,
+        number_of,
     )
     from uavrt.tunnel.neighbours import (
         decode_course,
@@ -100,12 +100,11 @@ if TYPE_CHECKING:
         PLAIN_INSIDE,
         RECEIPT_INSIDE,
         Key,
-        alive_of,
         parameter_of,
         read_key,
     )
     from uavrt.tunnel.tag_lists import digest_in, searched_text, tag_list_digest
-    from uavrt.tunnel.wire import MAX_PAYLOAD, PAYLOAD_TYPE, CommandId, Generation, command_name
+    from uavrt.tunnel.wire import PAYLOAD_TYPE, CommandId, Generation, command_name
 
 __all__ = [
     "ALIVE_INSIDE",
@@ -117,7 +116,6 @@ __all__ = [
     "FAILURE",
     "FROM_DRONE",
     "MAX_HASHES",
-    "MAX_PAYLOAD",
     "MAX_PLACES",
     "MAX_SEALED_HASHES",
     "MOTION_ACTIONS",
@@ -180,16 +178,12 @@ __all__ = [
     "UploadG2",
     "ack_to_wire",
     "acked_command_of",
-    "alive_of",
     "command_name",
     "cut_text",
     "decode",
-    "decode_bearing",
-    "decode_burst",
     "decode_course",
     "decode_motion",
     "decode_neighbour",
-    "decode_state",
     "detector_heartbeat",
     "digest_in",
     "encode_bearing",
@@ -204,6 +198,7 @@ __all__ = [
     "heartbeat_to_wire",
     "is_confirmation",
     "is_stop",
+    "number_of",
     "parameter_of",
     "payload_hash",
     "pulse_from_wire",
@@ -220,7 +215,6 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "alive_of": "seal",
         "FROM_DRONE": "link_messages",
         "UNSEALED": "link_messages",
         "PROVEN_STATE_TYPE": "private",
@@ -256,7 +250,6 @@ __getattr__ = lazily(
         "ItemKey": "reliable",
         "Key": "seal",
         "MAX_HASHES": "private",
-        "MAX_PAYLOAD": "wire",
         "MAX_SEALED_HASHES": "private",
         "MAX_PLACES": "motion",
         "MOTION_ACTIONS": "motion",
@@ -299,11 +292,8 @@ __getattr__ = lazily(
         "acked_command_of": "codec",
         "command_name": "wire",
         "decode": "codec",
-        "decode_bearing": "live_bearing",
-        "decode_burst": "burst",
         "cut_text": "motion",
         "decode_motion": "motion",
-        "decode_state": "motion",
         "detector_heartbeat": "convert",
         "digest_in": "tag_lists",
         "encode_bearing": "live_bearing",
@@ -316,6 +306,7 @@ __getattr__ = lazily(
         "heartbeat_to_wire": "convert",
         "is_confirmation": "motion",
         "is_stop": "motion",
+        "number_of": "motion",
         "parameter_of": "seal",
         "payload_hash": "private",
         "pulse_from_wire": "convert",

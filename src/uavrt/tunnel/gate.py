@@ -1,7 +1,9 @@
 """Who may command the drone, and how the ground seals its commands."""
 
 import secrets
-from collections.abc import Iterable
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from typing import NoReturn
@@ -10,6 +12,8 @@ from uavrt.clock import monotonic_s, wall_ns
 from uavrt.errors import LinkError, TunnelError
 from uavrt.log import get_logger
 from uavrt.tunnel.link_messages import UNSEALED
+from uavrt.tunnel.motion import is_stop, number_of
+from uavrt.tunnel.private import MOTION_STATE_TYPE, PROVEN_STATE_TYPE
 from uavrt.tunnel.seal import (
     ALIVE_INSIDE,
     PARAMETER_INSIDE,
@@ -18,6 +22,7 @@ from uavrt.tunnel.seal import (
     SealKeeper,
     Session,
     alive_inside,
+    alive_of,
     parameter_inside,
     proven_answer,
     read_key,
@@ -35,6 +40,11 @@ ASKED = 6
 500 starts by chance, and then it is only asked again."""
 MAX_ANNOUNCED = 4096
 """Sessions remembered; a replay of every session of a year has fewer."""
+FILES_S = 3.0
+"""Validity of a sealed sign of life that says that files are asked for [s]."""
+SEALED_ORDERS = 64
+"""Sealed orders of motion whose answers carry a proof; an order is answered within seconds."""
+OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 
 log = get_logger()
 
@@ -69,6 +79,15 @@ class Gate:
         self._keeper = None if key_file is None else SealKeeper(read_key(key_file))
         self.refused = 0
         """Sealed messages that were forged, repeated or damaged."""
+        self._sealed_s: dict[Place, float] = {}
+        """When each station last sent a valid seal."""
+        self._files_s: dict[Place, float] = {}
+        """When each station last sealed that it asks for files."""
+        self._proving: set[Place] = set()
+        """Stations that check proofs: they have sent a sealed sign of life."""
+        self._orders: OrderedDict[tuple[Place, int], None] = OrderedDict()
+        """Sealed orders of motion: station and number."""
+        self._proves = True
 
     @property
     def locked(self) -> bool:
@@ -87,22 +106,62 @@ class Gate:
         """Write for what session commands must be sealed; None without a key."""
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
-    def prove_answer(self, state: bytes, station: Place, drone: Place) -> bytes:
-        """Add a proof to the answer to a sealed order."""
-        assert self._keeper is not None
-        return self._keeper.prove_answer(state, station, drone)
-
     def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes] | None:
         """Open a sealed payload; None (and counted) if it is not right."""
-        if self._keeper is None:
-            self.refused += 1
-            return None
         try:
-            return self._keeper.open(payload, sender, drone)
+            if self._keeper is None:
+                raise TunnelError("this drone has no key", payload)
+            opened = self._keeper.open(payload, sender, drone)
         except TunnelError as error:
             self.refused += 1
             log.seldom(self.refused, "sealed message refused", reason=error.message)
             return None
+        self._sealed_s[sender] = monotonic_s()
+        return opened
+
+    def silent_s(self) -> dict[Place, float]:
+        """Time since the last valid seal of each station that has sent one."""
+        return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
+
+    def sign_of_life(self, inside: bytes, station: Place, drone: Place) -> bytes | None:
+        """Note a station that checks proofs; get the announcement that returns its nonce."""
+        self._proving.add(station)
+        nonce, files = alive_of(inside)
+        if files:
+            self._files_s[station] = monotonic_s()
+        return self.announcement(drone, nonce) if nonce else None
+
+    def asks_for_files(self, station: Place) -> bool:
+        """Whether a station has just sealed that it asks for files."""
+        return monotonic_s() - self._files_s.get(station, -inf) < FILES_S
+
+    @contextmanager
+    def order(self, order: bytes, station: Place, *, sealed: bool) -> Iterator[str | None]:
+        """Get why a station may not order a motion; what is answered in the block is for it."""
+        refusal = self.refusal(station, sealed=sealed)
+        if sealed:
+            if station not in self._proving and not is_stop(order):
+                refusal = OLD_STATION
+            self._orders[station, number_of(order)] = None
+            while len(self._orders) > SEALED_ORDERS:
+                self._orders.popitem(last=False)
+        self._proves = sealed
+        try:
+            yield refusal
+        finally:
+            self._proves = True
+
+    def answer(self, state: bytes, station: Place, drone: Place) -> tuple[bytes, int, bool]:
+        """Write the answer to an order: payload, its type, whether it precedes pulses.
+
+        The answer to a sealed order carries a proof. Who sends an unsealed one under the same
+        ids and number gets an answer without.
+        """
+        sealed = self._proves and (station, number_of(state)) in self._orders
+        if sealed and station in self._proving and self._keeper is not None:
+            proven = self._keeper.prove_answer(state, station, drone)
+            return proven, PROVEN_STATE_TYPE, True
+        return state, MOTION_STATE_TYPE, sealed or not self.locked
 
 
 class Sealer:

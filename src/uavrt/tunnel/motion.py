@@ -184,6 +184,11 @@ def encode_confirmation(confirmation: MotionConfirmation) -> bytes:
     return _CONFIRM.pack(confirmation)
 
 
+def number_of(payload: bytes) -> int:
+    """Request id of an order, or of an answer to one."""
+    return int.from_bytes(payload[4:8], "little")
+
+
 def is_stop(payload: bytes) -> bool:
     """Whether a payload takes the drone out of our hands."""
     return payload[1:2] == bytes((_STOPS,))

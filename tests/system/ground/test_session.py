@@ -25,13 +25,8 @@ from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulsePose, SystemState
 from uavrt.recording import read_quiet_noise_db, vehicle_note
-from uavrt.tunnel import (
-    BURST_TYPE,
-    PAYLOAD_TYPE,
-    encode_burst,
-    heartbeat_to_wire,
-    pulse_to_wire,
-)
+from uavrt.tunnel import BURST_TYPE, PAYLOAD_TYPE, encode_burst
+from uavrt.tunnel.convert import heartbeat_to_wire, pulse_to_wire
 
 SECOND_NS = 1_000_000_000
 

@@ -16,7 +16,7 @@ from uavrt.ground.link.stored_pulses import RECEIVED_NAME, open_receipts
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulsePose
-from uavrt.tunnel import pulse_to_wire
+from uavrt.tunnel.convert import pulse_to_wire
 from uavrt.tunnel.private import payload_hash
 
 MS = 1_000_000

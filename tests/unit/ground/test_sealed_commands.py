@@ -26,8 +26,8 @@ from uavrt.tunnel import (
     MotionState,
     encode_course,
     encode_state,
-    pulse_to_wire,
 )
+from uavrt.tunnel.convert import pulse_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.gate import Gate, Sealer
 from uavrt.tunnel.private import MAX_SEALED_HASHES, Receipt

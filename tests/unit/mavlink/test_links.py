@@ -109,7 +109,9 @@ async def test_bytes_that_a_tcp_peer_does_not_acknowledge_are_not_kept_for_long(
         port = server.getsockname()[1]
         link = await open_link(f"tcp://127.0.0.1:{port}", lambda frame: None)
         assert isinstance(link, TcpLink)
-        assert link.gives_up_after_s == 3.0
+        assert link._writer is not None
+        connected = link._writer.get_extra_info("socket")
+        assert connected.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 3000
         await link.close()
 
 

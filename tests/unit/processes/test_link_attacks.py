@@ -8,7 +8,8 @@ import asyncio
 import contextlib
 import os
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from attacked import (
     key_file,
     tunnel,
 )
+from serial_line import ADDRESS, BYTE_S, SerialLine
 from some import some
 
 from uavrt.ground.link import ask, confirm, motion_request, stop
@@ -48,6 +50,8 @@ TRIALS = int(os.environ.get("UAVRT_LINK_TRIALS", "4"))
 KEY = Key(SECRET)
 YESTERDAY = tuple(SealKeeper(KEY, number).announcement(DRONE) for number in (11, 12, 13))
 LINK_LOST_S = 5.0
+LONGEST_BYTES = 280
+"""Of a MAVLink 2 frame."""
 NORTH, SOUTH = (35.1810, -111.6566), (35.1755, -111.6566)
 
 
@@ -57,13 +61,32 @@ async def until(condition: Callable[[], object], within_s: float = 30.0) -> None
             await asyncio.sleep(0.02)
 
 
+@pytest.fixture(params=["udp", "serial"])
+def line(request: pytest.FixtureRequest) -> Iterator[SerialLine | None]:
+    """What connects autopilot and drone's computer: UDP, or a serial line at 57 600 baud."""
+    if request.param == "udp":
+        yield None
+        return
+    made = SerialLine()
+    with made.installed():
+        yield made
+
+
 @contextlib.asynccontextmanager
 async def flying(
-    make_bay: Callable[[], Bay], key: Path, **options: Any
+    make_bay: Callable[[], Bay], key: Path, line: SerialLine | None = None
 ) -> AsyncIterator[tuple[Guided, Any]]:
     """A drone in the air and the ground station that has its key."""
-    drone = Guided(make_bay(), key)
-    async with drone.bay.running(), drone.bay.ground_station(key=KEY, **options) as (link, _):
+    bay = make_bay()
+    drone = Guided(bay, key, **({} if line is None else {"address": ADDRESS}))
+    if line is not None:
+        companion = ("127.0.0.1", line.port)
+        bay.autopilot_settings = replace(bay.autopilot_settings, companion=companion)
+    async with (
+        contextlib.nullcontext() if line is None else line.running(),
+        bay.running(),
+        bay.ground_station(key=KEY) as (link, _),
+    ):
         await until(lambda: link.protocol._sealer.ready)
         await until(lambda: drone.report is not None and drone.report.fault is None)
         yield drone, link
@@ -73,6 +96,7 @@ async def take_off_orders(drone: Guided, link: Any) -> None:
     """Ask for a long leg, confirm it, and wait until the drone flies it."""
     vehicle = drone.bay.autopilot.flown.vehicle
     vehicle.used_wh = 0.0  # each trial with a full battery
+    await asyncio.sleep(3.0)  # it comes to rest: what it still does is not another's doing
     goal = SOUTH if vehicle.north_m > 0.0 else NORTH
     offer = await ask(link, motion_request("goto", (goal,), height_m=40.0))
     assert offer.kind == "offer"
@@ -81,30 +105,38 @@ async def take_off_orders(drone: Guided, link: Any) -> None:
 
 
 @contextlib.asynccontextmanager
-async def attack(drone: Guided, link: Any) -> AsyncIterator[Attacker]:
-    """Send 2000 frames a second while the block runs."""
+async def attack(
+    drone: Guided, link: Any, line: SerialLine | None = None
+) -> AsyncIterator[Attacker]:
+    """Send 2000 frames a second while the block runs, or what a serial line carries."""
     with Attacker(drone.bay, link, YESTERDAY) as attacker:
 
         async def send() -> None:
             while True:
-                attacker.batch()
+                attacker.batch(4 if line is None else 0)
                 await asyncio.sleep(BATCH_S)
 
         task = asyncio.create_task(send())
+        if line is not None:
+            line.hostile = attacker.frame
         try:
             yield attacker
         finally:
+            if line is not None:
+                line.hostile = None
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
 
 
 def test_every_take_back_acts_within_half_a_second_under_2000_hostile_frames_a_second(
-    make_bay: Callable[[], Bay], tmp_path: Path
+    make_bay: Callable[[], Bay], tmp_path: Path, line: SerialLine | None
 ) -> None:
     async def main() -> list[float]:
         acted_s = []
-        async with flying(make_bay, key_file(tmp_path)) as (drone, link):
-            async with attack(drone, link) as attacker:
+        async with flying(make_bay, key_file(tmp_path), line) as (drone, link):
+            async with attack(drone, link, line) as attacker:
+                if line is not None:
+                    line.passed_bytes = line.hostile_frames = 0
                 first_s = drone.bay.clock.now_ns() / 1e9
                 for number in range(TRIALS):
                     await take_off_orders(drone, link)
@@ -115,7 +147,11 @@ def test_every_take_back_acts_within_half_a_second_under_2000_hostile_frames_a_s
                     acted_s.append(some(drone.out_s) - begun_s)
                     assert state.kind == "state", "the drone's own answer, not the forged one"
                 lasted_s = drone.bay.clock.now_ns() / 1e9 - first_s
-                assert attacker.sent >= 1900 * lasted_s
+                if line is None:
+                    assert attacker.sent >= 1900 * lasted_s
+                else:
+                    assert line.passed_bytes >= 0.95 * lasted_s / BYTE_S, "the line was full"
+                    print(f"{line.hostile_frames / lasted_s:.0f} hostile frames a second")
             assert link.protocol.counters["bad_payloads"] > TRIALS, "forged answers"
         return acted_s
 
@@ -126,12 +162,12 @@ def test_every_take_back_acts_within_half_a_second_under_2000_hostile_frames_a_s
 
 
 def test_the_loss_of_the_confirmer_is_noticed_though_others_send_under_its_ids(
-    make_bay: Callable[[], Bay], tmp_path: Path
+    make_bay: Callable[[], Bay], tmp_path: Path, line: SerialLine | None
 ) -> None:
     async def main() -> list[float]:
         noticed_s = []
-        async with flying(make_bay, key_file(tmp_path)) as (drone, link):  # noqa: SIM117
-            async with attack(drone, link):
+        async with flying(make_bay, key_file(tmp_path), line) as (drone, link):  # noqa: SIM117
+            async with attack(drone, link, line):
                 write = link._ways._shared.write
                 for _ in range(max(2, TRIALS // 2)):
                     await take_off_orders(drone, link)
@@ -174,14 +210,14 @@ class Delays:
 
 
 def test_pulses_of_a_keyed_drone_are_delayed_by_a_tenth_at_most(
-    make_bay: Callable[[], Bay], tmp_path: Path
+    make_bay: Callable[[], Bay], tmp_path: Path, line: SerialLine | None
 ) -> None:
     async def p95_s(*, attacked: bool) -> float:
-        async with flying(make_bay, key_file(tmp_path)) as (drone, link):
+        async with flying(make_bay, key_file(tmp_path), line) as (drone, link):
             delays = Delays(drone)
             link._on_event = delays.append
             drone.bay.tell("system_status", commanded_by_the_station())
-            async with attack(drone, link) if attacked else contextlib.nullcontext():
+            async with attack(drone, link, line) if attacked else contextlib.nullcontext():
                 for number in range(8):  # the station shows that it acknowledges
                     drone.bay.send_pulse(1000 + number)
                     await asyncio.sleep(0.125)
@@ -196,7 +232,9 @@ def test_pulses_of_a_keyed_drone_are_delayed_by_a_tenth_at_most(
 
     quiet_s, attacked_s = asyncio.run(main())
     print(f"p95 {quiet_s * 1e3:.1f} ms quiet, {attacked_s * 1e3:.1f} ms attacked")
-    assert attacked_s <= 1.1 * quiet_s
+    # On a full line a pulse's pose waits for the hostile frame being sent: 49 ms at most.
+    place_s = 0.0 if line is None else LONGEST_BYTES * BYTE_S
+    assert attacked_s <= 1.1 * quiet_s + place_s
 
 
 def commanded_by_the_station() -> SystemStatus:

@@ -8,7 +8,7 @@ import asyncio
 import math
 import os
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from random import Random
@@ -26,14 +26,15 @@ from uavrt.ground.station import Station, StationSettings, json_line
 from uavrt.ground.store.settings import GroundStore
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address, parse_address
-from uavrt.mavlink.frame import FrameWriter
-from uavrt.mavlink.link import FrameHandler, Link
+from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulsePose
 from uavrt.recording import read_flight, read_pulse_file
-from uavrt.tunnel import CommandId, pulse_to_wire
+from uavrt.tunnel import CommandId
 from uavrt.tunnel.burst import BURST_TYPE
 from uavrt.tunnel.codec import DECODERS
+from uavrt.tunnel.convert import pulse_to_wire
 from uavrt.tunnel.live_bearing import BEARING_TYPE
 
 COUNT = int(os.environ.get("UAVRT_FUZZ", "6000"))
@@ -81,7 +82,7 @@ def links(monkeypatch: pytest.MonkeyPatch) -> list[MemoryLink]:
     """Memory in place of every socket; filled when a ground station opens its links."""
     opened: list[MemoryLink] = []
 
-    async def open_link(address: str | Address, on_frame: FrameHandler) -> Link:
+    async def open_link(address: str | Address, on_frame: Callable[[Frame], None]) -> Link:
         where = parse_address(address) if isinstance(address, str) else address
         opened.append(MemoryLink(where, on_frame))
         return opened[-1]

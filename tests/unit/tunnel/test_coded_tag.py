@@ -11,18 +11,10 @@ from hypothesis import strategies as st
 from uavrt.errors import LinkError, TunnelError
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import Command
-from uavrt.tunnel import (
-    MAX_PAYLOAD,
-    AckG1,
-    CodedTag,
-    CommandId,
-    Exchange,
-    UploadG2,
-    decode,
-    tag_list_digest,
-)
+from uavrt.tunnel import AckG1, CodedTag, CommandId, Exchange, UploadG2, decode, tag_list_digest
 from uavrt.tunnel.exchange import Answer
 from uavrt.tunnel.seal import MAX_INSIDE
+from uavrt.tunnel.wire import MAX_PAYLOAD
 
 GROUND = (255, 190)
 TAG = made.tag(

@@ -9,9 +9,9 @@ from sealed import introduce
 from virtual_time import VirtualClock
 
 from uavrt.errors import LinkError, TunnelError
-from uavrt.tunnel import MAX_PAYLOAD, MotionState, decode_state, encode_state
+from uavrt.tunnel import MotionState, encode_state
 from uavrt.tunnel.gate import ALIVE_S, Sealer
-from uavrt.tunnel.motion import MAX_TEXT
+from uavrt.tunnel.motion import MAX_TEXT, decode_state
 from uavrt.tunnel.seal import (
     ALIVE_INSIDE,
     Key,
@@ -24,6 +24,7 @@ from uavrt.tunnel.seal import (
     seal,
     session_of,
 )
+from uavrt.tunnel.wire import MAX_PAYLOAD
 
 KEY = Key(bytes(range(32)))
 GROUND, DRONE = (254, 190), (1, 191)

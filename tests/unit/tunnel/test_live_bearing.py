@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from uavrt.errors import TunnelError
 from uavrt.messages import LiveBearing
-from uavrt.tunnel import MAX_PAYLOAD
 from uavrt.tunnel.live_bearing import decode_bearing, encode_bearing
+from uavrt.tunnel.wire import MAX_PAYLOAD
 
 angles = st.floats(0.0, 359.0, width=32)
 bearings = st.builds(

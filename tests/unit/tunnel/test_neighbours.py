@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 from uavrt.errors import TunnelError
 from uavrt.messages import Course, FoundTag, Neighbour
-from uavrt.tunnel import MAX_PAYLOAD, decode_course, decode_neighbour
+from uavrt.tunnel import decode_neighbour
 from uavrt.tunnel import encode_course as course_bytes
 from uavrt.tunnel import encode_neighbour as neighbour_bytes
+from uavrt.tunnel.neighbours import decode_course
 from uavrt.tunnel.seal import MAX_INSIDE
+from uavrt.tunnel.wire import MAX_PAYLOAD
 
 numbers = st.integers(0, 65_535)
 near = st.tuples(st.floats(46.95, 47.05), st.floats(7.95, 8.05))

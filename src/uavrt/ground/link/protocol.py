@@ -237,7 +237,7 @@ class GroundProtocol:
             return []
         self._heard_ns = now_ns
         if isinstance(message, dialect.Statustext):
-            texts = self._texts.add((peer.system_id, peer.component_id), message)
+            texts = self._texts.add(peer.place, message)
             return [StatusText(severity=severity, text=text) for severity, text in texts]
         if isinstance(message, dialect.Tunnel) and self._for_us(message):
             return self._tunnel(message.payload_type, message.payload[: message.payload_length])
@@ -259,7 +259,7 @@ class GroundProtocol:
             return event
         if payload_type == SESSION_TYPE and self._sealer is not None:
             assert self.drone is not None
-            self._sealer.hear(payload, (self.drone.system_id, self.drone.component_id))
+            self._sealer.hear(payload, self.drone.place)
             return None
         if payload_type == PROVEN_STATE_TYPE and self._sealer is not None:
             payload = self._sealer.answer(payload, self.orders)
