@@ -16,7 +16,7 @@ NAMED = re.compile(r"(?:`(test_\w+\.py)|(attacks|sessions|seal) `|`…|`)::(test
 def names_in(name: str) -> set[str]:
     """Names of the tests in the file of that name, whatever folder it is in."""
     text = "\n".join(path.read_text("utf-8") for path in TESTS.rglob(name))
-    return set(re.findall(r"^def (test_\w+)\(", text, re.MULTILINE))
+    return set(re.findall(r"^(?:async )?def (test_\w+)\(", text, re.MULTILINE))
 
 
 def test_every_test_named_in_the_threat_table_is_there() -> None:

@@ -165,6 +165,15 @@ class Component:
             return "waiting for ground station"
         return "ready"
 
+    def has_number(self, now_ns: int) -> bool:
+        """Whether our system number is known: before, we would speak as another vehicle.
+
+        Who hears no autopilot for a while is alone, and takes the usual number.
+        """
+        if self._own_system_id is not None or self.discovery.autopilot is not None:
+            return True
+        return self._started_ns is not None and now_ns - self._started_ns >= ALONE_NS
+
     def tick(self, now_ns: int) -> None:
         """Do what is due; call it every 50 ms or so."""
         if self._started_ns is None:
@@ -346,7 +355,7 @@ class Component:
         assert self._started_ns is not None
         if not self._healthy():
             return False
-        if self.discovery.autopilot is None and now_ns - self._started_ns < ALONE_NS:
+        if not self.has_number(now_ns):
             return False
         return self._heartbeat_ns is None or now_ns - self._heartbeat_ns >= HEARTBEAT_NS
 

@@ -109,6 +109,7 @@ class Connection:
                 gap_s=gap_s,
                 straight=way.number != AUTOPILOT_LINK,
                 frame_extra_bytes=0 if signing is None else SIGNATURE_SIZE,
+                may_send=lambda: self.component.has_number(clock_ns()),
             )
             for way in self._ways
         ]

@@ -54,6 +54,8 @@ class PacedSender:
         No autopilot is on the way: quick, and with the shortest gap.
     frame_extra_bytes : int
         What each frame has besides, as a signature.
+    may_send : callable
+        Whether our numbers are known; until then messages wait.
     """
 
     def __init__(
@@ -65,8 +67,10 @@ class PacedSender:
         gap_s: float = 0.020,
         straight: bool = False,
         frame_extra_bytes: int = 0,
+        may_send: Callable[[], bool] = lambda: True,
     ) -> None:
         self._send = send
+        self._may_send = may_send
         self._target = target
         self._clock_ns = clock_ns
         if straight:
@@ -127,7 +131,7 @@ class PacedSender:
         """
         self._cancel_timer()
         while (wait_ns := self._queue.wait_ns(now_ns := self._clock_ns())) is not None:
-            if wait_ns == 0:
+            if wait_ns == 0 and self._may_send():
                 item = self._queue.take(now_ns)
                 if item is not None:
                     self._send(self._message(item))

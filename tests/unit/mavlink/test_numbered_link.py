@@ -40,6 +40,7 @@ async def test_the_ground_commands_a_drone_of_each_generation_over_a_lossy_radio
         await insist(lambda: ground.capture(center_frequency_hz=148.7e6, gain=9))
         await insist(ground.stop_detection)
         await until(lambda: world.mission.state is SystemState.HAS_TAGS)
+        await until(lambda: not world.mission.ending)
         with pytest.raises(CommandRefused, match="again after 10 s to delete 1 flights"):
             await insist(lambda: ground.ask("clean_logs"))
         with pytest.raises(CommandRefused, match="flash drive not found"):
