@@ -68,11 +68,13 @@ _SURE_SHARE: Final = 0.0008
 """Losses of a larger share of `_SHARE_S` are losses: no crystal is 800 ppm slow."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
-_RAMPS: Final = ((3.0, 0.09, 2.0, 0.015), (20.0, 0.02, 1.2, 0.0))
+_RAMPS: Final = ((5.0, 0.09, 2.0, 0.005), (20.0, 0.02, 1.2, 0.0))
 """A slow source: over so many seconds the lateness rises by this share at least, and scatters
 about a line by no more than so many jitters and this share of the rise. Losses of a twentieth
 of the samples scatter by more, even those of 1 ms."""
 _LEAST_POINTS: Final = 6
+_MAY_SCATTER: Final = 0.015
+"""The share of the rise with which a loss waits until the slope is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +130,8 @@ class LossFinder:
         self._slow: deque[tuple[float, float]] = deque()
         self._found_s = 0.0
         self._points: deque[tuple[float, float]] = deque()
-        """Of each cell its end and lateness, as if no loss had been found."""
+        """Of each cell its end and least delay, as if no loss had been found."""
+        self._least_delay_s = math.inf
         self.behind = False
         """Whether the source is slower than real time."""
         self._began_s: float | None = None
@@ -153,6 +156,7 @@ class LossFinder:
             self._from = (at_s, arrived_s)
             self._began_s = at_s
             return None
+        self._least_delay_s = min(self._least_delay_s, arrived_s - at_s + self._found_s)
         single = self._lowest_s == math.inf
         self._lowest_s = min(self._lowest_s, late_s)
         begin_s, before_s = self._from
@@ -167,7 +171,8 @@ class LossFinder:
         )
         self._learn_jitter(cell)
         self._cells.append(cell)
-        self._points.append((cell.end_s - self._found_s, cell.late_s + self._found_s))
+        self._points.append((at_s - self._found_s, self._least_delay_s))
+        self._least_delay_s = math.inf
         while self._points[0][0] < self._points[-1][0] - _RAMPS[-1][0] - cell.length_s:
             self._points.popleft()
         self._from = (at_s, arrived_s)
@@ -197,7 +202,6 @@ class LossFinder:
         """Note that the envelope has moved: what was late is less so by this."""
         for cell in self._cells:
             cell.late_s -= seconds
-        self._points = deque((at_s, late_s - seconds) for at_s, late_s in self._points)
 
     def skip(self, seconds: float) -> None:
         """Note that nominal seconds have been left out."""
@@ -218,7 +222,7 @@ class LossFinder:
 
     def _may_fall_behind(self) -> bool:
         """Whether what looks like a loss may be the start of a slow source's shortfall."""
-        span_s, *limits = _RAMPS[0]
+        span_s, share, jitters, _ = _RAMPS[0]
         low_s = 2.0 * self.jitter_s + _FLOOR_S
         count = 0
         for cell in reversed(self._cells):
@@ -226,7 +230,7 @@ class LossFinder:
                 break
             count += 1
         points = [self._points[at] for at in range(-min(count, len(self._points)), 0)]
-        return self._even(points, *limits)
+        return self._even(points, share, jitters, _MAY_SCATTER)
 
     def _even(
         self, points: list[tuple[float, float]], share: float, jitters: float, scatter: float

@@ -63,9 +63,10 @@ def test_a_small_shortfall_is_known_within_half_a_minute(speed: float) -> None:
     assert "slower" in str(placer.unseen)
 
 
-def test_a_source_that_becomes_slow_loses_nothing() -> None:
-    placer, _ = placed(0.85, duration_s=40.0, fast_until_s=12.0)
-    assert placer.lost == 0
+def test_a_source_that_becomes_slow_is_known_within_six_seconds() -> None:
+    placer, _ = placed(0.85, duration_s=19.0, fast_until_s=12.0)
+    assert "slower" in str(placer.unseen)
+    assert placer.lost <= (1.0 / 0.85 - 1.0) * 6.0 * RATE_HZ
 
 
 def test_a_steady_radio_is_no_slow_source() -> None:
