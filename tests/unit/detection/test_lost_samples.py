@@ -27,7 +27,7 @@ def samples() -> NDArray[np.complex64]:
     rng = np.random.default_rng(5)
     count = round(DURATION_S * RATE_HZ)
     parts = rng.standard_normal((count, 2)) / np.sqrt(2.0)
-    x = (parts[:, 0] + 1j * parts[:, 1]).astype(np.complex64)
+    x: NDArray[np.complex64] = (parts[:, 0] + 1j * parts[:, 1]).astype(np.complex64)
     wave = np.exp(2j * np.pi * 6_040.0 / RATE_HZ * np.arange(round(WIDTH_S * RATE_HZ)))
     for start_s in STARTS_S:
         first = round(start_s * RATE_HZ)
