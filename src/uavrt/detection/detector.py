@@ -218,7 +218,7 @@ class PulseDetector:
             return 0
         if self._buffer.empty:
             self._follower.epoch_ns = time_ns
-        after = self._clean + self._cleaner.flank
+        after = self._clean + self._cleaner.margin
         outcome = self._intake.admit(samples, time_ns, after=after)
         if outcome in ("later", "earlier"):
             if outcome == "later":

@@ -6,9 +6,11 @@ phase. Times have the group delays of the filters taken out.
 
 A gap is filled with zeros for the decimator and appears in the band as samples lost. The
 channelizer fills gaps of up to `LONGEST_FILLED_GAP_S` with zeros, so that a detector sees an
-unbroken stream; a longer one makes it start afresh, and is reported.
+unbroken stream; a longer one makes it start again, and is reported. Outputs whose middle lies
+in a gap are zeros, by which a detector knows what was lost.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -87,6 +89,8 @@ class FrontEnd:
         self._next_output = 0
         self._next_channel_sample = 0
         self._lost_channel_samples = 0
+        self._silent: list[tuple[int, int]] = []
+        """Outputs, first and end, whose middle lies in a gap: zeros, not a filter's ringing."""
 
     def process(self, block: IQBlock) -> list[ChannelBlock]:
         """Decimate and channelize the next block; see `channelize`."""
@@ -156,6 +160,12 @@ class FrontEnd:
             return self._as_one_channel(band)
         samples = band.samples
         gap = None if self._next_band is None else band.sample_index - self._next_band
+        if gap is not None and gap > 0:
+            low, high = (
+                math.ceil((at + bank.delay_samples) / bank.hop)
+                for at in (band.sample_index - gap, band.sample_index)
+            )
+            self._silent.append((low, high))
         if gap is None or gap < 0 or gap > LONGEST_FILLED_GAP_S * band.sample_rate_hz:
             bank.reset()
             bank.process(np.zeros(band.sample_index % bank.channels, dtype=np.complex64))
@@ -170,6 +180,9 @@ class FrontEnd:
         if channels.shape[1] == 0:
             return []
         index, lost = self._next_channel_sample, self._lost_channel_samples
+        for low, high in self._silent:
+            channels[:, max(low - index, 0) : max(high - index, 0)] = 0.0
+        self._silent = [(a, b) for a, b in self._silent if b > index + channels.shape[1]]
         self._next_channel_sample += channels.shape[1]
         self._lost_channel_samples = 0
         offset = index * bank.hop - bank.delay_samples - band.sample_index

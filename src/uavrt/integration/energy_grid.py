@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search import Grid, Spectrogram, make_grid, sliding_maximum
+from uavrt.dsp.zero_runs import zero_runs
 from uavrt.integration.bursts import SinglePulses, burst_columns, pulse_starts_s
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -382,11 +383,8 @@ def slot_energies(
 
 def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
     """Samples in runs of at least so many that are exactly 0."""
-    edges = np.diff(np.concatenate(([False], samples == 0.0, [False])).astype(np.int8))
     dead = np.zeros(len(samples), bool)
-    firsts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
-    long = ends - firsts >= least
-    for first, end in zip(firsts[long].tolist(), ends[long].tolist(), strict=True):
+    for first, end in zero_runs(samples, least):
         dead[first:end] = True
     return dead
 

@@ -83,11 +83,7 @@ class LiveSource:
 
         None: they show it.
         """
-        if self._placer.told:
-            return "--start-time was given"
-        if self._placer.replayed:
-            return "the samples came faster than a radio takes them, as from a recording"
-        return None
+        return self._placer.unseen
 
     @property
     def sample_rate_hz(self) -> float:

@@ -13,12 +13,17 @@ Arrivals are gathered in cells of 20 ms, of which the least late counts. A stret
 are all late, come at the pace of the samples and lie level, is a loss once it is too long for
 the jitter as it has been so far: with exponential jitter of mean u, n cells are all later than
 c with probability exp(-n c / u). While losses happen, half of that evidence is enough.
+
+A lateness that rises evenly, by more than any crystal, is a writer slower than real time: a
+slow disk, network or computer before the pipe. Nothing is lost, and arrivals tell no time.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
+
+import numpy as np
 
 CELL_S: Final = 0.020
 """Shortest stretch of stream of which one lateness is kept; USB transfers are 5 to 65 ms."""
@@ -63,6 +68,13 @@ _SURE_SHARE: Final = 0.0008
 """Losses of a larger share of `_SHARE_S` are losses: no crystal is 800 ppm slow."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
+_RAMPS: Final = ((5.0, 0.09, 2.0, 0.005), (20.0, 0.02, 1.2, 0.0))
+"""A slow source: over so many seconds the lateness rises by this share at least, and scatters
+about a line by no more than so many jitters and this share of the rise. Losses of a twentieth
+of the samples scatter by more, even those of 1 ms."""
+_LEAST_POINTS: Final = 6
+_MAY_SCATTER: Final = 0.015
+"""The share of the rise with which a loss waits until the slope is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +102,10 @@ class _Cell:
     single: bool
     """It came at once."""
 
+    @property
+    def length_s(self) -> float:
+        return self.end_s - self.begin_s
+
 
 class LossFinder:
     """Judges the lateness of arrivals; pure.
@@ -112,6 +128,12 @@ class LossFinder:
         self._known_until_s = -math.inf
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
+        self._found_s = 0.0
+        self._points: deque[tuple[float, float]] = deque()
+        """Of each cell its end and least delay, as if no loss had been found."""
+        self._least_delay_s = math.inf
+        self.behind = False
+        """Whether the source is slower than real time."""
         self._began_s: float | None = None
 
     def expect(self, at_s: float) -> None:
@@ -134,6 +156,7 @@ class LossFinder:
             self._from = (at_s, arrived_s)
             self._began_s = at_s
             return None
+        self._least_delay_s = min(self._least_delay_s, arrived_s - at_s + self._found_s)
         single = self._lowest_s == math.inf
         self._lowest_s = min(self._lowest_s, late_s)
         begin_s, before_s = self._from
@@ -148,13 +171,19 @@ class LossFinder:
         )
         self._learn_jitter(cell)
         self._cells.append(cell)
+        self._points.append((at_s - self._found_s, self._least_delay_s))
+        self._least_delay_s = math.inf
+        while self._points[0][0] < self._points[-1][0] - _RAMPS[-1][0] - cell.length_s:
+            self._points.popleft()
         self._from = (at_s, arrived_s)
         self._lowest_s = math.inf
         self._ask(cell)
         self._learn_usual()
+        self.behind = any(self._rises(*ramp) for ramp in _RAMPS)
         loss = self._judge()
-        if loss is not None:
-            self._take(loss)
+        if loss is None or self.behind or self._may_fall_behind():
+            return None
+        self._take(loss)
         return loss
 
     def early_s(self) -> float:
@@ -180,6 +209,41 @@ class LossFinder:
             self._from = (self._from[0] + seconds, self._from[1])
         if self.question_s is not None:
             self.question_s += seconds
+
+    def _rises(self, span_s: float, share: float, jitters: float, scatter: float) -> bool:
+        """Whether the lateness has risen evenly over so long; see `_RAMPS`."""
+        end_s, late_s = self._points[-1]
+        if late_s - self._points[0][1] < share * span_s:
+            return False  # nearly always
+        if self._points[0][0] > end_s - span_s:
+            return False
+        newest = [point for point in self._points if point[0] >= end_s - span_s]
+        return self._even(newest, share, jitters, scatter)
+
+    def _may_fall_behind(self) -> bool:
+        """Whether what looks like a loss may be the start of a slow source's shortfall."""
+        span_s, share, jitters, _ = _RAMPS[0]
+        low_s = 2.0 * self.jitter_s + _FLOOR_S
+        count = 0
+        for cell in reversed(self._cells):
+            if cell.late_s <= low_s or cell.end_s < self._cells[-1].end_s - span_s:
+                break
+            count += 1
+        points = [self._points[at] for at in range(-min(count, len(self._points)), 0)]
+        return self._even(points, share, jitters, _MAY_SCATTER)
+
+    def _even(
+        self, points: list[tuple[float, float]], share: float, jitters: float, scatter: float
+    ) -> bool:
+        """Whether points lie on a line that rises by a share at least."""
+        if len(points) < _LEAST_POINTS:
+            return False
+        at_s, late_s = np.array(points).T
+        at_s = at_s - at_s.mean()
+        slope = float(at_s @ late_s / (at_s @ at_s))
+        rest_s = float((late_s - late_s.mean() - slope * at_s).std())
+        rise_s = slope * float(at_s[-1] - at_s[0])
+        return slope >= share and rest_s <= jitters * self.jitter_s + scatter * rise_s
 
     def _learn_jitter(self, cell: _Cell) -> None:
         """Follow the mean fall from cell to cell: losses make none, jitter its mean."""
@@ -331,6 +395,7 @@ class LossFinder:
     def _take(self, loss: Loss) -> None:
         """Continue behind a loss: its cells are late no longer."""
         now_s = self._cells[-1].end_s
+        self._found_s += loss.duration_s
         self._slow.append((now_s, loss.duration_s))
         for cell in self._cells:
             if cell.begin_s >= loss.since_s:

@@ -87,14 +87,9 @@ class Placer:
         return times.sample_rate_hz
 
     @property
-    def replayed(self) -> bool:
-        """Whether arrivals have shown that this is a recording: they tell nothing any more."""
-        return self._nominal is None and not self._keeper.live
-
-    @property
-    def told(self) -> bool:
-        """Whether the start was given: nobody looks at the arrivals."""
-        return self._nominal is not None
+    def unseen(self) -> str | None:
+        """Why arrivals show neither times nor losses; None: they do."""
+        return self._keeper.unseen if self._nominal is None else "--start-time was given"
 
     def begin(self, now_ns: int) -> None:
         """Note when samples were first waited for."""

@@ -101,6 +101,8 @@ class TimeKeeper:
     def __init__(self, sample_rate_hz: float, *, follow_arrivals: bool = True) -> None:
         self._nominal_hz = sample_rate_hz
         self._follow = follow_arrivals
+        self.unseen: str | None = None
+        """Why arrivals no longer tell times and losses; None: they do."""
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
@@ -132,11 +134,6 @@ class TimeKeeper:
     def started(self) -> bool:
         """True after the first arrival."""
         return self._start_ns is not None
-
-    @property
-    def live(self) -> bool:
-        """False once the arrivals have shown that the stream is a replay."""
-        return self._follow
 
     @property
     def rate_error(self) -> float:
@@ -185,11 +182,14 @@ class TimeKeeper:
             # No time has been given yet: the start is still free.
             self._offset_s = self._correction_s = delay_s
         if delay_s < self._model_s(nominal_s) - _NOT_LIVE_S:
-            self._forget()
+            self._forget("the samples came faster than a radio takes them, as from a recording")
             return
         loss = self._finder.put(
             nominal_s, nominal_s + delay_s, delay_s - self._model_s(nominal_s)
         )
+        if self._finder.behind:
+            self._forget("the samples came slower than a radio takes them, as by a slow disk")
+            return
         if loss is not None:
             self._lose(loss, nominal_s)
             return
@@ -318,8 +318,9 @@ class TimeKeeper:
             return 0.0
         return float(self._bins[self._bin_count - 1, 0] - self._bins[0, 0])
 
-    def _forget(self) -> None:
+    def _forget(self, why: str) -> None:
         """Fall back to the start and the nominal rate."""
+        self.unseen = why
         self._follow = False
         self._bin_count = 0
         self._bin = None

@@ -1,10 +1,10 @@
 """WAV recordings of I and Q as left and right channel, as SDR programs write them.
 
 Chunks as in Microsoft's "Multiple Channel Audio Data and WAVE Files"; RF64 and BW64 (files over
-4 GiB) as in EBU Tech 3306; the ``auxi`` chunk (start time, radio frequency) as SDR#, HDSDR and
-``airspy_rx -w`` write it, or as SDR Console does, in XML. Parsed by hand: the standard ``wave``
-module refuses float samples, RF64, and files whose writer was killed before it could fill in
-the size.
+4 GiB) as in EBU Tech 3306, and plain ones whose size overflowed there; the ``auxi`` chunk
+(start time, radio frequency) as SDR#, HDSDR and ``airspy_rx -w`` write it, or as SDR Console
+does, in XML. Parsed by hand: the standard ``wave`` module refuses float samples, RF64, and
+files whose writer was killed before it could fill in the size.
 """
 
 import re
@@ -40,6 +40,7 @@ _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
 
 _MOST_READ = 1 << 16
 """Bytes of a chunk; the longest are those with XML, some thousand."""
+_MOST_CHUNKS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,11 +137,9 @@ def wav_layout(
         )
     check_rates(float(header.rate_hz), frequency_hz)
     there = size - header.data_start
-    said = header.data_size if header.long_data_size is None else header.long_data_size
-    fault = None
-    if said in _UNKNOWN_SIZE or said > there:
-        if said not in _UNKNOWN_SIZE:
-            fault = f"{path} should hold {said} bytes of samples, but has {there}: truncated"
+    said, fault = header.data_size, None
+    if said > there:
+        fault = f"{path} should hold {said} bytes of samples, but has {there}: truncated"
         said = there
     count, rest = divmod(said, sample_format.bytes_per_sample)
     if rest and fault is None:
@@ -171,27 +170,66 @@ def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
     if len(start) < 12 or start[:4] not in (b"RIFF", b"RF64", b"BW64") or start[8:] != b"WAVE":
         raise FormatError(f"{path} is not a WAV file", remedy="Name its --format")
     header = _Header()
-    while len(head := file.read(8)) == 8:
-        name, length = head[:4], struct.unpack("<I", head[4:])[0]
-        if name == b"data":
-            header.data_start, header.data_size = file.tell(), length
-            # Some writers put auxi after the samples; with an unknown size it is not found.
-            if header.frequency_hz is not None or length in _UNKNOWN_SIZE:
-                break
-        left = length
-        if name in (b"fmt ", b"auxi", b"ds64"):
-            _read_chunk(name, file.read(min(length, _MOST_READ)), header, path)
-            left = max(length - _MOST_READ, 0)
-        if file.tell() + left > size:
+    at = 12
+    for _ in range(_MOST_CHUNKS):
+        name, length = _chunk_at(file, at)
+        if not name or (name == b"data" and header.data_start):
             break
+        if name == b"data":
+            header.data_start = at + 8
+            header.data_size = length = _data_size(file, at + 8, length, header, size)
+        elif name in (b"fmt ", b"auxi", b"ds64"):
+            _read_chunk(name, file.read(min(length, _MOST_READ)), header, path)
         # A chunk of odd length is followed by a byte that it does not count.
-        file.seek(left + (length & 1), 1)
+        at += 8 + length + (length & 1)
+        if at > size:
+            break
     if header.data_start == 0 or header.channels == 0:
         raise FormatError(
             f"{path} has no {'samples' if header.channels else 'format'} in it",
             remedy="It was truncated in its header; record again",
         )
     return header
+
+
+def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
+    """Name and length of the chunk at a place; no name where there is none."""
+    file.seek(at)
+    head = file.read(8)
+    if len(head) < 8 or not all(0x20 <= letter < 0x7F for letter in head[:4]):
+        return b"", 0
+    return head[:4], struct.unpack("<I", head[4:])[0]
+
+
+def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
+    """Get the size of the samples: what the header says, if the file agrees.
+
+    Programs that know no RF64 let the size overflow at 4 GiB, and some write it at the start
+    only: after the samples the file must end, or other chunks must follow to its end. With no
+    such place the samples reach to the end of the file.
+    """
+    if length == _UNKNOWN_SIZE[1] and header.long_data_size is not None:
+        length = header.long_data_size
+    if length in _UNKNOWN_SIZE:
+        return size - first
+    if length > size - first:
+        return length
+    for end in range(first + length, size + 1, 1 << 32):
+        if _chunks_fill(file, end + (length & 1), size):
+            return end - first
+    return size - first
+
+
+def _chunks_fill(file: BinaryIO, at: int, size: int) -> bool:
+    """Whether chunks follow each other from a place to the end of the file."""
+    for _ in range(_MOST_CHUNKS):
+        if size - at < 8:
+            return at <= size + 1
+        name, length = _chunk_at(file, at)
+        if not name:
+            return False
+        at += 8 + length + (length & 1)
+    return False
 
 
 def _read_chunk(name: bytes, body: bytes, header: _Header, path: Path) -> None:

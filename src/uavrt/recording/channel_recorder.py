@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.clock import monotonic_s
+from uavrt.dsp.zero_runs import zero_runs
 from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock
 from uavrt.recording.channel_budget import ChannelBudget
@@ -392,15 +393,10 @@ def _runs(batches: list[_Batch]) -> list[list[_Batch]]:
 
 def _without_gaps(samples: NDArray[np.complex64], shortest: int) -> list[tuple[int, int]]:
     """Stretches between runs of at least `shortest` zeros, which stand for lost samples."""
-    zero = samples == 0
-    if not zero.any():
-        return [(0, len(samples))]
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], zero, [False])).astype(np.int8)))
     stretches, begin = [], 0
-    for low, high in edges.reshape(-1, 2).tolist():
-        if high - low >= shortest:
-            stretches.append((begin, low))
-            begin = high
+    for low, high in zero_runs(samples, shortest):
+        stretches.append((begin, low))
+        begin = high
     stretches.append((begin, len(samples)))
     return [(low, high) for low, high in stretches if high > low]
 

@@ -103,11 +103,13 @@ def test_a_break_of_phase_does_not_make_noise_stronger() -> None:
         assert np.quantile(broken, share) < np.quantile(whole, share) + 0.3
     assert not refiner.loses(5000.0)
     buffer.view(4600, 5400)[::7] = 0.0  # a recording of few bits
+    buffer.examine(5400)
     assert not refiner.loses(5000.0)
     buffer.view(5500, 5504)[:] = 0.0
+    buffer.examine(buffer.end)
     assert refiner.loses(5000.0)
-    buffer.blanked.append((5500, 5504))
-    assert not refiner.loses(5000.0)
+    buffer.view(9000, 9100)[:] = 0.0  # an impulse that was blanked since
+    assert not refiner.loses(9000.0)
 
 
 def test_of_a_thousand_strong_pulses_none_is_taken_for_an_impulse() -> None:

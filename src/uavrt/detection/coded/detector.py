@@ -199,7 +199,7 @@ class CodedDetector:
         """
         samples = np.ascontiguousarray(samples, np.complex64)
         if len(samples):
-            after = self._clean + self._cleaner.flank
+            after = self._clean + self._cleaner.margin
             outcome = self._intake.admit(samples, time_ns, after=after)
             if outcome in ("later", "earlier"):
                 if outcome == "later":

@@ -210,6 +210,11 @@ class Spectrogram:
         self._turns = np.zeros((0, 1), np.complex64)
         """How far each row of outputs is turned against the first."""
 
+    @property
+    def begun(self) -> int:
+        """Number of the next column."""
+        return (self.consumed - len(self.band)) * self.grid.decimation // self.grid.hop
+
     def needed(self) -> int:
         """Index of the first channel sample that the next call looks at; may be negative."""
         return self.consumed * self.grid.decimation - self.grid.reach

@@ -535,6 +535,26 @@ def level_together(
     """
     if not power.shape[2]:
         return
+    # Lost samples tell no level: it stays what it was.
+    unknown = []
+    for leveller, columns, level, good in zip(levellers, power, noise, whole, strict=True):
+        if good is None or good.all():
+            continue
+        usual = (level * leveller._now[leveller.band_of])[:, np.newaxis]
+        unknown.append((columns, ~good, columns[:, ~good] / usual))
+        columns[:, ~good] = usual
+    _level_together(levellers, power, noise, first, whole)
+    for columns, at, share in unknown:
+        columns[:, at] *= share
+
+
+def _level_together(
+    levellers: Sequence[Leveller],
+    power: NDArray[np.float32],
+    noise: Sequence[NDArray[np.float32]],
+    first: Sequence[int],
+    whole: Sequence[NDArray[np.bool_] | None],
+) -> None:
     if kernels() is not None and power.strides[2] == power.itemsize:
         for leveller, columns, level, at, good in zip(
             levellers, power, noise, first, whole, strict=True
@@ -546,13 +566,16 @@ def level_together(
         key = (leveller._past.shape[1], len(leveller.band_of))
         alike.setdefault(key, []).append(index)
     for some in alike.values():
+        piece = power if len(some) == len(power) else power[some]
         _level_alike(
             [levellers[i] for i in some],
-            power if len(some) == len(power) else power[some],
+            piece,
             np.stack([noise[i] for i in some]),
             [first[i] for i in some],
             [whole[i] for i in some],
         )
+        if piece is not power:
+            power[some] = piece
 
 
 def _level_alike(

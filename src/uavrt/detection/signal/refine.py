@@ -52,11 +52,13 @@ class Measured:
     """Noise power of one sample at its frequency."""
     contrast: float
     """Power over the mean power of the windows beside the pulse (1.5 to 3 widths away)."""
+    received: float = 1.0
+    """Share of its samples that were not lost; `power` is that of these."""
 
     @property
     def enr(self) -> float:
-        """Pulse energy over noise density, noise taken out, never below 0.1 (-10 dB)."""
-        return max(self.power - 1.0, 0.1)
+        """Energy of the whole pulse over noise density, without noise; at least 0.1."""
+        return max((self.power - 1.0) / self.received, 0.1)
 
 
 def timing_error_s(width_s: float, power: float) -> float:
@@ -224,27 +226,25 @@ class Refiner:
         away = (first + np.arange(places) - start) / spread
         likely = size**2 - 0.5 * window * level * away**2
         best = int(likely.argmax())
+        weight = self._weight(first + best)
         return Measured(
             start=float(first + best),
             offset_hz=offset_hz,
-            power=max(float(size[best]) ** 2 / (window * level) - _BROKEN, 0.0),
+            power=max(weight * float(size[best]) ** 2 / (window * level) - _BROKEN, 0.0),
             noise=level,
             contrast=math.inf,
+            received=1.0 / weight if weight else 1.0,
         )
 
     def loses(self, start: float) -> bool:
-        """Whether samples are being lost about a pulse: zeros side by side, by no impulse.
+        """Whether samples are being lost about a pulse."""
+        near = _LOSING_S * self._grid.sample_rate_hz
+        return self._buffer.loses(start - near, start + near)
 
-        Short losses come filled with zeros, as no hole. One alone may be a sample of few bits.
-        """
-        buffer, near = self._buffer, round(_LOSING_S * self._grid.sample_rate_hz)
-        first = max(math.floor(start) - near, buffer.start)
-        gone = buffer.view(first, min(math.ceil(start) + near, self.upto)) == 0.0
-        if not gone.any():
-            return False
-        for low, high in buffer.blanked:
-            gone[max(low - first, 0) : max(high - first, 0)] = False
-        return bool(np.any(gone[1:] & gone[:-1]))
+    def _weight(self, start: int) -> float:
+        """What to multiply the power of the window from an index on by; see `weights`."""
+        weights = self._buffer.weights(np.array([start]), self._window)
+        return 1.0 if weights is None else float(weights[0])
 
     def powers(
         self,
@@ -292,7 +292,12 @@ class Refiner:
         """Matched-filter power at frequencies around one, shape (pulses, turns, starts)."""
         sums = self._sums(first, length, offset_hz, turns)
         filtered = sums[..., self._window :] - sums[..., : -self._window]
-        return np.asarray(filtered.real**2 + filtered.imag**2)
+        power = np.asarray(filtered.real**2 + filtered.imag**2)
+        starts = first[:, np.newaxis] + np.arange(power.shape[2])
+        weights = self._buffer.weights(starts, self._window)
+        if weights is not None:
+            power *= weights[:, np.newaxis]
+        return power
 
     def _sums(
         self,
@@ -333,12 +338,14 @@ class Refiner:
                 break
         zero = complex(np.dot(x, np.exp(1j * radian * frequency * n)))
         level = max(self.noise_at(frequency, noise, start), 1e-30)
+        weight = self._weight(start)
         return Measured(
             start=float(start),
             offset_hz=frequency,
-            power=abs(zero) ** 2 / (window * level),
+            power=weight * abs(zero) ** 2 / (window * level),
             noise=level,
             contrast=math.inf,
+            received=1.0 / weight if weight else 1.0,
         )
 
     @contextmanager
@@ -377,9 +384,9 @@ class Refiner:
         n = np.arange(window)
         turn = np.exp((-2j * np.pi / self._grid.sample_rate_hz) * pulse.offset_hz * n)
         powers = [
-            abs(complex(np.dot(buffer.view(a, a + window), turn))) ** 2
+            weight * abs(complex(np.dot(buffer.view(a, a + window), turn))) ** 2
             for a in beside
-            if a >= buffer.start and a + window <= self.upto
+            if a >= buffer.start and a + window <= self.upto and (weight := self._weight(a))
         ]
         if not powers:
             return math.inf
@@ -428,7 +435,7 @@ class Refiner:
         quarter = window // 4
         energy = np.concatenate(([0.0], np.cumsum(x.real**2 + x.imag**2, dtype=np.float64)))
         burst = float((energy[quarter:] - energy[:-quarter]).max()) - quarter * floor
-        whole = float(energy[-1]) - window * floor
+        whole = float(energy[-1]) - pulse.received * window * floor
         # A pulse of 20 dB has a quarter of its energy there, and noise adds or takes.
         least = _BURST * math.sqrt(quarter) * floor + 0.5 * pulse.power * pulse.noise
         if burst > least and burst > _BURST_SHARE * whole:
@@ -456,17 +463,13 @@ class Refiner:
         half = window // 2
         size = 2 * window
         starts = [round(pulse.start) + shift for shift in (-half, 0, half)]
-        spectrum = np.fft.fft(
-            np.stack(
-                [
-                    buffer.view(a, a + window)
-                    for a in starts
-                    if a >= buffer.start and a + window <= self.upto
-                ]
-            ),
-            size,
-        )
-        power = (spectrum.real**2 + spectrum.imag**2).max(axis=0)
+        starts = [a for a in starts if a >= buffer.start and a + window <= self.upto]
+        spectrum = np.fft.fft(np.stack([buffer.view(a, a + window) for a in starts]), size)
+        powers = spectrum.real**2 + spectrum.imag**2
+        weights = buffer.weights(np.array(starts), window)
+        if weights is not None:
+            powers *= weights[:, np.newaxis]
+        power = powers.max(axis=0)
         at = int(power.argmax())
         rate = self._grid.sample_rate_hz
         offset = float(np.fft.fftfreq(size, 1.0 / rate)[at])

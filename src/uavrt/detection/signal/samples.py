@@ -1,21 +1,30 @@
 """Buffer of the recent samples of a channel, with times, gaps and impulses.
 
 Times are those of the blocks; what lies between two blocks' times and their sample counts is
-either a slow clock (followed) or lost samples (filled with zeros that count as no noise).
+either a slow clock (followed) or lost samples (filled with zeros). Whoever filled them in, runs
+of zeros are lost samples: they have no weight in any statistic.
 """
 
 import bisect
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.dsp.zero_runs import zero_runs
 from uavrt.native import kernels
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 BACKWARD_RESTART_BLOCKS = 3
 """So many stale blocks in a row mean that the clock was set back: start anew."""
+_SHORTEST_S = 0.0005
+_SHORTEST = 4
+"""Fewer zeros in a row may be samples of few bits."""
+LEAST_RECEIVED = 0.45
+"""A window of which less was received tells nothing."""
 
 
 @dataclass(slots=True)
@@ -69,7 +78,12 @@ class SampleBuffer:
         self._stamp_index: list[int] = []
         self._stamp_ns: list[int] = []
         self.holes: list[tuple[int, int]] = []
-        """Stretches of indices that are lost: zeros."""
+        """Stretches of indices that no block has filled yet: zeros."""
+        self.lost: list[tuple[int, int]] = []
+        """Stretches of indices up to `examined` whose samples are zeros: they never came."""
+        self.examined = 0
+        """Index up to which zeros were looked for."""
+        self._shortest = max(_SHORTEST, math.ceil(_SHORTEST_S * sample_rate_hz))
         self.blanked: list[tuple[int, int]] = []
         """Stretches of indices that were zeroed as impulses."""
 
@@ -178,10 +192,52 @@ class SampleBuffer:
         self._stamp_ns.clear()
         self.holes.clear()
         self.blanked.clear()
+        self.lost.clear()
+        self.examined = 0
 
-    def lost_between(self, first: int, last: int) -> int:
-        """How many samples of [first, last) are lost."""
-        return sum(max(0, min(last, b) - max(first, a)) for a, b in self.holes)
+    def examine(self, upto: int) -> None:
+        """Look for lost samples up to an index; before impulses are blanked there."""
+        first = max(self.examined, self.start)
+        for low, high in zero_runs(self.view(first, upto), self._shortest):
+            low, high = first + low, first + high
+            if self.lost and self.lost[-1][1] == low:
+                low = self.lost.pop()[0]
+            self.lost.append((low, high))
+        self.examined = max(upto, self.examined)
+
+    def silence(self, first: int, last: int) -> None:
+        """Set the lost samples of [first, last) to zero again."""
+        for low, high in self.lost:
+            if low < last and first < high:
+                self.view(max(low, first), min(high, last))[:] = 0.0
+
+    def loses(self, first: float, last: float) -> bool:
+        """Whether any sample of [first, last) is lost."""
+        return any(low < last and first < high for low, high in self.lost)
+
+    def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
+        """What to multiply the power of windows by so that noise has its mean in each.
+
+        Parameters
+        ----------
+        first : ndarray
+            Indices of their first samples.
+        window : int
+            Samples of each.
+
+        Returns
+        -------
+        ndarray of float64, or None
+            One over the share that was received; 0 where it is below `LEAST_RECEIVED`. None:
+            all samples of all windows were received.
+        """
+        if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
+            return None
+        share = np.ones(first.shape)
+        for begin, end in self.lost:
+            gone = np.minimum(first + window, end) - np.maximum(first, begin)
+            share -= np.maximum(gone, 0) / window
+        return np.where(share < LEAST_RECEIVED, 0.0, 1.0 / np.maximum(share, LEAST_RECEIVED))
 
     def _write(self, samples: NDArray[np.complex64]) -> None:
         count = len(samples)
@@ -213,6 +269,7 @@ class SampleBuffer:
         del self._stamp_index[:at], self._stamp_ns[:at]
         self.holes = [(a, b) for a, b in self.holes if b > self.start]
         self.blanked = [(a, b) for a, b in self.blanked if b > self.start]
+        self.lost = [(a, b) for a, b in self.lost if b > self.start]
 
 
 def blank_impulses(
@@ -266,8 +323,13 @@ def blank_impulses(
     low = np.clip(np.arange(len(power)) - half, 0, len(power))
     high = np.clip(low + short, 0, len(power))
     energy = (total[high] - total[low]) / np.maximum(high - low, 1)
-    before = np.concatenate((np.full(flank, floor), energy[:-flank]))
-    after = np.concatenate((energy[flank:], np.full(flank, floor)))
+    # Of what was received; what lies in lost samples may be a pulse's other part.
+    there = np.concatenate(([0], np.cumsum(power > 0.0)))
+    received = there[high] - there[low]
+    much = 2 * received > high - low
+    beside = np.where(much, energy * (high - low) / np.maximum(received, 1), np.inf)
+    before = np.concatenate((np.full(flank, floor), beside[:-flank]))
+    after = np.concatenate((beside[flank:], np.full(flank, floor)))
     burst = (energy > 12.0 * floor) & (energy > 4.0 * np.maximum(before, after))
     burst[:first] = False
     burst[last:] = False

@@ -63,7 +63,9 @@ class Cleaner:
         renew : bool
             Measure the floor again.
         """
+        buffer.examine(min(buffer.end, last + self.margin))
         self._cancel_lines(buffer, first, last)
+        buffer.silence(first, last)
         self._blank(buffer, first, last, renew=renew)
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:

@@ -1,6 +1,5 @@
 """Extend tracks through the samples, pulse by pulse."""
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -161,8 +160,8 @@ class Follower:
         start = self._buffer.index(self.epoch_ns + ns_from_s(time_s))
         if start + half + grid.window + 3 > upto:
             return False
-        begin, end = math.floor(start), math.ceil(start) + grid.window
-        if self._buffer.lost_between(begin, end) > grid.window // 2:
+        weights = self._buffer.weights(np.array([start]), grid.window)
+        if weights is not None and not weights[0]:
             track.skip()
             return True
         others = stronger_beside(track, self._tracks, sample_rate_hz=grid.sample_rate_hz)

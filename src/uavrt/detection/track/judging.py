@@ -130,7 +130,9 @@ class Judge:
                 # The limit on a cell lets noise choose among the rows of a strong pulse.
                 offset = strongest.offset_hz
         assert found is not None
-        return list(zip(np.flatnonzero(kept).tolist(), found, strict=True))
+        places = zip(np.flatnonzero(kept).tolist(), found, strict=True)
+        received = [(place, pulse) for place, pulse in places if pulse.power > 0.0]
+        return received or None
 
     def own_pulses(
         self,
@@ -181,8 +183,6 @@ class Judge:
                 continue
             own.append((place, pulse))
             pulse.contrast = self._refiner.contrast(pulse)
-            if pulse.contrast <= 0.0:
-                continue  # its samples are lost: nothing there, nothing beside it to compare
             local = pulse.power / pulse.contrast
             total += min(pulse.power / (local if local > 3.0 else 1.0), search.limit)
         least = search.threshold * gate(search.k)

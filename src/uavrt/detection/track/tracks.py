@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Literal
 
 from uavrt.detection.search import group_tail
-from uavrt.detection.signal import Measured, timing_error_s
+from uavrt.detection.signal import TRACK_BAND_HZ, Measured, timing_error_s
 from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_empty, log_odds
 from uavrt.messages import Tag
 
@@ -56,6 +56,12 @@ WEAKEST_SHARE = 0.35
 """Two strong pulses and the best noise at a third place make a group: this share unmasks it."""
 VOUCH = 2.0
 _FELLOW_SHARE = 0.2
+_HALF_EMPTY = (-2.5, 4.0)
+"""Log odds of pulses at every second place below the first, and at the others above the second:
+the tag has twice the interval, and what is between its pulses is noise."""
+_HALF_KEPT = 0.85
+_HALF_FALSE = 0.01
+"""To multiply the false pulses allowed by, at a place where the tag sends nothing."""
 _SURE_POWER = 12.0
 """Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
@@ -156,6 +162,8 @@ class Track:
     """The same transmitter at the tag's other rate, should it have switched (rivals.py)."""
     settled_s: float = -math.inf
     """The last pulse at which the rate is known not to have changed; a rival's beginning."""
+    halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    """Log odds that the tag sends at the even and at the odd places; fading."""
     certain_s: float = math.inf
     """Until when the rate is certain; a pulse after that waits for its label."""
 
@@ -177,10 +185,12 @@ class Track:
         self._know_little(pulses[0][3].power)
         floor = least_real([measured.power for *_, measured in pulses])
         first = next(place for place, _, _, measured in pulses if measured.power >= floor)
+        volume = self.volume(tag.interval_jitter_s + tag.pulse_width_s / 8.0, TRACK_BAND_HZ)
         for number, time_s, time_ns, measured in pulses:
             real = measured.power >= floor
             state: SlotState = "accepted" if real else "missed"
             self.slots.append(Slot(number, time_s, time_ns, measured, 1.0, state))
+            self._note_half(number, _against_noise(measured.power, volume))
             if number == first:
                 self.number, self.time_s = number, time_s
                 self.last_accepted_s = time_s
@@ -300,6 +310,7 @@ class Track:
         slot.number = self.number
         self.tested += 1
         slot.said = self._weighed(slot)
+        self._note_half(slot.number, slot.said)
         self.slots.append(slot)
         self._keep_slots(max(2 * self.tag.k, 6, 0 if self.confirmed else _MOST_TESTS))
         power = slot.measured.power
@@ -336,6 +347,7 @@ class Track:
         self.tested = self.since_accepted = 0
         self.gained, self.trust = 0.0, MOST_TRUST
         self.odds, self.stands_out = 0.0, False
+        self.halves = [0.0, 0.0]
         self.slots.clear()
         self.past_ns.clear()
         self.rivals.clear()
@@ -371,6 +383,7 @@ class Track:
             self.trust = min(self.trust, FIRST_TRUST + self.odds)
             for other in self.slots:
                 clear = other.said > 0.0 or other.number > self.number - tests
+                clear &= not self._sends_nothing(other)
                 if other.state == "open" and clear and other.measured.power > WEAKEST_POWER:
                     other.state = "accepted"
                     self.last_accepted_s = other.time_s
@@ -383,6 +396,17 @@ class Track:
                 self.since_accepted = -1
                 self._correct(slot.time_s, slot.measured.power)
                 self._correct_frequency(slot.measured)
+
+    def _note_half(self, number: int, said: float) -> None:
+        """Add what a place says to every second one that it belongs to."""
+        half = number % 2
+        said = max(-_TRUST_LOST, min(_TRUST_WON, said))
+        self.halves[half] = _HALF_KEPT * self.halves[half] + said
+
+    def _sends_nothing(self, slot: Slot) -> bool:
+        """Whether a place is one of every second, at which the tag sends nothing."""
+        own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
+        return own < _HALF_EMPTY[0] and other > _HALF_EMPTY[1]
 
     def against_bursts(self, slot: Slot) -> float:
         """Log odds that what is at the next expected place is no burst of something else."""
@@ -409,8 +433,7 @@ class Track:
 
     def _weighed(self, slot: Slot) -> float:
         """Log odds that what is at the expected place is neither noise nor a burst."""
-        slope, start = _SAID_BY_POWER
-        noise = slope * slot.measured.power + start - math.log(MORE_CELLS * slot.volume)
+        noise = _against_noise(slot.measured.power, slot.volume)
         empty = log_empty(slot.on_air, width_s=self.tag.pulse_width_s)
         slot.no_burst = self._odds(slot, self.time_s, self.variance[0])
         return max(empty, min(noise, slot.no_burst))
@@ -427,7 +450,9 @@ class Track:
         if slot.on_air.alike_per_s > 0.0 and slot.no_burst < 0.0 and k <= MOST_TOLD_BY_ONE:
             slot.state = "missed"
             return
-        single = narrow_threshold(1, _round(slot.volume), FOLLOW_FALSE / k)
+        empty = self._sends_nothing(slot)
+        false = FOLLOW_FALSE / k * (_HALF_FALSE if empty else 1.0)
+        single = narrow_threshold(1, _round(slot.volume), false)
         if slot.measured.power >= single:
             slot.state = "accepted"
             self.last_accepted_s = slot.time_s
@@ -440,6 +465,8 @@ class Track:
             others = [s.measured.power for s in recent if s is not weak]
             floor = _FELLOW_SHARE * min(40.0, max(others))
             if weak.state != "open" or own <= max(WEAKEST_POWER, floor):
+                continue
+            if self._sends_nothing(weak):
                 continue
             # Its fellows vouch for a weak pulse no further than to twice its own power:
             # between strong ones it is the noise in a null of the antenna.
@@ -506,6 +533,12 @@ def least_real(powers: list[float]) -> float:
 def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> float:
     """Cells of a window of time and frequency in which noise is independent."""
     return (1.0 + 5.0 * half_s / width_s) * (1.0 + 3.0 * half_band_hz * width_s)
+
+
+def _against_noise(power: float, volume: float) -> float:
+    """Log odds that the best of a window of so many cells is a pulse and not noise."""
+    slope, start = _SAID_BY_POWER
+    return slope * power + start - math.log(MORE_CELLS * volume)
 
 
 def _round(volume: float) -> float:

@@ -1,0 +1,76 @@
+"""A stream slower than real time is a slow source; a loss is a step."""
+
+import numpy as np
+import pytest
+
+from uavrt.messages import IQBlock
+from uavrt.radio.placing import Placer
+
+START_NS = 1_700_000_000_000_000_000
+RATE_HZ = 250_000.0
+WRITE_S = 0.02
+
+
+def placed(
+    speed: float,
+    *,
+    duration_s: float = 30.0,
+    jitter_s: float = 0.0005,
+    write_s: float = WRITE_S,
+    seed: int = 0,
+    fast_until_s: float = 0.0,
+) -> tuple[Placer, list[IQBlock]]:
+    """Place the blocks of a stream whose writer is steady, and slower than the samples."""
+    rng = np.random.default_rng(seed)
+    placer = Placer(RATE_HZ)
+    placer.begin(START_NS)
+    held, blocks, count = 0, [], round(write_s * RATE_HZ)
+    now_s = 0.0
+    for number in range(1, round(duration_s / write_s) + 1):
+        slow_s = max(number * write_s - fast_until_s, 0.0)
+        due_s = number * write_s - slow_s + slow_s / speed
+        now_s = max(now_s, due_s + rng.exponential(jitter_s))
+        held += count
+        placer.arrived(held, START_NS + round(now_s * 1e9))
+        while held and placer.settle() and held >= 0.08 * RATE_HZ:
+            block = placer.place(np.zeros(placer.to_give_first or held, np.complex64))
+            held -= len(block.samples)
+            blocks.append(block)
+    return placer, blocks
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.6, 0.8, 0.9])
+@pytest.mark.parametrize("jitter_s", [0.0003, 0.002])
+@pytest.mark.parametrize("write_s", [0.005, 0.02, 0.06])
+def test_a_steady_shortfall_loses_nothing_and_keeps_the_distance_of_samples(
+    speed: float, jitter_s: float, write_s: float
+) -> None:
+    placer, blocks = placed(speed, jitter_s=jitter_s, write_s=write_s, seed=3)
+    assert placer.lost == 0
+    first, last = blocks[0], blocks[-1]
+    true_s = (last.sample_index - first.sample_index) / RATE_HZ
+    assert (last.time_ns - first.time_ns) * 1e-9 == pytest.approx(true_s, abs=0.02)
+    assert "slower" in str(placer.unseen)
+
+
+@pytest.mark.parametrize("speed", [0.97, 0.95, 0.93])
+def test_a_small_shortfall_is_known_within_half_a_minute(speed: float) -> None:
+    placer, _ = placed(speed, duration_s=25.0)
+    before = placer.lost
+    placer, _ = placed(speed, duration_s=90.0)
+    assert placer.lost <= 1.1 * before
+    assert before <= 1.2 * (1.0 / speed - 1.0) * 22.0 * RATE_HZ
+    assert "slower" in str(placer.unseen)
+
+
+def test_a_source_that_becomes_slow_is_known_within_six_seconds() -> None:
+    placer, _ = placed(0.85, duration_s=19.0, fast_until_s=12.0)
+    assert "slower" in str(placer.unseen)
+    assert placer.lost <= (1.0 / 0.85 - 1.0) * 6.0 * RATE_HZ
+
+
+def test_a_steady_radio_is_no_slow_source() -> None:
+    for seed in range(3):
+        placer, _ = placed(1.0 - 50e-6, duration_s=60.0, jitter_s=0.002, seed=seed)
+        assert placer.lost == 0
+        assert placer.unseen is None
