@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from uavrt.guidance import AWAY_MARGIN, KEPT_AWAY
 from uavrt.planning import (
     DeterminantStop,
     HonestStop,
@@ -292,8 +291,7 @@ T10 = replace(
     contenders=(*_EASIER, *_others(*_HARD)),
 )
 _TOGETHER = tuple(
-    Contender(planner="mi_rate", stop=stop, drones=drones, corners=corners)
-    for stop in STOPS
+    Contender(planner="mi_rate", stop="ours", drones=drones, corners=corners)
     for drones, corners in ((1, False), (2, False), (3, False), (2, True), (3, True))
 )
 T2_DRONES = replace(
@@ -319,17 +317,13 @@ T5_DRONES = replace(
     north_m=1000.0,
     tags=4,
     start_m=(0.0, 0.0),
-    # As a real drone keeps away: see `uavrt.guidance.seeker`.
-    keep_away=KeepAway(radius_m=50.0, probability=KEPT_AWAY, margin=AWAY_MARGIN),
     limit_s=900,
     bars=(
         Bar(quantity="complete, share"),
         Bar(quantity=APART, least=1.0),
         Bar(quantity="inside the radius, share", most=0.01),
     ),
-    contenders=tuple(
-        replace(one, careful=True) for one in _TOGETHER if one.drones > 1 and one.stop == "ours"
-    ),
+    contenders=tuple(one for one in _TOGETHER if one.drones > 1),
 )
 SCENARIOS: dict[str, Scenario] = {
     one.name: one

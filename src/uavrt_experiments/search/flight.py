@@ -93,12 +93,9 @@ class Outcome:
         return float(np.mean(errors)) if errors else float("nan")
 
 
-def beliefs_of(
-    scenario: Scenario, contender: Contender, seed: int, particles: int, world: World
-) -> Beliefs:
-    """What is believed before the flight; the world is asked where each strength is told."""
+def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
+    """What is known of each tag before; the world gives the strengths that are known."""
     truth, known = scenario.truth, scenario.known
-    simple = contender.filter == "TrackerBots"
     prior = TagPrior(
         area=Area(west_m=0.0, east_m=scenario.east_m, south_m=0.0, north_m=scenario.north_m),
         level_db=at_100_m(truth.level_1m_db, truth.exponent),
@@ -119,36 +116,41 @@ def beliefs_of(
         chance_share=_share(known.chance_share, truth.chance_share),
         rival_share=known.rival_share,
         path_gain=GroundReflection(tag_height_m=truth.tag_height_m) if truth.two_ray else None,
-        hills=_map_of(scenario),
+        hills=map_of(scenario),
     )
-    if simple:
-        prior = replace(prior, missed_share=0.0, chance_share=1e-6)
     count = scenario.tags + scenario.absent
-    priors = [prior] * count
-    if known.each:
-        priors = [
-            replace(
-                prior,
-                level_db=at_100_m(float(level), world.exponent),
-                exponent=world.exponent,
-            )
-            for level in world.levels_1m_db
-        ] + priors[scenario.tags :]
+    if not known.each:
+        return [prior] * count
+    return [
+        replace(
+            prior, level_db=at_100_m(float(level), world.exponent), exponent=world.exponent
+        )
+        for level in world.levels_1m_db
+    ] + [prior] * scenario.absent
+
+
+def beliefs_of(
+    scenario: Scenario, contender: Contender, seed: int, particles: int, world: World
+) -> Beliefs:
+    """Return what is believed before the flight."""
+    priors = priors_of(scenario, world)
+    if contender.filter == "TrackerBots":
+        priors = [replace(one, missed_share=0.0, chance_share=1e-6) for one in priors]
     return Beliefs(
         *(
             TagBelief(
                 number + 1,
-                priors[number],
+                prior,
                 np.random.default_rng((seed, 2, number)),
                 particles=particles,
             )
-            for number in range(count)
+            for number, prior in enumerate(priors)
         )
     )
 
 
-def _map_of(scenario: Scenario) -> HillLosses | None:
-    """What the searcher knows of the ground."""
+def map_of(scenario: Scenario) -> HillLosses | None:
+    """Return what the searcher knows of the ground."""
     truth = scenario.truth
     if truth.ground is None or not scenario.known.map_of_heights:
         return None
