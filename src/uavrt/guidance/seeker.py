@@ -115,7 +115,7 @@ class Equipment:
     hills: HillLosses | None = None
     """The ground around home: it weakens pulses, and explains silence. None is level."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Strength and habits of tags that were studied before, by number; others are usual ones."""
+    """Strength and habits of tags that were studied before, by number; others are usual."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,7 +263,7 @@ class Seeker:
         turning = self._turn_s
         if self._manners.yaw_in_reposition:
             turning += TURN_STEP_S * self._limits.headings
-        return MiRate(rotation_s=turning, careful=True)
+        return MiRate(rotation_s=turning)
 
     @property
     def _turn_s(self) -> float:

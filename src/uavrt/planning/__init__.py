@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from uavrt.planning.shares import shared_out
     from uavrt.planning.situation import Candidate, Decision, Planner, Situation
     from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
-    from uavrt.planning.together import SearchTogether
     from uavrt.planning.vehicle import (
         FixedWing,
         Multirotor,
@@ -89,7 +88,6 @@ __all__ = [
     "Search",
     "SearchArea",
     "SearchSettings",
-    "SearchTogether",
     "Separation",
     "Shannon",
     "Situation",
@@ -157,7 +155,6 @@ __getattr__ = lazily(
         "Search": "search",
         "SearchArea": "area",
         "SearchSettings": "search",
-        "SearchTogether": "together",
         "Separation": "beside",
         "shared_out": "shares",
         "Start": "division",

@@ -208,6 +208,8 @@ T6 = replace(
     title="The same nine over hills of 200 m, of which there is a map; easier: flat",
     truth=replace(T5.truth, ground=Hills(seed=6)),
     known=replace(T5.known, map_of_heights=True),
+    # 60 m above the highest top: a search flies at one height above its take-off.
+    height_m=220.0,
     easier=T5,
     bars=(
         Bar(quantity="complete, share", least=1.0),

@@ -22,15 +22,22 @@ from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.seeker import Choice, Equipment, Seeker
 from uavrt.guidance.wishes import FlyThere, TurnInPlace, VehicleCommand, Wish
-from uavrt.localization import PATTERNS, TagPrior
+from uavrt.localization import TagPrior
 from uavrt.mavlink.vehicle_messages import command_message
-from uavrt.messages import Pulse, PulsePose, Pose, SearchReport, Tag
+from uavrt.messages import Pose, Pulse, PulsePose, SearchReport, Tag
 from uavrt.planning import VehicleState
 from uavrt.processes.thinker import Thinker
 from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
 from uavrt_experiments.search.bounds import LeastErrors
-from uavrt_experiments.search.flight import Judged, Outcome, map_of, priors_of, start_of
+from uavrt_experiments.search.flight import (
+    Judged,
+    Outcome,
+    map_of,
+    pattern_of,
+    priors_of,
+    start_of,
+)
 from uavrt_experiments.search.scenario import Contender, Scenario
 from uavrt_experiments.search.terrain import PLANE
 from uavrt_experiments.search.world import FREQUENCY_HZ, World
@@ -88,7 +95,9 @@ class Direct:
         self, flavour: Flavour, frame: Frame, limits: Limits, start: VehicleState
     ) -> None:
         plane = TangentPlane(
-            latitude_deg=PLANE.latitude_deg, longitude_deg=PLANE.longitude_deg, altitude_amsl_m=0.0
+            latitude_deg=PLANE.latitude_deg,
+            longitude_deg=PLANE.longitude_deg,
+            altitude_amsl_m=0.0,
         )
         self.vehicle = FlyingVehicle(
             flavour,
@@ -426,7 +435,7 @@ class FlightOfDrones:
             for tag_id in self.world.tag_ids
         )
         equipment = Equipment(
-            pattern=None if scenario.truth.antenna == "monopole" else PATTERNS[scenario.truth.antenna],
+            pattern=pattern_of(scenario.truth),
             hills=map_of(scenario),
             known=self._known(),
         )
@@ -486,10 +495,16 @@ class FlightOfDrones:
             nearest_m=self.nearest_m,
             too_near_s=self.too_near_s,
             decision_s=tuple(spent for one in self.drones for spent in one.decision_s),
-            path_m=tuple(place for path in self.paths for place in (*path, (np.nan, np.nan))),
+            path_m=self._ways_m(),
             ends_m=tuple((float(x), float(y)) for x, y in self.world.places_m),
             apart_m=self.apart_m,
         )
+
+    def _ways_m(self) -> tuple[tuple[float, float], ...]:
+        """Places of all drones, with a gap after each but the last."""
+        first, *others = self.paths
+        more = (place for path in others for place in ((np.nan, np.nan), *path))
+        return (*first, *more)
 
     def _done(self) -> bool:
         found = sum(self.world.exists(one.tag_id) for one in self.judged)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS, Listening, TagPrior
+from uavrt.localization import PATTERNS, AntennaPattern, Listening, TagPrior
 from uavrt.localization.position import Area
 from uavrt.planning import (
     Action,
@@ -15,7 +15,6 @@ from uavrt.planning import (
     Found,
     GroundReflection,
     Hold,
-    MiRate,
     Path,
     Planner,
     Polygon,
@@ -34,7 +33,7 @@ from uavrt.planning import (
 )
 from uavrt.terrain import HillLosses
 from uavrt_experiments.search.bounds import LeastErrors
-from uavrt_experiments.search.scenario import Contender, Scenario
+from uavrt_experiments.search.scenario import Contender, Scenario, Truth
 from uavrt_experiments.search.terrain import mapped
 from uavrt_experiments.search.world import FREQUENCY_HZ, Heard, World
 
@@ -104,7 +103,7 @@ def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
         exponent=truth.exponent,
         exponent_sigma=known.exponent_sigma,
         fading_db=known.sigma_db or truth.sigma_db,
-        pattern=None if truth.antenna == "monopole" else PATTERNS[truth.antenna],
+        pattern=pattern_of(truth),
         walking_m_per_root_s=(
             truth.walk_m_per_root_s
             if known.walk_m_per_root_s is None
@@ -122,9 +121,7 @@ def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
     if not known.each:
         return [prior] * count
     return [
-        replace(
-            prior, level_db=at_100_m(float(level), world.exponent), exponent=world.exponent
-        )
+        replace(prior, level_db=at_100_m(float(level), world.exponent), exponent=world.exponent)
         for level in world.levels_1m_db
     ] + [prior] * scenario.absent
 
@@ -164,6 +161,11 @@ def map_of(scenario: Scenario) -> HillLosses | None:
     )
 
 
+def pattern_of(truth: Truth) -> AntennaPattern | None:
+    """Return the antenna's pattern; None is an upright monopole."""
+    return None if truth.antenna == "monopole" else PATTERNS[truth.antenna]
+
+
 def _share(believed: float | None, true: float) -> float:
     """A searcher allows for a thousandth of what it does not expect at all."""
     return max(true if believed is None else believed, 1e-3)
@@ -194,8 +196,6 @@ def flown_case(scenario: Scenario, contender: Contender) -> Scenario:
 
 def planner_of(contender: Contender) -> Planner:
     """The planner by its name, or as a contender wants it."""
-    if contender.careful:
-        return MiRate(careful=True)
     if contender.planner == "shannon" and contender.turn_s > 0.0:
         return Shannon(rotation_s=contender.turn_s)
     return planner_named(contender.planner)
@@ -218,7 +218,6 @@ class _Flight:
             cycle_s=float(scenario.cycle_s),
             threshold_db=scenario.truth.threshold_db,
             tag_height_m=scenario.truth.tag_height_m,
-            follows_ground=scenario.known.map_of_heights,
         )
         beliefs = beliefs_of(scenario, contender, seed, particles, self.world)
         self.search = Search(
@@ -316,8 +315,6 @@ class _Flight:
     def _take(self, one: Heard) -> None:
         scenario, search, time_s = self.scenario, self.search, float(self.second)
         height = self.state.height_m - scenario.truth.tag_height_m
-        if scenario.known.map_of_heights:
-            height += self.world.rise_m(self.state)
         simple = self.contender.filter == "TrackerBots"
         if simple and one.level_db is None:
             return

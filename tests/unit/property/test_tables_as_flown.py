@@ -5,7 +5,6 @@ MotionDesk, Authority, the frames of the link and an autopilot that shows what P
 shows. ``UAVRT_PAIRS=30`` flies as many pairs as the promise names, ``-s`` shows the ratios.
 """
 
-import math
 import os
 
 import numpy as np
