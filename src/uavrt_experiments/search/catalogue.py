@@ -284,7 +284,6 @@ T10 = replace(
     name="T10",
     title="Half of the pulses missed, 5 % false ones, two interferers; easier: none of these",
     truth=replace(T2.truth, missed_share=0.5, chance_share=0.05, strangers=2),
-    known=Known(rival_share=0.1),
     easier=T2,
     bars=(
         Bar(quantity="complete, share", least=1.0),

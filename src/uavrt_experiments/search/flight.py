@@ -113,7 +113,6 @@ def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
         motion=known.motion,
         missed_share=_share(known.missed_share, truth.missed_share),
         chance_share=_share(known.chance_share, truth.chance_share),
-        rival_share=known.rival_share,
         path_gain=GroundReflection(tag_height_m=truth.tag_height_m) if truth.two_ray else None,
         hills=map_of(scenario),
     )

@@ -65,8 +65,6 @@ class Known:
     travelling_m_s: float = 0.0
     missed_share: float | None = None
     chance_share: float | None = None
-    rival_share: float = 0.0
-    """That an interferer is heard as one of the tags."""
     map_of_heights: bool = False
     """The searcher has a map of the ground, with a map's errors."""
 
