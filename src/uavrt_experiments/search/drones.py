@@ -550,7 +550,8 @@ class FlightOfDrones:
         self.too_near_s += int(near and number in self._clear)
 
     def _note_apart(self) -> None:
-        last = [np.linspace(*np.array(path[-2:]), len(_BETWEEN)) for path in self.paths]
+        ends = [np.array(path[-2:]) for path in self.paths]
+        last = [begin + _BETWEEN[:, None] * (end - begin) for begin, end in ends]
         for number, mine in enumerate(last):
             for other in last[:number]:
                 off = np.hypot(*(mine - other).T)
