@@ -59,7 +59,8 @@ def plan(
 def made_with() -> str:
     """Get what kept outcomes follow from besides their names: the code."""
     ours = digest(("search",), Path(uavrt_experiments.__file__).parent)
-    return f"code {digest(('guidance', 'simulation', 'terrain', *FOLDERS))} and {ours}"
+    theirs = digest(("ground", "guidance", "processes", "simulation", "terrain", *FOLDERS))
+    return f"code {theirs} and {ours}"
 
 
 def flown(run: Run) -> Outcome:

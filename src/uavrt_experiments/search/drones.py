@@ -23,6 +23,7 @@ from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.seeker import Choice, Equipment, Seeker
 from uavrt.guidance.wishes import FlyThere, TurnInPlace, VehicleCommand, Wish
 from uavrt.localization import TagPrior
+from uavrt.mavlink import dialect
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.messages import Pose, Pulse, PulsePose, SearchReport, Tag
 from uavrt.planning import VehicleState
@@ -144,7 +145,9 @@ class Direct:
         wish = None if self.pilot is None else self.pilot.next(self.now())
         if wish is not None:
             self._sent, self._turned_deg = self._sent + 1, 0.0
-            self.vehicle.command(command_message(_command_of(wish), 1))
+            command = command_message(_command_of(wish), 1)
+            assert isinstance(command, dialect.CommandInt | dialect.CommandLong)
+            self.vehicle.command(command)
 
     def confirm(self, order: Order) -> None:
         """See `Aircraft`."""

@@ -135,7 +135,7 @@ def test_two_find_all_sooner_than_one_and_stay_apart() -> None:
     """T2 in short, with four animals, flown as drones fly it."""
     short = replace(SCENARIOS["T2"], tags=4)
     one, two = (
-        FlightOfDrones(short, replace(ONE, stop="ours", drones=count, corners=True), 1).flown()
+        FlightOfDrones(short, replace(ONE, stop="ours", drones=count, corners=True), 2).flown()
         for count in (1, 2)
     )
     assert one.complete

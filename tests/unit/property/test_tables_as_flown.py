@@ -82,7 +82,8 @@ def test_a_table_is_flown_behind_the_link_in_its_time_and_with_its_error(name: s
         count *= ERRORS_OF_ONE
     if PAIRS < PROMISED:
         scenario = replace(scenario, tags=min(2, scenario.tags))
-    pairs = [flown_pair(scenario, 1_300_000 + number) for number in range(count)]
+    first = 700_000 if name == "T7" else 1_300_000  # as in the published tables
+    pairs = [flown_pair(scenario, first + number) for number in range(count)]
     assert all(one.complete for pair in pairs for one in pair)
     times = ratio([b.time_s for _, b in pairs], [a.time_s for a, _ in pairs])
     errors = ratio([b.mean_error_m for _, b in pairs], [a.mean_error_m for a, _ in pairs])
