@@ -82,7 +82,7 @@ Maker = Callable[[Flavour, Frame, Limits, VehicleState], Aircraft]
 
 
 class Direct:
-    """An aircraft whose autopilot obeys each wish at once; nobody takes over.
+    """An aircraft whose autopilot obeys each wish at once, without any takeover.
 
     Parameters
     ----------
