@@ -30,6 +30,7 @@ from uavrt.planning import VehicleState
 from uavrt.processes.thinker import Thinker
 from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
+from uavrt.units import ns_from_s, wrap_degrees_360
 from uavrt_experiments.search.bounds import LeastErrors
 from uavrt_experiments.search.flight import (
     Judged,
@@ -107,7 +108,7 @@ class Direct:
             north_m=start.north_m,
             east_m=start.east_m,
             height_m=start.height_m,
-            yaw_deg=start.yaw_deg % 360.0,
+            yaw_deg=wrap_degrees_360(start.yaw_deg),
         )
         self.vehicle.set_mode(MODES[flavour]["hold"])
         self.pilot: Pilot | None = None
@@ -272,7 +273,7 @@ class Drone:
     @property
     def time_ns(self) -> int:
         """Its clock."""
-        return round(self.aircraft.time_s * 1e9)
+        return ns_from_s(self.aircraft.time_s)
 
     def begin(self) -> None:
         """Give the order, and confirm it."""
