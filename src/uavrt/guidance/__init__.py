@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from uavrt.guidance.plans import plan_of, survey_places
     from uavrt.guidance.reports import now_of, wish_of, wish_record, with_place
     from uavrt.guidance.seeker import (
-        AWAY_MARGIN,
-        KEPT_AWAY,
         TAG_HEIGHT_M,
         Choice,
         Equipment,
@@ -57,9 +55,7 @@ if TYPE_CHECKING:
     from uavrt.guidance.wishes import FlyThere, GoHome, VehicleCommand, Wish
 
 __all__ = [
-    "AWAY_MARGIN",
     "HOME_MOVED_M",
-    "KEPT_AWAY",
     "MANNERS",
     "NOT_CHECKED",
     "NOT_CHECKED_ABOARD",
@@ -149,8 +145,6 @@ __getattr__ = lazily(
         "PositionLost": "observed",
         "PositionSeen": "observed",
         "Seeker": "seeker",
-        "AWAY_MARGIN": "seeker",
-        "KEPT_AWAY": "seeker",
         "TAG_HEIGHT_M": "seeker",
         "Standing": "authority",
         "SticksSeen": "observed",

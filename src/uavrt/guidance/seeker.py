@@ -4,8 +4,8 @@ Between what the drone hears and `uavrt.planning`, which thinks, and between tha
 that `uavrt.guidance.pilot` flies.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import atan2, cos, degrees, hypot, pi, sin
 from typing import Literal
 
@@ -114,6 +114,8 @@ class Equipment:
     seed: int = 1
     hills: HillLosses | None = None
     """The ground around home: it weakens pulses, and explains silence. None is level."""
+    known: Mapping[int, TagPrior] = field(default_factory=dict)
+    """Strength and habits of tags that were studied before, by number; others are usual."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,12 +240,15 @@ class Seeker:
             hills = hills.at(float(np.median([tag.frequency_hz for tag in self.tags])))
             hills = hills.in_plane(self._plane)
             hills.cover([box.west_m, box.east_m], [box.south_m, box.north_m])
-        prior = TagPrior(area=box, pattern=self._equipment.pattern, hills=hills)
+        pattern, known = self._equipment.pattern, self._equipment.known
+        usual = TagPrior(area=box)
         return Beliefs(
             *(
                 TagBelief(
                     tag.tag_id,
-                    prior,
+                    replace(
+                        known.get(tag.tag_id, usual), area=box, pattern=pattern, hills=hills
+                    ),
                     np.random.default_rng((self._equipment.seed, 2, tag.tag_id)),
                     particles=PARTICLES if few else FEWER_PARTICLES,
                 )
@@ -258,7 +263,7 @@ class Seeker:
         turning = self._turn_s
         if self._manners.yaw_in_reposition:
             turning += TURN_STEP_S * self._limits.headings
-        return MiRate(rotation_s=turning, careful=True)
+        return MiRate(rotation_s=turning)
 
     @property
     def _turn_s(self) -> float:

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from uavrt.planning.actions import Action, FlyTo, Hold, Leg, Return, Rotate
     from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
     from uavrt.planning.beliefs import Beliefs, ModelCheck, TagBelief
-    from uavrt.planning.beside import Beside, Separation, Strip, places_at
+    from uavrt.planning.beside import Beside, Separation, Strip
     from uavrt.planning.coverage import (
         Absence,
         Coverage,
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from uavrt.planning.shares import shared_out
     from uavrt.planning.situation import Candidate, Decision, Planner, Situation
     from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
-    from uavrt.planning.together import SearchTogether
     from uavrt.planning.vehicle import (
         FixedWing,
         Multirotor,
@@ -89,7 +88,6 @@ __all__ = [
     "Search",
     "SearchArea",
     "SearchSettings",
-    "SearchTogether",
     "Separation",
     "Shannon",
     "Situation",
@@ -107,7 +105,6 @@ __all__ = [
     "flown",
     "headwind",
     "listening_way",
-    "places_at",
     "planner_named",
     "reachable",
     "shared_out",
@@ -157,7 +154,6 @@ __getattr__ = lazily(
         "Search": "search",
         "SearchArea": "area",
         "SearchSettings": "search",
-        "SearchTogether": "together",
         "Separation": "beside",
         "shared_out": "shares",
         "Start": "division",
@@ -173,7 +169,6 @@ __getattr__ = lazily(
         "at_100_m": "level",
         "flown": "vehicle",
         "headwind": "vehicle",
-        "places_at": "beside",
         "planner_named": "planners",
         "reachable": "vehicle",
         "survey_lines": "area",

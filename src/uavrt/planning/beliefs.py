@@ -30,6 +30,8 @@ _FADES = 0.95
 _GROSS = 4.0
 _RIVAL_SIGMA_DB = 12.0
 _RIVAL_PARTICLES = 2000
+_RIVAL_SHARE = 0.1
+"""Probability, before the flight, that something that stays where it is is heard as a tag."""
 _SURE_NATS = 7.0
 _MOST_NATS = 25.0
 """Evidence that a tag is there counts no more: a tag that falls silent is to be doubted."""
@@ -98,15 +100,14 @@ class Rival:
         self._missed = prior.missed_share
         self._chance = prior.chance_share
         self.tracker = ParticleTracker(own, rng, particles=_RIVAL_PARTICLES)
-        share = prior.rival_share
+        share = _RIVAL_SHARE
         self._log_odds = self._least = float(np.log(share / (1.0 - share)))
         self._density = 0.0
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Rival | None":
         """For a tag that may have one: another is heard only when the tag itself is missed."""
-        possible = prior.rival_share > 0.0 and prior.missed_share > 0.0
-        return cls(prior, rng) if possible else None
+        return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
     def probability(self) -> float:

@@ -1,9 +1,7 @@
-"""Other drones of the same search: what they are about to do, and how far apart all stay.
+"""Other drones of the same search: the ways they fly, and how far apart all stay.
 
-Each drone announces the way that it flies until some time after its next decision; should
-there be none it stays at that way's end. A way is only announced if it keeps the distance from
-all that are announced then, each flown to its end. So the way that a drone has announced may
-always be flown on, whatever the others decide meanwhile.
+A drone owns the whole straight way from where it was last seen to its goal, whenever it flies
+it. A way is only flown if it keeps the distance from all that others own.
 """
 
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
-from uavrt.planning.vehicle import Legs, Path, Vehicle, VehicleState, Wind
+from uavrt.planning.vehicle import Legs, Path
 
 _Floats = NDArray[np.float64]
 _Place = tuple[float | _Floats, float | _Floats]
@@ -20,8 +18,6 @@ Strip = tuple[tuple[float, float], tuple[float, float]]
 """East and north of a straight way's begin and end [m]."""
 _STEP_S = 1.0
 _SAMPLES = 8
-AHEAD = 1.6
-"""Cycles for which a way is announced."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,36 +52,12 @@ class Beside:
     """The other drones, as one of them is told of them before it decides."""
 
     separation: Separation
-    announced: tuple[Path, ...] = ()
-    """Ways of all others, each from its first instant on."""
     listening: tuple[Path, ...] = ()
-    """Of those of them that are heard of: they will hear what is heard there."""
+    """Ways of those that report: they will hear what is heard there."""
     left: frozenset[int] = frozenset()
     """Tags that are left to the others."""
     strips: tuple[Strip, ...] = ()
-    """Straight ways that are others' at all times: where no clock tells when they are flown."""
-
-    def nearest_m(
-        self,
-        vehicle: Vehicle,
-        state: VehicleState,
-        east_m: _Floats,
-        north_m: _Floats,
-        wind: Wind,
-        cycle_s: float,
-    ) -> _Floats:
-        """(ways,) least distance from any other, if each stays where it has announced to.
-
-        From strips it is kept to the ways' ends, whenever they are flown.
-        """
-        apart = self.strips_apart_m((state.east_m, state.north_m), east_m, north_m)
-        if not self.announced:
-            return apart
-        time = _grid(state.time_s, AHEAD * cycle_s)
-        times = np.broadcast_to(time, (len(east_m), len(time)))
-        legs = vehicle.along(state, east_m, north_m, wind, times)
-        timed = self._nearest_m(state.time_s + time, legs.east_m, legs.north_m)
-        return np.minimum(apart, timed)
+    """Straight ways that belong to others at all times: no clock is shared with them."""
 
     def strips_apart_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
@@ -96,25 +68,6 @@ class Beside:
             least = np.minimum(least, _apart_m(start_m, east_m, north_m, one))
         return least
 
-    def path_nearest_m(self, path: Path) -> float:
-        """The same of a path that is to be announced."""
-        start_s = float(path.time_s[0])
-        time = start_s + _grid(start_s, float(path.time_s[-1]) - start_s)
-        east, north = places_at(path, time)
-        return float(self._nearest_m(time, east[None], north[None])[0])
-
-    def _nearest_m(self, time_s: _Floats, east_m: _Floats, north_m: _Floats) -> _Floats:
-        least = np.full(len(east_m), np.inf)
-        for path in self.announced:
-            # Until both stand.
-            more = _grid(0.0, float(path.time_s[-1] - time_s[-1]))[1:]
-            time = np.append(time_s, time_s[-1] + more)
-            mine = (np.pad(one, ((0, 0), (0, len(more))), "edge") for one in (east_m, north_m))
-            theirs = places_at(path, time)
-            x, y = (own - other for own, other in zip(mine, theirs, strict=True))
-            least = np.minimum(least, _least(x, y))
-        return least
-
     def legs(self, time_s: float) -> Legs | None:
         """What is left of the ways of those that listen, sampled; None where none does."""
         if not self.listening:
@@ -123,7 +76,8 @@ class Beside:
         left = np.array([max(_STEP_S, one.time_s[-1] - time_s) for one in self.listening])
         times = left[:, None] * shares
         places = [
-            places_at(one, time_s + row) for one, row in zip(self.listening, times, strict=True)
+            _places_at(one, time_s + row)
+            for one, row in zip(self.listening, times, strict=True)
         ]
         yaw = [
             np.interp(time_s + row, one.time_s, np.unwrap(one.yaw_deg, period=360.0))
@@ -177,28 +131,9 @@ def _side(begin: _Place, end: _Place, place: _Place) -> _Floats:
     )
 
 
-def places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
+def _places_at(path: Path, time_s: _Floats) -> tuple[_Floats, _Floats]:
     """East and north on a path, at its end afterwards."""
     return (
         np.interp(time_s, path.time_s, path.east_m),
         np.interp(time_s, path.time_s, path.north_m),
     )
-
-
-def _grid(start_s: float, span_s: float) -> _Floats:
-    """Instants from now, to at least the span's end.
-
-    They fall on whole steps of the clock, so that all ways bend at the same instants.
-    """
-    whole = np.ceil(start_s / _STEP_S + 1e-9) * _STEP_S - start_s
-    count = max(1, int(np.ceil(max(0.0, span_s - whole) / _STEP_S - 1e-9)) + 1)
-    return np.append(0.0, whole + _STEP_S * np.arange(count))
-
-
-def _least(x: _Floats, y: _Floats) -> _Floats:
-    """(ways,) least distance of (ways, instants) places from the origin, and between them."""
-    dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
-    speed2 = np.maximum(dx * dx + dy * dy, 1e-12)
-    share = np.clip(-(x[:, :-1] * dx + y[:, :-1] * dy) / speed2, 0.0, 1.0)
-    off = np.hypot(x[:, :-1] + share * dx, y[:, :-1] + share * dy)
-    return np.asarray(off.min(axis=1))

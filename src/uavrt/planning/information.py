@@ -35,8 +35,6 @@ class Listener:
     above_tags_m: float
     pulse_s: float
     threshold_db: float
-    follows_ground: bool = False
-    """Else the height is that above tags at the take-off."""
 
 
 def expected_levels_db(
@@ -91,8 +89,6 @@ def _over_ground(
         return listener.above_tags_m, 0.0
     hills = prior.hills.rough()
     up = np.full(east.shape, listener.above_tags_m)
-    if listener.follows_ground:
-        up += hills.rise_m(east, north)
     seen = hills.seen_from(east.ravel(), north.ravel(), up.ravel() + hills.tag_m)
     tag_east, tag_north = east + dx, north + dy
     lost = seen.between(seen.which.reshape(east.shape), tag_east, tag_north)

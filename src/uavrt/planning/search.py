@@ -49,8 +49,6 @@ class SearchSettings:
     pulse_s: float = 1.0
     threshold_db: float = 10.0
     tag_height_m: float = 0.0
-    follows_ground: bool = False
-    """Heights are kept above the ground beneath the drone, else above that at the take-off."""
 
 
 class Search:
@@ -63,8 +61,6 @@ class Search:
     planner : Planner
     rng : Generator
         Randomness of the planner.
-    found : dict, optional
-        That of a search of several drones, which all share.
     """
 
     def __init__(
@@ -73,12 +69,10 @@ class Search:
         beliefs: Beliefs,
         planner: Planner,
         rng: Generator,
-        *,
-        found: dict[int, Found] | None = None,
     ) -> None:
         self.settings, self.beliefs = settings, beliefs
         self._planner, self._rng = planner, rng
-        self.found: dict[int, Found] = {} if found is None else found
+        self.found: dict[int, Found] = {}
         self.decisions: list[tuple[float, Decision]] = []
         self._fall = CommonFall()
 
@@ -197,7 +191,6 @@ class Search:
             pulse_s=settings.pulse_s,
             threshold_db=settings.threshold_db,
             tag_height_m=settings.tag_height_m,
-            follows_ground=settings.follows_ground,
             beside=beside,
         )
 

@@ -38,8 +38,6 @@ class Situation:
     """SNR from which a pulse is heard."""
     tag_height_m: float = 0.0
     """Above ground."""
-    follows_ground: bool = False
-    """Heights are kept above the ground beneath the drone, else above that at the take-off."""
     beside: Beside | None = None
     """Other drones of the same search."""
 
@@ -61,7 +59,6 @@ class Situation:
             above_tags_m=self.above_tags_m,
             pulse_s=self.pulse_s,
             threshold_db=self.threshold_db,
-            follows_ground=self.follows_ground,
         )
 
 

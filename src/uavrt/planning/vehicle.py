@@ -27,7 +27,7 @@ class VehicleState:
     east_m: float
     north_m: float
     height_m: float
-    """Above the ground beneath it."""
+    """Above the take-off."""
     yaw_deg: float = 0.0
     """Of the nose, clockwise from true north; the antenna looks ahead."""
 
@@ -55,22 +55,6 @@ class Path:
     north_m: _Floats
     height_m: _Floats
     yaw_deg: _Floats
-
-    @property
-    def duration_s(self) -> float:
-        """From the first instant to the last one."""
-        return float(self.time_s[-1] - self.time_s[0])
-
-    def until(self, time_s: float) -> "Path":
-        """The part up to a time."""
-        last = max(1, int(np.searchsorted(self.time_s, time_s + 1e-6)))
-        return Path(
-            time_s=self.time_s[:last],
-            east_m=self.east_m[:last],
-            north_m=self.north_m[:last],
-            height_m=self.height_m[:last],
-            yaw_deg=self.yaw_deg[:last],
-        )
 
     def state(self, number: int) -> VehicleState:
         """Where the drone is at the instant of this number."""

@@ -7,6 +7,8 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt_experiments.search.campaign import FOLDERS, fly_all, made_with, plan, so_far
     from uavrt_experiments.search.catalogue import SCENARIOS
+    from uavrt_experiments.search.drones import FlightOfDrones
+    from uavrt_experiments.search.flight import Outcome
     from uavrt_experiments.search.page import page_section, put_section
     from uavrt_experiments.search.pictures import draw
     from uavrt_experiments.search.processes import (
@@ -28,8 +30,10 @@ __all__ = [
     "PROCESSES",
     "PROCESS_FOLDERS",
     "SCENARIOS",
+    "FlightOfDrones",
     "Flown",
     "Hills",
+    "Outcome",
     "RealFlight",
     "draw",
     "elevation_of",
@@ -52,8 +56,10 @@ __getattr__ = lazily(
     __name__,
     {
         "FOLDERS": "campaign",
+        "FlightOfDrones": "drones",
         "Flown": "table",
         "Hills": "terrain",
+        "Outcome": "flight",
         "PLANE": "terrain",
         "PROCESSES": "processes",
         "PROCESS_FOLDERS": "processes",

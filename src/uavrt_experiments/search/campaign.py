@@ -16,9 +16,9 @@ from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.measured import digest
 from uavrt_experiments.search.bounds import least_time_s
 from uavrt_experiments.search.catalogue import SCENARIOS
-from uavrt_experiments.search.flight import Outcome, flown_case, fly, start_of
+from uavrt_experiments.search.drones import FlightOfDrones, starts_of
+from uavrt_experiments.search.flight import Outcome, flown_case, fly
 from uavrt_experiments.search.scenario import PUBLISHED, THAN_PUBLISHED, Contender
-from uavrt_experiments.search.several import FlightOfSeveral, starts_of
 from uavrt_experiments.search.table import Flown
 
 FOLDERS = ("localization", "planning")
@@ -59,19 +59,20 @@ def plan(
 def made_with() -> str:
     """Get what kept outcomes follow from besides their names: the code."""
     ours = digest(("search",), Path(uavrt_experiments.__file__).parent)
-    return f"code {digest(('guidance', 'simulation', 'terrain', *FOLDERS))} and {ours}"
+    theirs = digest(("ground", "guidance", "processes", "simulation", "terrain", *FOLDERS))
+    return f"code {theirs} and {ours}"
 
 
 def flown(run: Run) -> Outcome:
     """Fly a run and bound its time; called in whatever process."""
     scenario, who = SCENARIOS[run.scenario], run.contender
-    if who.drones > 1:
-        outcome = FlightOfSeveral(scenario, who, run.seed, run.particles).flown()
+    case = flown_case(scenario, who)
+    if who.as_drones:
+        outcome = FlightOfDrones(case, who, run.seed).flown()
     else:
         outcome = fly(scenario, who, run.seed, particles=run.particles)
-    case = flown_case(scenario, who)
     stop = case.paper_stop if who.stop == "paper" else case.our_stop
-    starts = [start_of(case)] if who.drones == 1 else list(starts_of(case, who).values())
+    starts = list(starts_of(case, who).values())
     return replace(outcome, least_time_s=least_time_s(case, stop, run.seed, starts))
 
 

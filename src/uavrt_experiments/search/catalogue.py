@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from uavrt.guidance import AWAY_MARGIN, KEPT_AWAY
 from uavrt.planning import (
     DeterminantStop,
     HonestStop,
@@ -209,6 +208,8 @@ T6 = replace(
     title="The same nine over hills of 200 m, of which there is a map; easier: flat",
     truth=replace(T5.truth, ground=Hills(seed=6)),
     known=replace(T5.known, map_of_heights=True),
+    # 60 m above the highest top: a search flies at one height above its take-off.
+    height_m=220.0,
     easier=T5,
     bars=(
         Bar(quantity="complete, share", least=1.0),
@@ -283,7 +284,6 @@ T10 = replace(
     name="T10",
     title="Half of the pulses missed, 5 % false ones, two interferers; easier: none of these",
     truth=replace(T2.truth, missed_share=0.5, chance_share=0.05, strangers=2),
-    known=Known(rival_share=0.1),
     easier=T2,
     bars=(
         Bar(quantity="complete, share", least=1.0),
@@ -292,8 +292,7 @@ T10 = replace(
     contenders=(*_EASIER, *_others(*_HARD)),
 )
 _TOGETHER = tuple(
-    Contender(planner="mi_rate", stop=stop, drones=drones, corners=corners)
-    for stop in STOPS
+    Contender(planner="mi_rate", stop="ours", drones=drones, corners=corners)
     for drones, corners in ((1, False), (2, False), (3, False), (2, True), (3, True))
 )
 T2_DRONES = replace(
@@ -319,17 +318,13 @@ T5_DRONES = replace(
     north_m=1000.0,
     tags=4,
     start_m=(0.0, 0.0),
-    # As a real drone keeps away: see `uavrt.guidance.seeker`.
-    keep_away=KeepAway(radius_m=50.0, probability=KEPT_AWAY, margin=AWAY_MARGIN),
     limit_s=900,
     bars=(
         Bar(quantity="complete, share"),
         Bar(quantity=APART, least=1.0),
         Bar(quantity="inside the radius, share", most=0.01),
     ),
-    contenders=tuple(
-        replace(one, careful=True) for one in _TOGETHER if one.drones > 1 and one.stop == "ours"
-    ),
+    contenders=tuple(one for one in _TOGETHER if one.drones > 1),
 )
 SCENARIOS: dict[str, Scenario] = {
     one.name: one

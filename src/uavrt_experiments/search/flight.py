@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS, Listening, TagPrior
+from uavrt.localization import PATTERNS, AntennaPattern, Listening, TagPrior
 from uavrt.localization.position import Area
 from uavrt.planning import (
     Action,
@@ -15,7 +15,6 @@ from uavrt.planning import (
     Found,
     GroundReflection,
     Hold,
-    MiRate,
     Path,
     Planner,
     Polygon,
@@ -34,7 +33,7 @@ from uavrt.planning import (
 )
 from uavrt.terrain import HillLosses
 from uavrt_experiments.search.bounds import LeastErrors
-from uavrt_experiments.search.scenario import Contender, Scenario
+from uavrt_experiments.search.scenario import Contender, Scenario, Truth
 from uavrt_experiments.search.terrain import mapped
 from uavrt_experiments.search.world import FREQUENCY_HZ, Heard, World
 
@@ -93,12 +92,9 @@ class Outcome:
         return float(np.mean(errors)) if errors else float("nan")
 
 
-def beliefs_of(
-    scenario: Scenario, contender: Contender, seed: int, particles: int, world: World
-) -> Beliefs:
-    """What is believed before the flight; the world is asked where each strength is told."""
+def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
+    """What is known of each tag before; the world gives the strengths that are known."""
     truth, known = scenario.truth, scenario.known
-    simple = contender.filter == "TrackerBots"
     prior = TagPrior(
         area=Area(west_m=0.0, east_m=scenario.east_m, south_m=0.0, north_m=scenario.north_m),
         level_db=at_100_m(truth.level_1m_db, truth.exponent),
@@ -107,7 +103,7 @@ def beliefs_of(
         exponent=truth.exponent,
         exponent_sigma=known.exponent_sigma,
         fading_db=known.sigma_db or truth.sigma_db,
-        pattern=None if truth.antenna == "monopole" else PATTERNS[truth.antenna],
+        pattern=pattern_of(truth),
         walking_m_per_root_s=(
             truth.walk_m_per_root_s
             if known.walk_m_per_root_s is None
@@ -117,38 +113,40 @@ def beliefs_of(
         motion=known.motion,
         missed_share=_share(known.missed_share, truth.missed_share),
         chance_share=_share(known.chance_share, truth.chance_share),
-        rival_share=known.rival_share,
         path_gain=GroundReflection(tag_height_m=truth.tag_height_m) if truth.two_ray else None,
-        hills=_map_of(scenario),
+        hills=map_of(scenario),
     )
-    if simple:
-        prior = replace(prior, missed_share=0.0, chance_share=1e-6)
     count = scenario.tags + scenario.absent
-    priors = [prior] * count
-    if known.each:
-        priors = [
-            replace(
-                prior,
-                level_db=at_100_m(float(level), world.exponent),
-                exponent=world.exponent,
-            )
-            for level in world.levels_1m_db
-        ] + priors[scenario.tags :]
+    if not known.each:
+        return [prior] * count
+    return [
+        replace(prior, level_db=at_100_m(float(level), world.exponent), exponent=world.exponent)
+        for level in world.levels_1m_db
+    ] + [prior] * scenario.absent
+
+
+def beliefs_of(
+    scenario: Scenario, contender: Contender, seed: int, particles: int, world: World
+) -> Beliefs:
+    """Return what is believed before the flight."""
+    priors = priors_of(scenario, world)
+    if contender.filter == "TrackerBots":
+        priors = [replace(one, missed_share=0.0, chance_share=1e-6) for one in priors]
     return Beliefs(
         *(
             TagBelief(
                 number + 1,
-                priors[number],
+                prior,
                 np.random.default_rng((seed, 2, number)),
                 particles=particles,
             )
-            for number in range(count)
+            for number, prior in enumerate(priors)
         )
     )
 
 
-def _map_of(scenario: Scenario) -> HillLosses | None:
-    """What the searcher knows of the ground."""
+def map_of(scenario: Scenario) -> HillLosses | None:
+    """Return what the searcher knows of the ground."""
     truth = scenario.truth
     if truth.ground is None or not scenario.known.map_of_heights:
         return None
@@ -160,6 +158,11 @@ def _map_of(scenario: Scenario) -> HillLosses | None:
         tag_m=truth.tag_height_m,
         frequency_hz=FREQUENCY_HZ,
     )
+
+
+def pattern_of(truth: Truth) -> AntennaPattern | None:
+    """Return the antenna's pattern; None is an upright monopole."""
+    return None if truth.antenna == "monopole" else PATTERNS[truth.antenna]
 
 
 def _share(believed: float | None, true: float) -> float:
@@ -192,8 +195,6 @@ def flown_case(scenario: Scenario, contender: Contender) -> Scenario:
 
 def planner_of(contender: Contender) -> Planner:
     """The planner by its name, or as a contender wants it."""
-    if contender.careful:
-        return MiRate(careful=True)
     if contender.planner == "shannon" and contender.turn_s > 0.0:
         return Shannon(rotation_s=contender.turn_s)
     return planner_named(contender.planner)
@@ -216,7 +217,6 @@ class _Flight:
             cycle_s=float(scenario.cycle_s),
             threshold_db=scenario.truth.threshold_db,
             tag_height_m=scenario.truth.tag_height_m,
-            follows_ground=scenario.known.map_of_heights,
         )
         beliefs = beliefs_of(scenario, contender, seed, particles, self.world)
         self.search = Search(
@@ -314,8 +314,6 @@ class _Flight:
     def _take(self, one: Heard) -> None:
         scenario, search, time_s = self.scenario, self.search, float(self.second)
         height = self.state.height_m - scenario.truth.tag_height_m
-        if scenario.known.map_of_heights:
-            height += self.world.rise_m(self.state)
         simple = self.contender.filter == "TrackerBots"
         if simple and one.level_db is None:
             return

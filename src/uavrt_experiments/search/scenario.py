@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.planning import KeepAway, StopRule, Vehicle
+from uavrt.planning import HonestStop, KeepAway, Multirotor, StopRule
 
 _Floats = NDArray[np.float64]
 Ground = Callable[[_Floats, _Floats], _Floats]
@@ -65,8 +65,6 @@ class Known:
     travelling_m_s: float = 0.0
     missed_share: float | None = None
     chance_share: float | None = None
-    rival_share: float = 0.0
-    """That an interferer is heard as one of the tags."""
     map_of_heights: bool = False
     """The searcher has a map of the ground, with a map's errors."""
 
@@ -86,18 +84,20 @@ class Contender:
     drones: int = 1
     corners: bool = False
     """Several drones start at several corners of the area, else all at one."""
-    careful: bool = False
-    """Ours as a drone flies it that must not disturb any animal."""
+
+    @property
+    def as_drones(self) -> bool:
+        """Whether drones fly it with all that is theirs: our planner with our stop rule."""
+        return self.planner == "mi_rate" and self.stop == "ours"
 
     def __str__(self) -> str:
         own = "" if self.filter == "ours" else ", authors' filter"
         stop = ", our stop" if self.stop == "ours" else ""
         turning = f", turns of {self.turn_s:g} s" if self.turn_s else ""
-        careful = ", careful" if self.careful else ""
         several = "" if self.drones == 1 else f", {self.drones} drones"
         several += " from corners" if self.corners else ""
         easier = ", easier case" if self.easier else ""
-        return f"{self.planner}{careful}{several}{own}{stop}{turning}{easier}"
+        return f"{self.planner}{several}{own}{stop}{turning}{easier}"
 
 
 PUBLISHED = Contender(planner="renyi", filter="TrackerBots")
@@ -131,9 +131,9 @@ class Scenario:
     """Size of the area, from the origin."""
     tags: int
     truth: Truth
-    vehicle: Vehicle
+    vehicle: Multirotor
     paper_stop: StopRule
-    our_stop: StopRule
+    our_stop: HonestStop
     places: tuple[tuple[float, float], ...] = ()
     """Of the tags; empty: anywhere, anew for each run."""
     absent: int = 0

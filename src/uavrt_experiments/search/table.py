@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.guidance.neighbours import SEPARATION
 from uavrt_experiments.figures import (
     mean,
     measured,
@@ -17,6 +18,7 @@ from uavrt_experiments.figures import (
 )
 from uavrt_experiments.result import Row
 from uavrt_experiments.search.bounds import least_mean_m, least_rms_m
+from uavrt_experiments.search.drones import starts_of
 from uavrt_experiments.search.flight import Judged, Outcome
 from uavrt_experiments.search.scenario import (
     APART,
@@ -29,7 +31,6 @@ from uavrt_experiments.search.scenario import (
     Contender,
     Scenario,
 )
-from uavrt_experiments.search.several import SEPARATION, starts_of
 from uavrt_experiments.tables import aligned
 
 _Floats = NDArray[np.float64]

@@ -138,8 +138,7 @@ class World:
         truth = self._scenario.truth
         dx, dy = float(place_m[0]) - state.east_m, float(place_m[1]) - state.north_m
         tag_top = float(self._ground(place_m[0], place_m[1])) + truth.tag_height_m
-        # It follows the ground.
-        drone = state.height_m + float(self._ground(state.east_m, state.north_m))
+        drone = state.height_m + float(self._ground(*self._scenario.start_m))
         height = max(1.0, drone - tag_top)
         flat = math.hypot(dx, dy)
         slant = math.hypot(flat, height)
@@ -159,12 +158,6 @@ class World:
         if truth.ground is not None:
             level -= self._edge_db(state, place_m, drone, tag_top)
         return level
-
-    def rise_m(self, state: VehicleState) -> float:
-        """How much higher the ground is beneath the drone than at the take-off."""
-        return float(
-            self._ground(state.east_m, state.north_m) - self._ground(*self._scenario.start_m)
-        )
 
     def _ground(self, east_m: _Floats | float, north_m: _Floats | float) -> _Floats:
         ground = self._scenario.truth.ground

@@ -164,7 +164,7 @@ def test_a_strength_that_wanders_is_never_known_better_than_it_wanders() -> None
 
 def test_a_tag_that_is_never_missed_has_no_rival() -> None:
     """Of another nothing is heard but when the tag is missed: a search ended in a division."""
-    prior = replace(PRIOR, missed_share=0.0, rival_share=0.2)
+    prior = replace(PRIOR, missed_share=0.0)
     belief = TagBelief(1, prior, np.random.default_rng(1), particles=1000, existence=0.5)
     flown_past(belief, there=True, seed=2)
     assert belief.existence_probability > 0.999

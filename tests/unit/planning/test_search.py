@@ -21,7 +21,6 @@ from uavrt.planning import (
     Hold,
     HonestStop,
     KeepAway,
-    MiRate,
     Multirotor,
     Polygon,
     Return,
@@ -160,23 +159,22 @@ def test_animals_are_kept_away_from_and_found_ones_too() -> None:
         assert np.hypot(places[:, 0] - east, places[:, 1] - north).min() > 50.0
 
 
-def _in_a_small_area(prior: TagPrior = PRIOR, *, careful: bool = True) -> Search:
+def _in_a_small_area(prior: TagPrior = PRIOR) -> Search:
     """So small that wherever the drone begins, an animal may be near, and on every way."""
     side = 250.0
     small = Area(west_m=0.0, east_m=side, south_m=0.0, north_m=side)
-    search = search_with(
+    return search_with(
         "mi_rate",
         area=SearchArea(search=Polygon.rectangle(0.0, side, 0.0, side)),
         keep_away=KeepAway(radius_m=30.0, probability=0.99),
         prior=replace(prior, area=small),
     )
-    return Search(search.settings, search.beliefs, MiRate(careful=careful), search._rng)
 
 
 MIDDLE = VehicleState(time_s=0.0, east_m=125.0, north_m=125.0, height_m=40.0)
 
 
-def test_a_careful_drone_listens_around_before_it_flies_where_animals_may_be() -> None:
+def test_a_drone_listens_around_before_it_flies_where_animals_may_be() -> None:
     search = _in_a_small_area()
     decision = search.decide(MIDDLE)
     assert decision.action == Rotate(duration_s=12.0)
@@ -186,7 +184,6 @@ def test_a_careful_drone_listens_around_before_it_flies_where_animals_may_be() -
 def test_it_turns_to_listen_once_and_not_where_a_turn_tells_nothing() -> None:
     upright = replace(PRIOR, pattern=None)
     assert isinstance(_in_a_small_area(upright).decide(MIDDLE).action, FlyTo)
-    assert isinstance(_in_a_small_area(careful=False).decide(MIDDLE).action, FlyTo)
     search = _in_a_small_area()
     for second in range(1, 11):
         for tag_id in TAGS:

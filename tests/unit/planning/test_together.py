@@ -5,17 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.errors import PlanError
+from uavrt.guidance.neighbours import SEPARATION
 from uavrt.planning import (
-    Decision,
     FlyTo,
-    Hold,
+    MiRate,
     Multirotor,
     Polygon,
     Search,
     SearchArea,
     SearchSettings,
-    SearchTogether,
     Separation,
     Situation,
     VehicleState,
@@ -27,14 +25,14 @@ from uavrt.planning.division import Start, divided
 from uavrt.planning.information import information_nats
 from uavrt.planning.planners.ways import checked, sampled
 from uavrt_experiments.search import SCENARIOS
+from uavrt_experiments.search.drones import FlightOfDrones
 from uavrt_experiments.search.flight import beliefs_of
 from uavrt_experiments.search.scenario import Contender
-from uavrt_experiments.search.several import SEPARATION, FlightOfSeveral
 from uavrt_experiments.search.world import World
 
 VEHICLE = Multirotor(speed_m_s=5.0)
 HERE = VehicleState(time_s=0.0, east_m=0.0, north_m=0.0, height_m=30.0)
-TWO = Contender(planner="mi_rate", drones=2, corners=True)
+ONE = Contender(planner="mi_rate")
 
 
 def test_two_groups_of_tags_are_a_round_for_each_of_two_drones() -> None:
@@ -91,75 +89,24 @@ def test_no_single_tag_could_be_moved_to_end_the_longest_round_sooner(seed: int)
                 assert longest(moved) >= longest(rounds) - 1e-6
 
 
-def _search(starts: dict[int, VehicleState], particles: int = 200) -> SearchTogether:
-    scenario = SCENARIOS["T2"]
-    return SearchTogether(
-        SearchSettings(
-            vehicle=VEHICLE,
-            area=SearchArea(search=Polygon.rectangle(0.0, 500.0, 0.0, 500.0)),
-            stop=scenario.paper_stop,
-            threshold_db=scenario.truth.threshold_db,
-        ),
-        beliefs_of(scenario, TWO, 1, particles, World(scenario, 1)),
-        starts,
-        lambda: _Straight(),
-        {number: np.random.default_rng(number) for number in starts},
-    )
-
-
-class _Straight:
-    """Flies 200 m east, whatever may be there."""
-
-    def decide(self, situation: Situation) -> Decision:
-        state = situation.state
-        return Decision(
-            action=FlyTo(east_m=state.east_m + 200.0, north_m=state.north_m), reason="east"
-        )
-
-
-@pytest.mark.parametrize(
-    ("there", "named"),
-    [
-        (replace(HERE, east_m=20.0, height_m=40.0), "start 20 m from each other"),
-        (replace(HERE, east_m=60.0, height_m=35.0), "would fly at 35 m and 30 m"),
-    ],
-)
-def test_drones_that_start_too_near_each_other_are_refused(
-    there: VehicleState, named: str
-) -> None:
-    with pytest.raises(PlanError, match=named):
-        _search({1: HERE, 2: there})
-
-
-def test_a_way_towards_another_drone_is_not_flown_and_that_away_is() -> None:
-    """The one behind stays where it announced; that in front flies on."""
-    search = _search({1: HERE, 2: replace(HERE, east_m=60.0, height_m=40.0)})
-    stays = search.decide(1, HERE)
-    assert isinstance(stays.action, Hold)
-    assert "another drone would be" in stays.reason
-    goes = search.decide(2, replace(HERE, east_m=60.0, height_m=40.0))
-    assert goes.action == FlyTo(east_m=260.0, north_m=0.0)
-    # It will be gone when the first arrives.
-    assert isinstance(search.decide(1, HERE).action, FlyTo)
-
-
 def _situation(beside: Beside) -> Situation:
-    settings = _search({1: HERE}).settings
     scenario = SCENARIOS["T2"]
-    beliefs = beliefs_of(scenario, TWO, 1, 500, World(scenario, 1))
-    search = Search(settings, beliefs, _Straight(), np.random.default_rng(1))
+    settings = SearchSettings(
+        vehicle=VEHICLE,
+        area=SearchArea(search=Polygon.rectangle(0.0, 500.0, 0.0, 500.0)),
+        stop=scenario.paper_stop,
+        threshold_db=scenario.truth.threshold_db,
+    )
+    beliefs = beliefs_of(scenario, ONE, 1, 500, World(scenario, 1))
+    search = Search(settings, beliefs, MiRate(), np.random.default_rng(1))
     return search.situation(HERE, Wind(), beside)
 
 
-def test_ways_that_cross_at_other_times_are_allowed() -> None:
-    begun = replace(HERE, east_m=60.0, north_m=-60.0)
-    crossing = flown(VEHICLE, begun, FlyTo(east_m=60.0, north_m=300.0))
-    situation = _situation(Beside(separation=Separation(), announced=(crossing,)))
-    ways = checked(situation, np.array([130.0, 60.0, -80.0]), np.array([0.0, 300.0, 0.0]))
-    assert ways.refused[0] == "within 25 m of another drone's way"
-    assert ways.refused[1:] == [None, None]
-    later = replace(situation, state=replace(HERE, time_s=60.0))
-    assert checked(later, np.array([130.0]), np.array([0.0])).refused == [None]
+def test_a_way_near_that_of_another_is_refused_whenever_either_is_flown() -> None:
+    crossing = ((60.0, -60.0), (60.0, 300.0))
+    situation = _situation(Beside(separation=Separation(), strips=(crossing,)))
+    ways = checked(situation, np.array([130.0, 20.0, -80.0]), np.array([0.0, 0.0, 0.0]))
+    assert ways.refused == ["within 25 m of another drone's way", None, None]
 
 
 def test_what_another_drone_will_hear_counts_no_more() -> None:
@@ -184,31 +131,24 @@ def test_what_another_drone_will_hear_counts_no_more() -> None:
     assert given[0] / free[0] < 0.8 * given[1] / free[1]
 
 
-def test_a_drone_that_is_not_heard_of_gives_its_tags_back() -> None:
-    scenario = SCENARIOS["T2"]
-    flight = FlightOfSeveral(scenario, TWO, 3, 300, vanishes=(1, 30.0))
-    outcome = flight.flown()
-    assert outcome.complete
-    assert outcome.apart_m >= SEPARATION.distance_m
-    assert flight.search.missing(float(flight.second)) == {1}
-    assert flight.search.beside(0, float(flight.second)).left == frozenset()
+def test_two_find_all_sooner_than_one_and_stay_apart() -> None:
+    """T2 in short, with four animals, flown as drones fly it."""
+    short = replace(SCENARIOS["T2"], tags=4)
+    one, two = (
+        FlightOfDrones(short, replace(ONE, stop="ours", drones=count, corners=True), 2).flown()
+        for count in (1, 2)
+    )
+    assert one.complete
+    assert two.complete
+    assert two.apart_m >= SEPARATION.distance_m
+    assert two.time_s < 0.8 * one.time_s
 
 
-@pytest.mark.parametrize("corners", [False, True])
-def test_several_find_all_sooner_and_stay_apart(corners: bool) -> None:
-    """T2 in short; with one drone these take 185 s in the mean."""
-    who = Contender(planner="mi_rate", drones=3, corners=corners)
-    runs = [FlightOfSeveral(SCENARIOS["T2"], who, seed, 300).flown() for seed in (1, 2)]
-    assert all(run.complete for run in runs)
-    assert all(run.apart_m >= SEPARATION.distance_m for run in runs)
-    assert np.mean([run.time_s for run in runs]) < 150.0
-
-
-def test_several_among_animals_stay_apart_and_away_from_them() -> None:
+def test_three_among_animals_stay_apart_and_away_from_them() -> None:
     """T5-drones in short."""
-    scenario = SCENARIOS["T5-drones"]
-    for seed, who in enumerate(scenario.contenders, 2):
-        run = FlightOfSeveral(scenario, who, seed, 800).flown()
-        assert run.complete
-        assert run.apart_m >= SEPARATION.distance_m
-        assert run.too_near_s == 0
+    scenario = replace(SCENARIOS["T5-drones"], tags=2)
+    who = Contender(planner="mi_rate", stop="ours", drones=3)
+    run = FlightOfDrones(scenario, who, 2).flown()
+    assert run.complete
+    assert run.apart_m >= SEPARATION.distance_m
+    assert run.too_near_s == 0

@@ -90,8 +90,6 @@ class TagPrior:
     """Pulses that are missed however strong they are."""
     chance_share: float = BY_CHANCE
     """Pulses heard at any strength that are not the tag's: false alarms, interferers."""
-    rival_share: float = 0.0
-    """Probability that something else, that stays where it is, is heard as this tag."""
     path_gain: PathGain | None = None
     """Level over plain spreading, where more is known of the ground."""
     hills: HillLosses | None = None

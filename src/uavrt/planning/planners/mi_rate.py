@@ -32,12 +32,27 @@ _TURN_S = 2.0
 """Before a way of the round, roughly."""
 _FINISHED = 0.1
 """Share of what a tag needs below which the round passes it."""
-_SOON = 2.0
-"""Cycles for which a way must keep away from animals."""
+_DIRECTIONS = 16
+"""Evenly spread directions of ways that lead to no tag."""
+_HORIZONS = (1.0, 3.0)
+"""Lengths of these ways [cycles]."""
+_HYPOTHESES = 48
+"""Hypotheses of each tag by which a way is weighed."""
+_CONVEX, _LINEAR = 8.0, 0.002
+"""A way is worth this power of the share of what a tag needs, so that finishing one counts for
+more than beginning two, plus a little of the share itself, which leads where no tag is near its
+end."""
+_STAY_S = 4.0
+"""Time at the end of a way to a tag [s]."""
+_EXPLORE_NATS = 2.5
+"""All directions and a turn are weighed as long as every tag needs more than this."""
+_CONSTANCY = 0.15
+"""Share by which another tag must promise more than the one it flies to, where animals or other
+drones are kept away from: what ways promise changes with every one that is refused."""
 _LISTENS_NATS = 1.5
 """A turn tells so much more of an animal that may be near, or it is not made for that alone."""
 _NEAR = 0.25
-"""Probability that an animal is near from which a careful drone leaves instead of turning."""
+"""Probability that an animal is near from which the drone leaves instead of turning."""
 _VAGUE = 1.5
 """Times the distance to keep that a tag's cloud is wide where a turn is to tell where it is."""
 
@@ -45,59 +60,18 @@ _VAGUE = 1.5
 class MiRate:
     """Most information per second.
 
+    Where no way to a tag keeps the distance to animals, all others are weighed; where none of
+    these does, it waits, or turns to hear where the animals are, before it flies one that does
+    not.
+
     Parameters
     ----------
-    directions : int
-        Evenly spread.
-    horizons : tuple of float
-        Lengths of ways, in cycles.
-    hypotheses : int
-        Of each tag.
-    convex : float
-        Power of the share of what a tag needs: above 1, to finish one counts for more than to
-        begin two.
-    linear : float
-        Weight of the share itself beside its power: leads where nothing is near its end.
-    stay_s : float
-        At the end of ways to a tag.
-    looks_on : bool
-        Count the round of all tags from each way's end: with one way alone, tags far off are
-        left for long ways in the end.
-    explore_nats : float
-        All directions and a turn are weighed as long as every tag needs more than this.
     rotation_s : float
         Of a turn in place, which is weighed where the antenna is directional.
-    constancy : float
-        By how much another tag must promise more than that which it is flying to, where animals
-        or other drones are kept away from. Else a drone between two turns about time and again:
-        what they promise changes with every way that is refused.
-    careful : bool
-        Where no way to a tag keeps the distance, all others are weighed before one is flown
-        that does not; and it rather waits, or turns to hear where the animals are, than flies
-        that.
     """
 
-    def __init__(
-        self,
-        *,
-        directions: int = 16,
-        horizons: tuple[float, ...] = (1.0, 3.0),
-        hypotheses: int = 48,
-        convex: float = 8.0,
-        linear: float = 0.002,
-        stay_s: float = 4.0,
-        rotation_s: float = 12.0,
-        looks_on: bool = True,
-        explore_nats: float = 2.5,
-        careful: bool = False,
-        constancy: float = 0.15,
-    ) -> None:
-        self._directions, self._horizons = directions, horizons
-        self._hypotheses, self._convex, self._linear = hypotheses, convex, linear
-        self._stay_s, self._looks_on = stay_s, looks_on
-        self._explore_nats = explore_nats
-        self._rotation_s, self._careful = rotation_s, careful
-        self._constancy = constancy
+    def __init__(self, *, rotation_s: float = 12.0) -> None:
+        self._rotation_s = rotation_s
         self._goal: int | None = None
 
     def decide(self, situation: Situation) -> Decision:
@@ -135,11 +109,11 @@ class MiRate:
         gives = self._worth(situation, nats, spans_s)
         chance = np.array([one.existence_probability for one in wanted])
         rate[weighed] = chance @ gives / spans_s
-        if self._looks_on and len(wanted) > 1:
+        if len(wanted) > 1:
             rate[weighed] = self._with_round(situation, legs, chance, gives, spans_s)
         goes_on = np.array([self._goal is not None and one == self._goal for one in goals])
         alone = situation.keep_away is None and situation.beside is None
-        more = 0.0 if alone else self._constancy
+        more = 0.0 if alone else _CONSTANCY
         kept = rate * np.where(goes_on, 1.0 + more, 1.0)
         best = int(np.argmax(np.where(allowed, kept, -np.inf)))
         self._goal = goals[best]
@@ -178,7 +152,7 @@ class MiRate:
             after = (cloud.east_m2 + grown) * (cloud.north_m2 + grown) - cloud.product_m2**2
             lost = 0.5 * np.log(after / max(cloud.determinant_m4, 1.0))
             share = np.clip((nats[number] - lost) / needed, -1.0, 1.0)
-            out[number] = np.maximum(share, 0.0) ** self._convex + self._linear * share
+            out[number] = np.maximum(share, 0.0) ** _CONVEX + _LINEAR * share
         return out
 
     def _with_round(
@@ -209,7 +183,7 @@ class MiRate:
             near = np.argmin(off, axis=0)
             goes = ~seen[near, ways]
             there = np.maximum(np.where(goes, off[near, ways], 0.0) - nearer, 0.0) / speed
-            time = time + np.where(goes, there + self._stay_s + _TURN_S, 0.0)
+            time = time + np.where(goes, there + _STAY_S + _TURN_S, 0.0)
             gained = gained + np.where(goes, left[near, ways], 0.0)
             x, y = np.where(goes, tags_x[near], x), np.where(goes, tags_y[near], y)
             seen[near, ways] = True
@@ -221,9 +195,9 @@ class MiRate:
         """Candidates, their times, samples, and tags they go to; a turn in place comes last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
-        horizons = self._horizons if exploring else ()
-        ends = [headings(situation, self._directions, reach * n) for n in horizons]
-        goals: list[int | None] = [None] * (self._directions * len(horizons))
+        horizons = _HORIZONS if exploring else ()
+        ends = [headings(situation, _DIRECTIONS, reach * n) for n in horizons]
+        goals: list[int | None] = [None] * (_DIRECTIONS * len(horizons))
         for belief in situation.wanted:
             towards = self._towards(situation, belief)
             ends += towards
@@ -233,20 +207,19 @@ class MiRate:
         useful = far > 0.2 * reach
         if not exploring and not useful.any():
             # At the only tag: on, in whatever direction.
-            more = headings(situation, self._directions, reach)
+            more = headings(situation, _DIRECTIONS, reach)
             east, north = np.append(east, more[0]), np.append(north, more[1])
             goals += [None] * len(more[0])
             useful = np.append(useful, np.ones(len(more[0]), bool))
         east, north = east[useful], north[useful]
-        soon = np.inf if self._careful else _SOON * situation.cycle_s
-        ways = checked(situation, east, north, within_s=soon)
+        ways = checked(situation, east, north)
         spans = vehicle.durations(state, east, north, situation.wind)
         strong = ~np.isfinite(spans)
         for number in np.flatnonzero(strong):
             ways.refused[number] = "against too strong a wind"
         # At a tag it stays for some pulses: the last metres tell most.
-        fixed = self._directions * len(horizons)
-        staying = np.where(np.flatnonzero(useful) >= fixed, self._stay_s, 0.0)
+        fixed = _DIRECTIONS * len(horizons)
+        staying = np.where(np.flatnonzero(useful) >= fixed, _STAY_S, 0.0)
         spans = np.where(strong, 1.0, np.maximum(spans + staying, situation.pulse_s))
         legs = sampled(situation, east, north, spans, _SAMPLES)
         if exploring and self._turns(situation):
@@ -278,17 +251,16 @@ class MiRate:
         and again, while they walk and none is ever finished.
         """
         needed = min(situation.stop.needed_nats(one) for one in situation.wanted)
-        return needed > self._explore_nats
+        return needed > _EXPLORE_NATS
 
     def _may_stay(self, situation: Situation) -> bool:
         return here(situation).refused[0] is None
 
     def _away(self, situation: Situation, ways: Ways) -> Decision:
         """No way is allowed: the one that disturbs least, if the area allows any."""
-        if self._careful:
-            stays = self._stays(situation, len(ways.kept))
-            if stays is not None:
-                return stays
+        stays = self._stays(situation, len(ways.kept))
+        if stays is not None:
+            return stays
         inside = np.array([_by_animals(one) for one in ways.refused])
         if not inside.any():
             return Decision(
@@ -349,7 +321,7 @@ class MiRate:
             situation.wanted,
             legs,
             situation.listener,
-            hypotheses=self._hypotheses,
+            hypotheses=_HYPOTHESES,
             others=others,
         )
 

@@ -52,7 +52,6 @@ def checked(
     north_m: _Floats,
     *,
     stays_s: float = 0.0,
-    within_s: float = np.inf,
 ) -> Ways:
     """Look which ways the area and the rule of keeping away allow.
 
@@ -63,8 +62,6 @@ def checked(
         Their ends.
     stays_s : float
         At the end, of which the same is asked.
-    within_s : float
-        Animals are kept away from for so long: what is flown later is judged again before.
     """
     state = situation.state
     here = (state.east_m, state.north_m)
@@ -75,14 +72,11 @@ def checked(
     kept = np.ones(len(east_m))
     rule = situation.keep_away
     if rule is not None:
-        reach = within_s * situation.vehicle.speed_m_s
-        far = np.maximum(np.hypot(east_m - here[0], north_m - here[1]), 1e-6)
-        share = np.minimum(1.0, reach / far)
         kept = rule.kept(
             situation.beliefs,
             here,
-            here[0] + share * (east_m - here[0]),
-            here[1] + share * (north_m - here[1]),
+            east_m,
+            north_m,
             speed_m_s=situation.vehicle.speed_m_s,
             stays_s=stays_s,
         ).min(axis=0)
@@ -97,18 +91,17 @@ def checked(
 def _beside_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse ways that come near to where other drones are about to be.
+    """Refuse ways that come near to those of other drones.
 
     Of two that are nearer already, ways that bring them no nearer are left.
     """
     beside, state = situation.beside, situation.state
-    if beside is None or not (beside.announced or beside.strips):
+    if beside is None or not beside.strips:
         return refused
-    apart = beside.separation
-    air, cycle = situation.wind, situation.cycle_s
-    near = beside.nearest_m(situation.vehicle, state, east_m, north_m, air, cycle)
+    apart, start = beside.separation, (state.east_m, state.north_m)
+    near = beside.strips_apart_m(start, east_m, north_m)
     place = np.array([state.east_m]), np.array([state.north_m])
-    now = float(beside.nearest_m(situation.vehicle, state, *place, air, cycle)[0])
+    now = float(beside.strips_apart_m(start, *place)[0])
     least = np.clip(now - 1e-6, apart.distance_m, apart.margin * apart.distance_m)
     reason = f"within {apart.distance_m:.0f} m of another drone's way"
     return [
