@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from campaigns import WELL, Framed
-from desked import clock
 
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits, Order
@@ -45,11 +44,6 @@ class BehindTheLink(Framed):
     def confirm(self, order: Order) -> None:
         super().confirm(order)
         assert self.authority.standing is not Standing.OUT
-
-
-@pytest.fixture(autouse=True)
-def _virtual_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("uavrt.processes.motion_desk.monotonic_s", clock)
 
 
 def ratio(over: list[float], under: list[float]) -> tuple[float, float, float]:
