@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
@@ -93,7 +93,7 @@ def autopilots(
     }
     asked = Asked(**(QUICK if quick else counts), only=only, seed=seed)
     console = Console(stderr=True)
-    stopped = False
+    stopped, failed = False, list[dict[str, Any]]()
     with KeptOutcomes(output / "outcomes.jsonl", made_with=f"seed {seed}") as kept:
         try:
             rehearse(
@@ -101,11 +101,12 @@ def autopilots(
                 asked,
                 output,
                 kept,
+                failed,
                 lambda line: console.print(line, markup=False, highlight=False),
             )
         except KeyboardInterrupt:
             stopped = True
-        outcomes = kept.of("")
+        outcomes = [*kept.of(""), *failed]
     page = as_page(outcomes, flavour_of)
     (output / "table.md").write_text(page)
     summary = as_json(outcomes, flavour_of)

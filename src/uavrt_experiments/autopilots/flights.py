@@ -117,6 +117,7 @@ def rehearse(
     asked: Asked,
     frames: Path,
     kept: KeptOutcomes,
+    failed: list[dict[str, Any]],
     say: Callable[[str], None],
 ) -> None:
     """Fly all that is not kept yet; what is there stays at Ctrl-C.
@@ -128,6 +129,8 @@ def rehearse(
     frames : Path
         Directory for the frames of each flight.
     kept : KeptOutcomes
+    failed : list of dict
+        Gets the flights that were not flown to their end, which are flown again next time.
     say : callable
         Takes a line of progress.
     """
@@ -135,7 +138,9 @@ def rehearse(
         flights = [one for one in planned([build], asked) if one.name not in kept]
         while flights:
             with tempfile.TemporaryDirectory(prefix="uavrt-autopilots-") as work:
-                flights = asyncio.run(_session(build, flights, Path(work), frames, kept, say))
+                flights = asyncio.run(
+                    _session(build, flights, Path(work), frames, kept, failed, say)
+                )
 
 
 async def _session(
@@ -144,6 +149,7 @@ async def _session(
     work: Path,
     frames: Path,
     kept: KeptOutcomes,
+    failed: list[dict[str, Any]],
     say: Callable[[str], None],
 ) -> list[Flight]:
     """Fly until the autopilot is to be started again; get what is left."""
@@ -157,7 +163,10 @@ async def _session(
                 outcome = {"failed": str(error)}
             outcome |= {"build": build.name, "order": flight.order}
             outcome["takeover"] = flight.takeover and flight.takeover.name
-            kept.take(flight.name, partial(dict, outcome))
+            if "failed" in outcome:
+                failed.append(outcome)
+            else:
+                kept.take(flight.name, partial(dict, outcome))
             ended = outcome.get("failed") or outcome["ended"]
             say(f"{flight.name}: {ended} ({monotonic_s() - begun_s:.0f} s)")
             if "failed" in outcome or (flight.takeover and flight.takeover.restarts):

@@ -17,7 +17,9 @@ LONG_M = 8.0
 ARRIVED_M, NEAR_M, SETTLED_M = 1.5, 3.0, 0.5
 NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
 """Change by which a step has begun, as `uavrt.guidance.progress` has it."""
-TURN_DEG = 30.0
+HIGH_M, LOOKS_DEG = 2.0, 8.0
+"""What must be left of height and heading for that."""
+TURN_DEG = 60.0
 """A smaller turn shows no rate."""
 RATE_S = 0.3
 """Over which a rate of turning is taken."""
@@ -135,7 +137,11 @@ def _measure(
             (one.north_m - start.north_m) * north + (one.east_m - start.east_m) * east
         ) / length
 
-    begun = _begins(leg, left, message)
+    def bearing(one: Place) -> float:
+        ahead, aside = target[0] - one.north_m, target[1] - one.east_m
+        return one.yaw_deg if length < NEAR_M else math.degrees(math.atan2(aside, ahead))
+
+    begun = _begins(leg, left, bearing, message)
     if begun is not None:
         found["begins_s"].append(begun - sent_s)
     swept, rate = _turning(leg)
@@ -154,20 +160,24 @@ def _measure(
 
 
 def _begins(
-    leg: Sequence[Place], left: Callable[[Place], float], message: dialect.CommandInt
+    leg: Sequence[Place],
+    left: Callable[[Place], float],
+    bearing: Callable[[Place], float],
+    message: dialect.CommandInt,
 ) -> float | None:
-    """When it came nearer in anything of which much was left."""
+    """When it came nearer in anything of which much was left; a turn to the target counts."""
+
+    def off_deg(one: Place) -> float:
+        asked = math.isfinite(message.param4)
+        wanted = math.degrees(message.param4) if asked else bearing(one)
+        return abs(wrap_degrees_180(wanted - one.yaw_deg))
+
     start = leg[0]
-    off_m, up_m = left(start), abs(start.amsl_m - message.z)
-    wanted = math.degrees(message.param4) if math.isfinite(message.param4) else None
-    off_deg = 0.0 if wanted is None else abs(wrap_degrees_180(wanted - start.yaw_deg))
+    off_m, up_m, turn_deg = left(start), abs(start.amsl_m - message.z), off_deg(start)
     for one in leg:
         nearer = off_m > NEAR_M and off_m - left(one) >= NEARER_M
-        higher = up_m > 2.0 and up_m - abs(one.amsl_m - message.z) >= HIGHER_M
-        turned = wanted is not None and off_deg > 8.0
-        if turned:
-            assert wanted is not None
-            turned = off_deg - abs(wrap_degrees_180(wanted - one.yaw_deg)) >= TURNED_DEG
+        higher = up_m > HIGH_M and up_m - abs(one.amsl_m - message.z) >= HIGHER_M
+        turned = turn_deg > LOOKS_DEG and turn_deg - off_deg(one) >= TURNED_DEG
         if nearer or higher or turned:
             return one.time_s
     return None

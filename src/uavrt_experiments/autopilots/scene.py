@@ -117,14 +117,8 @@ class RunningScene:
                 fence_m=FENCE_M,
             ),
         )
-        self.program(
-            "supervisor",
-            (
-                "uavrt.supervisor",
-                msgspec.json.encode(settings).decode(),
-                msgspec.json.encode(self.scenario.tags).decode(),
-            ),
-        )
+        words = ("uavrt.supervisor", msgspec.json.encode(settings).decode())
+        self.program("supervisor", words)
         self.link = GroundLink(self.clock.now_ns, on_event=self._event, key=read_key(key))
         self._serve(self.link.run(f"udpin://127.0.0.1:{ports[0]}"))
         await self.hand.boot(READY_S)

@@ -4,6 +4,7 @@ import math
 import os
 import random
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,6 +17,7 @@ from uavrt_experiments.autopilots.tap import Tap
 
 BOTH: tuple[Flavour, ...] = ("px4", "ardupilot")
 Shows = Callable[[Message], bool]
+CUT_S = 7.0
 
 
 class Scene(Protocol):
@@ -158,11 +160,14 @@ def _kill(process: str) -> Callable[[Scene], None]:
 
 
 def _cut(scene: Scene) -> None:
+    """For so long that the drone must notice; until then its words do not arrive."""
     scene.companion.cut = True
-
-
-def _joined(scene: Scene) -> None:
+    time.sleep(CUT_S)
     scene.companion.cut = False
+
+
+def _anything(_: Hand) -> Shows:
+    return lambda _message: True
 
 
 def _fence(scene: Scene, *, on: bool) -> None:
@@ -241,7 +246,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
     ),
     Takeover(name="guide killed", act=_kill("guide")),
     Takeover(name="connection killed", act=_kill("connection")),
-    Takeover(name="link cut", act=_cut, undo=_joined),
+    Takeover(name="link cut", act=_cut, shows=_anything),
     Takeover(
         name="disarmed",
         act=lambda scene: scene.hand.command(400, 0.0, FORCED),

@@ -131,16 +131,30 @@ def test_a_stop_that_is_told_while_it_speeds_up_is_overshot_and_it_turns_back(
         turned = max(turned, abs((vehicle.yaw_deg + 180.0) % 360.0 - 180.0))
     assert 3.0 < farthest - stop_m < 4.2
     assert turned > 60.0
+    fly(vehicle, 8.0)
     assert vehicle.north_m == pytest.approx(stop_m, abs=0.3)
 
 
-@BOTH
-def test_it_arrives_without_overshoot_where_there_is_room(flavour: Flavour) -> None:
-    vehicle = hovering(flavour)
-    go(vehicle, 100.0, 0.0)
-    fly(vehicle, 40.0)
-    farthest = vehicle.north_m
-    assert farthest == pytest.approx(100.0, abs=0.2)
+@pytest.mark.parametrize(
+    ("flavour", "beyond_m", "back_s"),
+    [("px4", (0.7, 1.5), (3.0, 9.4)), ("ardupilot", (-0.1, 0.3), (0.0, 2.0))],
+)
+@pytest.mark.parametrize("way_m", [30.0, 100.0])
+def test_px4_passes_its_target_and_comes_back_slowly(
+    flavour: Flavour, beyond_m: tuple[float, float], back_s: tuple[float, float], way_m: float
+) -> None:
+    """Flown in SIH at 5 m/s: 0.7 to 1.5 m beyond it, within 0.5 m after 7 to 9.4 s."""
+    vehicle = hovering(flavour, speed_m_s=5.0)
+    go(vehicle, way_m, 0.0)
+    places = []
+    for _ in range(1000):
+        vehicle.advance(STEP_S)
+        places.append(vehicle.north_m - way_m)
+    near = next(number for number, off in enumerate(places) if off > -3.0)
+    outside = max(number for number, off in enumerate(places) if abs(off) > 0.5)
+    assert beyond_m[0] <= max(places) <= beyond_m[1]
+    assert back_s[0] <= (outside - near) * STEP_S <= back_s[1]
+    assert vehicle.north_m == pytest.approx(way_m, abs=0.2)
 
 
 def test_px4_goes_on_turning_for_a_while_when_it_is_told_to_look_elsewhere() -> None:
