@@ -114,7 +114,8 @@ class YawWatch:
         if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
             return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         if time_s - self.start_s < TURNS_ON_S:
-            most += _turns_on_deg(self.turning_deg_s)
+            turns_on = _setpoint_turns_on_deg if self.exact else _turns_on_deg
+            most += turns_on(self.turning_deg_s)
         return OTHERS_TURN if off > most else None
 
     def _aim(
@@ -146,6 +147,11 @@ class YawWatch:
 def _turns_on_deg(turning_deg_s: float) -> float:
     """How far a turn may go on; 25° and 50° were flown, and a turn may still quicken."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
+
+
+def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
+    """Longest way to the end of a turn of PX4's heading setpoint, which brakes by 28°/s²."""
+    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
 
 
 @dataclass(slots=True, kw_only=True)

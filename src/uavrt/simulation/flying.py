@@ -90,6 +90,15 @@ class _Turning:
 
     rate_deg_s: float
     acceleration_deg_s2: float
+    setpoint: "_Turning | None" = None
+    """Of the heading that is asked of the drone; None: without a limit of acceleration."""
+
+    def rate(self, off_deg: float, now_deg_s: float, step_s: float) -> float:
+        """Rate after a step, of what is to turn so far and turns at a rate now."""
+        stops = math.sqrt(1.6 * self.acceleration_deg_s2 * abs(off_deg))
+        wanted = math.copysign(min(self.rate_deg_s, stops, 4.0 * abs(off_deg)), off_deg)
+        most = self.acceleration_deg_s2 * step_s
+        return now_deg_s + max(-most, min(most, wanted - now_deg_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +115,12 @@ _BRAKING: dict[Flavour, _Braking] = {
     "px4": _Braking(0.45, 0.27),
     "ardupilot": _Braking(0.8, 0.0),
 }
+SETTLED_DEG = 0.3
+"""So near to what was asked for PX4's setpoint is that very number."""
 BEYOND_M, BACK_S, BACK_BELOW_M_S = 1.2, 3.5, 0.4
 """PX4 1.17 passes a target by 0.7 to 1.5 m at 5 m/s, and comes back slowly (flown in SIH)."""
 _TURNING: dict[Flavour, _Turning] = {
-    "px4": _Turning(53.0, 35.0),
+    "px4": _Turning(65.0, 90.0, _Turning(58.0, 32.0)),
     "ardupilot": _Turning(60.0, 120.0),
 }
 
@@ -163,6 +174,7 @@ class FlyingVehicle:
     """Altitude of home above that of the plane: by PX4's corrections after a take-off."""
     off_ground_s: float | None = None
     """When it took off."""
+    _setpoint_rate_deg_s: float = 0.0
     _beyond_m: float = 0.0
     """How far behind its target it aims, on its line."""
     _line: tuple[float, float] = (0.0, 0.0)
@@ -579,19 +591,28 @@ class FlyingVehicle:
             self.yaw_setpoint_deg = None
             return
         if self.yaw_setpoint_deg is None:
-            self.yaw_setpoint_deg = self.yaw_deg
-        most = turning.rate_deg_s * step_s
-        wanted = self._wanted_yaw(target)
-        off = (wanted - self.yaw_setpoint_deg + 180.0) % 360.0 - 180.0
-        self.yaw_setpoint_deg = (self.yaw_setpoint_deg + max(-most, min(most, off))) % 360.0
-        if abs(off) <= most:
-            self.yaw_setpoint_deg = wanted  # the very number of the command
+            self.yaw_setpoint_deg, self._setpoint_rate_deg_s = self.yaw_deg, 0.0
+        self._move_setpoint(turning, self._wanted_yaw(target), step_s)
         off = (self.yaw_setpoint_deg - self.yaw_deg + 180.0) % 360.0 - 180.0
-        stops = math.sqrt(1.6 * turning.acceleration_deg_s2 * abs(off))
-        rate = math.copysign(min(turning.rate_deg_s, stops, 4.0 * abs(off)), off)
-        most = turning.acceleration_deg_s2 * step_s
-        self.yaw_rate_deg_s += max(-most, min(most, rate - self.yaw_rate_deg_s))
+        self.yaw_rate_deg_s = turning.rate(off, self.yaw_rate_deg_s, step_s)
         self.yaw_deg = (self.yaw_deg + self.yaw_rate_deg_s * step_s) % 360.0
+
+    def _move_setpoint(self, turning: _Turning, wanted: float, step_s: float) -> None:
+        """Turn the heading that is asked of the drone; one that turns goes on for a while."""
+        assert self.yaw_setpoint_deg is not None
+        off = (wanted - self.yaw_setpoint_deg + 180.0) % 360.0 - 180.0
+        smooth = turning.setpoint
+        if smooth is None:
+            most = turning.rate_deg_s * step_s
+            self._setpoint_rate_deg_s = max(-most, min(most, off)) / step_s
+        else:
+            self._setpoint_rate_deg_s = smooth.rate(off, self._setpoint_rate_deg_s, step_s)
+        self.yaw_setpoint_deg += self._setpoint_rate_deg_s * step_s
+        self.yaw_setpoint_deg %= 360.0
+        off = (wanted - self.yaw_setpoint_deg + 180.0) % 360.0 - 180.0
+        if abs(off) < SETTLED_DEG and abs(self._setpoint_rate_deg_s) < SETTLED_DEG / 0.1:
+            self.yaw_setpoint_deg = wanted  # the very number of the command
+            self._setpoint_rate_deg_s = 0.0
 
     def _wanted_yaw(self, target: Target) -> float:
         """Heading that was asked for, or the bearing to a target that is not near."""

@@ -110,7 +110,7 @@ def test_px4_looks_along_the_bearing_from_beside_its_line() -> None:
     assert abs(far[1]) < 6.0
     _, bearing, yaw = bearings[-1]
     assert abs(bearing) > 12.0
-    assert yaw == pytest.approx(bearing, abs=3.0)
+    assert yaw == pytest.approx(bearing, abs=5.0)
 
 
 @BOTH
@@ -160,7 +160,7 @@ def test_px4_passes_its_target_and_comes_back_slowly(
 def test_px4_goes_on_turning_for_a_while_when_it_is_told_to_look_elsewhere() -> None:
     vehicle = hovering("px4")
     go(vehicle, 0.0, 0.0, math.radians(170.0))
-    fly(vehicle, 2.0)
+    fly(vehicle, 1.5)
     then = vehicle.yaw_deg
     go(vehicle, 0.0, 0.0, math.radians(then))
     furthest = then
@@ -174,6 +174,31 @@ def taking_off(flavour: Flavour) -> Flown:
     flown = Flown(flavour, on_ground=True)
     flown.order("takeoff", height_m=30.0)
     return flown
+
+
+def test_px4_turns_its_setpoint_on_when_it_is_sent_elsewhere_in_a_turn() -> None:
+    """Flown in SIH: turning at 22°/s to 22° when sent to −60°, the setpoint went on by 8.7°."""
+    vehicle = hovering("px4", speed_m_s=5.0)
+    vehicle.yaw_deg = 340.0
+    go(vehicle, 50.0, 20.0)
+    fly(vehicle, 0.8)
+    before_deg = told_yaw_deg(vehicle)
+    vehicle.advance(STEP_S)
+    rate_deg_s = (told_yaw_deg(vehicle) - before_deg) / STEP_S
+    then_deg = told_yaw_deg(vehicle)
+    go(vehicle, 15.0, -21.0)
+    furthest_deg = then_deg
+    for _ in range(60):
+        vehicle.advance(STEP_S)
+        furthest_deg = max(furthest_deg, told_yaw_deg(vehicle))
+    assert 20.0 < rate_deg_s < 32.0
+    assert 5.0 < furthest_deg - then_deg < 15.0
+    fly(vehicle, 4.0)
+    assert told_yaw_deg(vehicle) < -30.0
+
+
+def told_yaw_deg(vehicle: FlyingVehicle) -> float:
+    return (math.degrees(target(vehicle).yaw) + 180.0) % 360.0 - 180.0
 
 
 @BOTH
