@@ -18,7 +18,7 @@ from uavrt.geodesy import moved
 from uavrt.ground.link import ask, confirm, motion_request, stop
 from uavrt.recording import read_flight
 from uavrt.simulation.flying import Flavour
-from uavrt.units import wrap_degrees_180
+from uavrt.units import s_from_ns, wrap_degrees_180
 from uavrt_experiments.autopilots.builds import Build
 from uavrt_experiments.autopilots.hand import CENTRED_US, HEIGHT_M
 from uavrt_experiments.autopilots.measures import Flying, flying_of, heading_at, reaction
@@ -345,7 +345,7 @@ class _Rehearsed:
         for one in scene.pulses:
             if one.pose is None:
                 continue
-            truth = heading_at(scene.hand.heading, one.pose.time_ns / 1e9)
+            truth = heading_at(scene.hand.heading, s_from_ns(one.pose.time_ns))
             if truth is not None:
                 told = yaw_deg(one.pose.quaternion_wxyz)
                 errors.append(wrap_degrees_180(told - truth))

@@ -22,6 +22,7 @@ from uavrt.monitor import StatusReader
 from uavrt.simulation import search_scenario, write_scenario
 from uavrt.simulation.flown_path import PathWriter
 from uavrt.tunnel import MotionState, read_key
+from uavrt.units import ns_from_s, s_from_ns
 from uavrt_experiments.autopilots.builds import Build
 from uavrt_experiments.autopilots.hand import Hand
 from uavrt_experiments.autopilots.tap import Tap
@@ -43,7 +44,7 @@ class RunningScene:
         self.scenario = search_scenario(seed)
         radio = replace(self.scenario.radio, sample_rate_hz=SAMPLE_RATE_HZ)
         self.scenario = replace(self.scenario, radio=radio).starting_at(
-            self.clock.now_ns() + round(START_LEAD_S * 1e9)
+            self.clock.now_ns() + ns_from_s(START_LEAD_S)
         )
         home = self.scenario.home
         self.home = (home.latitude_deg, home.longitude_deg)
@@ -139,14 +140,14 @@ class RunningScene:
 
     def _event(self, event: object) -> None:
         if isinstance(event, MotionState):
-            self.states.append((self.clock.now_ns() / 1e9, event))
+            self.states.append((s_from_ns(self.clock.now_ns()), event))
         elif isinstance(event, PulsePose):
             self.pulses.append(event)
 
     @property
     def now_s(self) -> float:
         """Time, as frames are stamped."""
-        return self.clock.now_ns() / 1e9
+        return s_from_ns(self.clock.now_ns())
 
     @property
     def standing(self) -> str:
@@ -184,7 +185,7 @@ async def running(
 
 def _pose(time_s: float, told: dialect.GlobalPositionInt) -> Pose:
     return Pose(
-        time_ns=round(time_s * 1e9),
+        time_ns=ns_from_s(time_s),
         latitude_deg=told.lat / 1e7,
         longitude_deg=told.lon / 1e7,
         altitude_amsl_m=told.alt / 1e3,

@@ -8,6 +8,7 @@ from pathlib import Path
 from uavrt.clock import Clock
 from uavrt.mavlink import Frame, FrameParser, FrameWriter, Message
 from uavrt.simulation.datagrams import DatagramPort
+from uavrt.units import s_from_ns
 
 _STAMP = struct.Struct(">Q")
 """Of a .tlog: microseconds since 1970 before each frame."""
@@ -90,7 +91,7 @@ class Tap:
 
     def _keep(self, parser: FrameParser, data: bytes, time_ns: int) -> Iterator[Kept]:
         for frame in parser.feed(data):
-            one = Kept(time_ns / 1e9, frame)
+            one = Kept(s_from_ns(time_ns), frame)
             self.kept.append(one)
             yield one
 
