@@ -1,7 +1,7 @@
 """Check that the heading moves as commanded. Pure."""
 
 from dataclasses import dataclass
-from math import atan, degrees
+from math import atan, copysign, degrees
 
 from uavrt.units import wrap_degrees_180
 
@@ -17,6 +17,8 @@ FROZEN_M, STOPPED_S = 2.5, 1.0
 """Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
 TURNS_ON_S = 6.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
+ON_S = 0.3
+"""So soon after a command, a report of the setpoint may be the one before it."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
 
@@ -64,6 +66,9 @@ class YawWatch:
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
+    _on_deg: float = 0.0
+    """How far a setpoint has turned on since the command."""
+    _ended: bool = False
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -114,9 +119,27 @@ class YawWatch:
         if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
             return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         if time_s - self.start_s < TURNS_ON_S:
-            turns_on = _setpoint_turns_on_deg if self.exact else _turns_on_deg
-            most += turns_on(self.turning_deg_s)
+            most += self._turned_on_deg(time_s, step, off)
         return OTHERS_TURN if off > most else None
+
+    def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
+        """How far a turn that was going on at the command may still lead away.
+
+        A setpoint comes to the end of that turn at once; then it turns to its aim.
+        """
+        if not self.exact:
+            return _turns_on_deg(self.turning_deg_s)
+        longest = _setpoint_turns_on_deg(self.turning_deg_s)
+        if self._ended or not longest:
+            return 0.0
+        self._on_deg += abs(step_deg)
+        on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
+        stands = on_deg < SETTLES_DEG and time_s - self.start_s > ON_S
+        self._ended = on_deg < 0.0 or stands or self._on_deg > longest
+        if self._ended:
+            self._turns, self._moved_s = True, time_s
+            self._best_deg = max(self._best_deg, min(off_deg, self._best_deg + longest))
+        return longest
 
     def _aim(
         self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
