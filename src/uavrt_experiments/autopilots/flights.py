@@ -16,6 +16,7 @@ from uavrt.clock import monotonic_s
 from uavrt.errors import LinkError, UavrtError
 from uavrt.geodesy import moved
 from uavrt.ground.link import ask, confirm, motion_request, stop
+from uavrt.messages import PulsePose
 from uavrt.recording import read_flight
 from uavrt.simulation.flying import Flavour
 from uavrt.units import s_from_ns, wrap_degrees_180
@@ -339,8 +340,8 @@ class _Rehearsed:
         scene = self._scene
         await scene.link.stop_detection()
         await asyncio.sleep(3.0)
-        sent = {one.pulse.key for one in read_flight(Path(self._directory)).pulse_poses}
-        got = {one.pulse.key for one in scene.pulses}
+        sent = set(map(_name_of, read_flight(Path(self._directory)).pulse_poses))
+        got = set(map(_name_of, scene.pulses))
         errors = []
         for one in scene.pulses:
             if one.pose is None:
@@ -367,6 +368,11 @@ class _Rehearsed:
             await asyncio.sleep(1.0)
             hand.go_to(0.0, 0.0)
             await asyncio.sleep(3.0)
+
+
+def _name_of(one: PulsePose) -> tuple[int, int]:
+    """Tag and start of a pulse: what the drone's record and the ground's have in common."""
+    return one.pulse.tag_id, one.pulse.start_time_ns
 
 
 def _away(place: tuple[float, float], distance_m: float, way_deg: float) -> tuple[float, float]:

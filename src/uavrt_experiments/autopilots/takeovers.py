@@ -9,7 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from uavrt.mavlink import Message, dialect
+from uavrt.guidance import FailsafeSeen
+from uavrt.mavlink import Message, dialect, observations
 from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.hand import CENTRED_US, FORCED, Hand
@@ -62,6 +63,17 @@ def _other_mode(hand: Hand) -> Shows:
             and message.autopilot != dialect.MavAutopilot.INVALID
         )
         return told and message.custom_mode != own  # type: ignore[attr-defined]
+
+    return shows
+
+
+def _failing(hand: Hand) -> Shows:
+    """A failsafe shows before the mode that follows from it."""
+    other_mode = _other_mode(hand)
+
+    def shows(message: Message) -> bool:
+        failing = any(isinstance(one, FailsafeSeen) for one in observations(message, 0.0))
+        return failing or other_mode(message)
 
     return shows
 
@@ -234,13 +246,13 @@ TAKEOVERS: tuple[Takeover, ...] = (
     Takeover(
         name="fence",
         act=lambda scene: _fence(scene, on=True),
-        shows=_other_mode,
+        shows=_failing,
         undo=lambda scene: _fence(scene, on=False),
     ),
     Takeover(
         name="battery",
         act=lambda scene: _battery(scene, empty=True),
-        shows=_other_mode,
+        shows=_failing,
         undo=lambda scene: _battery(scene, empty=False),
         restarts=True,
     ),
