@@ -116,11 +116,18 @@ class YawWatch:
         frozen = self.wanted_deg is None and away_m < FROZEN_M
         there = off <= slack + self.tolerance_deg or frozen
         self._turns |= not there and off < self._first_deg - BEGUN_DEG
-        if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
-            return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         if time_s - self.start_s < TURNS_ON_S:
             most += self._turned_on_deg(time_s, step, off)
+        stands = time_s - self._moved_s > STOPPED_S
+        if self.exact and self._turns and not there and stands and not self._turns_on:
+            return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         return OTHERS_TURN if off > most else None
+
+    @property
+    def _turns_on(self) -> bool:
+        """Whether a setpoint still comes to the end of the turn of before the command."""
+        longest = _setpoint_turns_on_deg(self.turning_deg_s)
+        return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
         """How far a turn that was going on at the command may still lead away.
@@ -129,9 +136,9 @@ class YawWatch:
         """
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)
-        longest = _setpoint_turns_on_deg(self.turning_deg_s)
-        if self._ended or not longest:
+        if not self._turns_on:
             return 0.0
+        longest = _setpoint_turns_on_deg(self.turning_deg_s)
         self._on_deg += abs(step_deg)
         on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
         stands = on_deg < SETTLES_DEG and time_s - self.start_s > ON_S
