@@ -342,6 +342,7 @@ class _Rehearsed:
         await asyncio.sleep(3.0)
         sent = set(map(_name_of, read_flight(Path(self._directory)).pulse_poses))
         got = set(map(_name_of, scene.pulses))
+        arrived = sum(any((tag, ms + off) in got for off in (-1, 0, 1)) for tag, ms in sent)
         errors = []
         for one in scene.pulses:
             if one.pose is None:
@@ -350,7 +351,7 @@ class _Rehearsed:
             if truth is not None:
                 told = yaw_deg(one.pose.quaternion_wxyz)
                 errors.append(wrap_degrees_180(told - truth))
-        return {"pulses": [len(sent & got), len(sent)], "yaw_errors_deg": errors}
+        return {"pulses": [arrived, len(sent)], "yaw_errors_deg": errors}
 
     async def _left(self) -> None:
         """Leave a drone that hovers and that nobody commands."""
@@ -371,8 +372,8 @@ class _Rehearsed:
 
 
 def _name_of(one: PulsePose) -> tuple[int, int]:
-    """Tag and start of a pulse: what the drone's record and the ground's have in common."""
-    return one.pulse.tag_id, one.pulse.start_time_ns
+    """Tag and start [ms] of a pulse: the tunnel carries times as floating-point seconds."""
+    return one.pulse.tag_id, round(1e3 * s_from_ns(one.pulse.start_time_ns))
 
 
 def _away(place: tuple[float, float], distance_m: float, way_deg: float) -> tuple[float, float]:
