@@ -24,7 +24,25 @@ PX4_PARAMETERS = {
     "SDLOG_MODE": -1,
 }
 """The simulated battery stays full: SIH's is empty by half after a minute."""
-ARDUCOPTER_PARAMETERS = {"DISARM_DELAY": 30, "SIM_BATT_CAP_AH": 0, "FS_GCS_ENABLE": 0}
+ARDUCOPTER_PARAMETERS: dict[str, float] = {
+    "DISARM_DELAY": 30,
+    "SIM_BATT_CAP_AH": 0,
+    "FS_GCS_ENABLE": 0,
+    "FRAME_CLASS": 1,
+    "FRAME_TYPE": 0,
+    **{
+        f"COMPASS_OFS{n}_{axis}": value
+        for n in ("", "2", "3")
+        for axis, value in (("X", 5), ("Y", 13), ("Z", -18))
+    },
+    **{
+        f"INS_ACC{n}{what}_{axis}": value
+        for n in ("", "2")
+        for what, value in (("OFFS", 0.001), ("SCAL", 1.001))
+        for axis in "XYZ"
+    },
+}
+"""A quadrotor whose simulated sensors count as calibrated, with a battery that stays full."""
 Place = tuple[str, int]
 
 
