@@ -28,6 +28,7 @@ ARDUCOPTER_PARAMETERS: dict[str, float] = {
     "DISARM_DELAY": 30,
     "SIM_BATT_CAP_AH": 0,
     "FS_GCS_ENABLE": 0,
+    "BATT_MONITOR": 4,
     "FRAME_CLASS": 1,
     "FRAME_TYPE": 0,
     **{
