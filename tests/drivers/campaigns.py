@@ -264,7 +264,7 @@ TAKEOVERS: dict[str, Takeover] = {
     "pause by 193": (lambda flown, _: flown.pause_by_193(), 0.0, 9.0),
     "go elsewhere": (go_elsewhere, 0.1, 0.1),
     "go nearby": (go_nearby, 0.1, 0.1),
-    "turn at our target": (turn_at_our_target, 0.1, 0.0),
+    "turn at our target": (turn_at_our_target, 0.6, 0.0),
     "velocity": (ask_velocity, 0.0, 0.3),
     "mode": (other_mode, 0.5, 0.1),
     "stick": (move_stick, 0.2, 0.2),

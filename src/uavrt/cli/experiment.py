@@ -5,6 +5,7 @@ import sys
 from cyclopts import App
 
 EXPERIMENTS = {
+    "autopilots": "Rehearse every order and takeover on the autopilots that will fly.",
     "capacity": "Packet loss in an autopilot's forwarding, 0 to 10 ms apart (thesis §5.4).",
     "coverage": "Check what silence says: are areas as empty as a map tells?",
     "detection": "Compare the detector with its target figures, the original and theory.",

@@ -13,11 +13,12 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import cycle, islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from uavrt.blas import blas_environment
@@ -173,9 +174,31 @@ def drone_settings(
 
 
 class Program:
-    """One program of the demo, with its output in a file."""
+    """One program of the demo, with its output in a file.
 
-    def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
+    Parameters
+    ----------
+    name : str
+        For people.
+    arguments : sequence of str
+    log : Path
+        Of all that it prints.
+    interpreter : sequence of str
+        Words before the arguments; none: the first argument is the program, which then works in
+        the log's directory.
+    environment : mapping of str to str
+        On top of the demo's.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: Sequence[str],
+        log: Path,
+        *,
+        interpreter: Sequence[str] = (sys.executable, "-P", "-m"),
+        environment: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.name = name
         self.log = log
         """File with all that it prints."""
@@ -185,11 +208,12 @@ class Program:
         self.cpu_s = 0.0
         with log.open("wb") as output:
             self._process = subprocess.Popen(
-                [*_END_WITH_US, sys.executable, "-P", "-m", *arguments],
+                [*_END_WITH_US, *interpreter, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env=demo_environment(),
+                env=demo_environment() | dict(environment),
+                cwd=None if interpreter else log.parent,
                 process_group=0,
             )
         self.pid = self._process.pid

@@ -934,6 +934,7 @@ class Authority:
                 yaw_deg=seen.yaw_deg,
                 tolerance_deg=TARGET_YAW_DEG,
                 wanted_deg=self._wanted_yaw_deg(motion.wish),
+                turning_deg_s=self._target_turning_deg_s,
                 exact=True,
             )
         position = self._position

@@ -1,7 +1,7 @@
 """Check that the heading moves as commanded. Pure."""
 
 from dataclasses import dataclass
-from math import atan, degrees
+from math import atan, copysign, degrees
 
 from uavrt.units import wrap_degrees_180
 
@@ -17,6 +17,8 @@ FROZEN_M, STOPPED_S = 2.5, 1.0
 """Nearer, a setpoint may stay on its way to the bearing; farther, for no longer than this."""
 TURNS_ON_S = 6.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
+ON_S = 0.3
+"""So soon after a command, a report of the setpoint may be the one before it."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
 
@@ -64,6 +66,9 @@ class YawWatch:
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
+    _on_deg: float = 0.0
+    """How far a setpoint has turned on since the command."""
+    _ended: bool = False
 
     def __post_init__(self) -> None:
         if self.wanted_deg is not None:
@@ -111,11 +116,37 @@ class YawWatch:
         frozen = self.wanted_deg is None and away_m < FROZEN_M
         there = off <= slack + self.tolerance_deg or frozen
         self._turns |= not there and off < self._first_deg - BEGUN_DEG
-        if self.exact and self._turns and not there and time_s - self._moved_s > STOPPED_S:
-            return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         if time_s - self.start_s < TURNS_ON_S:
-            most += _turns_on_deg(self.turning_deg_s)
+            most += self._turned_on_deg(time_s, step, off)
+        stands = time_s - self._moved_s > STOPPED_S
+        if self.exact and self._turns and not there and stands and not self._turns_on:
+            return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
         return OTHERS_TURN if off > most else None
+
+    @property
+    def _turns_on(self) -> bool:
+        """Whether a setpoint still comes to the end of the turn of before the command."""
+        longest = _setpoint_turns_on_deg(self.turning_deg_s)
+        return bool(longest) and not self._ended
+
+    def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
+        """How far a turn that was going on at the command may still lead away.
+
+        A setpoint comes to the end of that turn at once; then it turns to its aim.
+        """
+        if not self.exact:
+            return _turns_on_deg(self.turning_deg_s)
+        if not self._turns_on:
+            return 0.0
+        longest = _setpoint_turns_on_deg(self.turning_deg_s)
+        self._on_deg += abs(step_deg)
+        on_deg = copysign(step_deg, step_deg * self.turning_deg_s)
+        stands = on_deg < SETTLES_DEG and time_s - self.start_s > ON_S
+        self._ended = on_deg < 0.0 or stands or self._on_deg > longest
+        if self._ended:
+            self._turns, self._moved_s = True, time_s
+            self._best_deg = max(self._best_deg, min(off_deg, self._best_deg + longest))
+        return longest
 
     def _aim(
         self, yaw_deg: float, step_deg: float, bearing_deg: float | None, away_m: float
@@ -146,6 +177,11 @@ class YawWatch:
 def _turns_on_deg(turning_deg_s: float) -> float:
     """How far a turn may go on; 25° and 50° were flown, and a turn may still quicken."""
     return 1.5 * abs(turning_deg_s) + 15.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
+
+
+def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
+    """Longest way to the end of a turn of PX4's heading setpoint, which brakes by 28°/s²."""
+    return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
 
 
 @dataclass(slots=True, kw_only=True)

@@ -85,7 +85,7 @@ def test_px4_looks_along_the_bearing_from_beside_its_line() -> None:
     assert abs(far[1]) < 6.0
     _, bearing, yaw = bearings[-1]
     assert abs(bearing) > 12.0
-    assert yaw == pytest.approx(bearing, abs=3.0)
+    assert yaw == pytest.approx(bearing, abs=5.0)
 
 
 @BOTH
@@ -106,22 +106,36 @@ def test_a_stop_that_is_told_while_it_speeds_up_is_overshot_and_it_turns_back(
         turned = max(turned, abs((vehicle.yaw_deg + 180.0) % 360.0 - 180.0))
     assert 3.0 < farthest - stop_m < 4.2
     assert turned > 60.0
+    fly(vehicle, 8.0)
     assert vehicle.north_m == pytest.approx(stop_m, abs=0.3)
 
 
-@BOTH
-def test_it_arrives_without_overshoot_where_there_is_room(flavour: Flavour) -> None:
-    vehicle = hovering(flavour)
-    go(vehicle, 100.0, 0.0)
-    fly(vehicle, 40.0)
-    farthest = vehicle.north_m
-    assert farthest == pytest.approx(100.0, abs=0.2)
+@pytest.mark.parametrize(
+    ("flavour", "beyond_m", "back_s"),
+    [("px4", (0.4, 1.5), (3.0, 9.4)), ("ardupilot", (-0.1, 0.3), (0.0, 2.0))],
+)
+@pytest.mark.parametrize("way_m", [30.0, 100.0])
+def test_px4_passes_its_target_and_comes_back_slowly(
+    flavour: Flavour, beyond_m: tuple[float, float], back_s: tuple[float, float], way_m: float
+) -> None:
+    """Flown in SIH at 5 m/s: 0.4 to 1.5 m beyond it, within 0.5 m after 6 to 9.4 s."""
+    vehicle = hovering(flavour, speed_m_s=5.0)
+    go(vehicle, way_m, 0.0)
+    places = []
+    for _ in range(1000):
+        vehicle.advance(STEP_S)
+        places.append(vehicle.north_m - way_m)
+    near = next(number for number, off in enumerate(places) if off > -3.0)
+    outside = max(number for number, off in enumerate(places) if abs(off) > 0.5)
+    assert beyond_m[0] <= max(places) <= beyond_m[1]
+    assert back_s[0] <= (outside - near) * STEP_S <= back_s[1]
+    assert vehicle.north_m == pytest.approx(way_m, abs=0.2)
 
 
 def test_px4_goes_on_turning_for_a_while_when_it_is_told_to_look_elsewhere() -> None:
     vehicle = hovering("px4")
     go(vehicle, 0.0, 0.0, math.radians(170.0))
-    fly(vehicle, 2.0)
+    fly(vehicle, 1.5)
     then = vehicle.yaw_deg
     go(vehicle, 0.0, 0.0, math.radians(then))
     furthest = then
@@ -135,6 +149,31 @@ def taking_off(flavour: Flavour) -> Flown:
     flown = Flown(flavour, on_ground=True)
     flown.order("takeoff", height_m=30.0)
     return flown
+
+
+def test_px4_turns_its_setpoint_on_when_it_is_sent_elsewhere_in_a_turn() -> None:
+    """Flown in SIH: turning at 22°/s to 22° when sent to −60°, the setpoint went on by 8.7°."""
+    vehicle = hovering("px4", speed_m_s=5.0)
+    vehicle.yaw_deg = 340.0
+    go(vehicle, 50.0, 20.0)
+    fly(vehicle, 0.8)
+    before_deg = told_yaw_deg(vehicle)
+    vehicle.advance(STEP_S)
+    rate_deg_s = (told_yaw_deg(vehicle) - before_deg) / STEP_S
+    then_deg = told_yaw_deg(vehicle)
+    go(vehicle, 15.0, -21.0)
+    furthest_deg = then_deg
+    for _ in range(60):
+        vehicle.advance(STEP_S)
+        furthest_deg = max(furthest_deg, told_yaw_deg(vehicle))
+    assert 20.0 < rate_deg_s < 32.0
+    assert 5.0 < furthest_deg - then_deg < 15.0
+    fly(vehicle, 4.0)
+    assert told_yaw_deg(vehicle) < -30.0
+
+
+def told_yaw_deg(vehicle: FlyingVehicle) -> float:
+    return (math.degrees(target(vehicle).yaw) + 180.0) % 360.0 - 180.0
 
 
 @BOTH

@@ -1,0 +1,397 @@
+"""The flights of a rehearsal: every order to its end, every takeover at random instants."""
+
+import asyncio
+import math
+import random
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import dropwhile
+from pathlib import Path
+from typing import Any
+
+from uavrt.attitude import yaw_deg
+from uavrt.clock import monotonic_s
+from uavrt.errors import LinkError, UavrtError
+from uavrt.geodesy import moved
+from uavrt.ground.link import ask, confirm, motion_request, stop
+from uavrt.messages import PulsePose
+from uavrt.recording import read_flight
+from uavrt.simulation.flying import Flavour
+from uavrt.units import s_from_ns, wrap_degrees_180
+from uavrt_experiments.autopilots.builds import Build
+from uavrt_experiments.autopilots.hand import CENTRED_US, HEIGHT_M
+from uavrt_experiments.autopilots.measures import Flying, flying_of, heading_at, reaction
+from uavrt_experiments.autopilots.scene import RunningScene, running
+from uavrt_experiments.autopilots.takeovers import Takeover, takeovers_of
+from uavrt_experiments.autopilots.tap import write_frames
+from uavrt_experiments.kept import KeptOutcomes
+
+WELL = ("done", "returning: the autopilot flies home")
+"""How an order ends that nobody took over."""
+ORDERS = ("takeoff", "survey", "goto", "rotate", "hold", "search", "return")
+TAKEN = ("survey", "rotate", "goto")
+"""Orders that are taken over."""
+AFTERWARDS_S, SETTLES_S = 12.0, 8.0
+STANDS_M_S = 0.15
+LONGEST_S = {"search": 600.0, "survey": 420.0}
+SEARCH_S = 120.0
+FAR_M = 250.0
+ASKS_S = 45.0
+"""How long an order is asked for until the drone has a position and a home."""
+UNDER_WAY_S, TAKEN_AFTER_S, MOVES_M_S = 60.0, (1.5, 10.0), 1.0
+"""How long an order to be taken over may take to begin; when it is taken over then; how fast it
+flies then, where it is the stop that shows."""
+TRIES = 4
+"""Of a takeover whose order ended before."""
+
+
+class _NotTakenError(UavrtError):
+    """There was nothing to take over any more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """How many flights of each kind."""
+
+    surveys: int = 20
+    searches: int = 10
+    takeoffs: int = 20
+    others: int = 10
+    phases: int = 5
+    """Instants at which each takeover comes."""
+    only: str = ""
+    """Part of the name of a flight."""
+    seed: int = 1
+
+    def times(self, order: str) -> int:
+        """How often an order is flown."""
+        named = {"survey": self.surveys, "search": self.searches, "takeoff": self.takeoffs}
+        return named.get(order, self.others)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A flight that is to be flown."""
+
+    build: Build
+    order: str
+    number: int
+    seed: int
+    takeover: Takeover | None = None
+
+    @property
+    def name(self) -> str:
+        """Its own, also that of its file."""
+        what = self.order if self.takeover is None else f"taken over, {self.takeover.name}"
+        return f"{self.build.name}, {what}, {self.number}"
+
+
+def planned(builds: list[Build], asked: Asked) -> Iterator[Flight]:
+    """Say what is to be flown: of each kind one, then of each another."""
+    for build in builds:
+        everything: list[tuple[str, Takeover | None, int]] = [
+            (order, None, number) for order in ORDERS for number in range(asked.times(order))
+        ]
+        everything += [
+            ("", one, number)
+            for one in takeovers_of(build.flavour)
+            for number in range(asked.phases)
+        ]
+        for order, takeover, number in sorted(everything, key=lambda one: one[2]):
+            seed = asked.seed * 1000 + number
+            rng = random.Random(f"{seed} {takeover and takeover.name}")
+            flight = Flight(
+                build=build,
+                order=order or rng.choice(TAKEN),
+                number=number,
+                seed=seed,
+                takeover=takeover,
+            )
+            if asked.only in flight.name:
+                yield flight
+
+
+def rehearse(
+    builds: list[Build],
+    asked: Asked,
+    frames: Path,
+    kept: KeptOutcomes,
+    failed: list[dict[str, Any]],
+    say: Callable[[str], None],
+) -> None:
+    """Fly all that is not kept yet; what is there stays at Ctrl-C.
+
+    Parameters
+    ----------
+    builds : list of Build
+    asked : Asked
+    frames : Path
+        Directory for the frames of each flight.
+    kept : KeptOutcomes
+    failed : list of dict
+        Gets the flights that were not flown to their end, which are flown again next time.
+    say : callable
+        Takes a line of progress.
+    """
+    for build in builds:
+        flights = [one for one in planned([build], asked) if one.name not in kept]
+        while flights:
+            with tempfile.TemporaryDirectory(prefix="uavrt-autopilots-") as work:
+                flights = asyncio.run(
+                    _session(build, flights, Path(work), frames, kept, failed, say)
+                )
+
+
+async def _session(
+    build: Build,
+    flights: list[Flight],
+    work: Path,
+    frames: Path,
+    kept: KeptOutcomes,
+    failed: list[dict[str, Any]],
+    say: Callable[[str], None],
+) -> list[Flight]:
+    """Fly until the autopilot is to be started again; get what is left."""
+    async with running(build, work, flights[0].seed, say) as scene:
+        while flights:
+            flight = flights.pop(0)
+            begun_s = monotonic_s()
+            try:
+                outcome = await _tried(scene, flight, frames)
+            except UavrtError as error:
+                outcome = {"failed": str(error)}
+            outcome |= {"build": build.name, "order": flight.order}
+            outcome["takeover"] = flight.takeover and flight.takeover.name
+            if "failed" in outcome:
+                failed.append(outcome)
+            else:
+                kept.take(flight.name, partial(dict, outcome))
+            ended = outcome.get("failed") or outcome["ended"]
+            say(f"{flight.name}: {ended} ({monotonic_s() - begun_s:.0f} s)")
+            if "failed" in outcome or (flight.takeover and flight.takeover.restarts):
+                break
+    return flights
+
+
+async def _tried(scene: RunningScene, flight: Flight, frames: Path) -> dict[str, Any]:
+    """Fly it; a takeover that found nothing to take over is flown again."""
+    for attempt in range(TRIES):
+        try:
+            return await _Rehearsed(scene, flight, frames, attempt).flown()
+        except _NotTakenError:
+            if attempt == TRIES - 1:
+                raise
+    raise AssertionError
+
+
+class _Rehearsed:
+    """One flight."""
+
+    def __init__(self, scene: RunningScene, flight: Flight, frames: Path, attempt: int) -> None:
+        self._scene, self._flight, self._frames = scene, flight, frames
+        self._rng = random.Random(f"{flight.name} {flight.seed} {attempt}")
+        self._directory = ""
+
+    async def flown(self) -> dict[str, Any]:
+        """Fly it; get what came out, for JSON."""
+        scene, flight = self._scene, self._flight
+        scene.check()
+        hand, order = scene.hand, flight.order
+        switches = flight.takeover is not None and flight.takeover.sticks
+        hand.channels_us = CENTRED_US if switches else ()
+        if order == "takeoff":
+            await hand.stand()
+            await asyncio.sleep(2.0)
+            await hand.arm()
+        else:
+            await hand.hover()
+            if hand.away_m(scene.home) > FAR_M or abs(hand.height_m - HEIGHT_M) > 8.0:
+                await hand.come_back(scene.home)
+        if order == "search":
+            await scene.link.upload_tags(scene.scenario.tags)
+            self._directory = await scene.link.start_detection()
+        scene.companion.kept.clear()
+        hand.heading.clear()
+        scene.pulses.clear()
+        try:
+            outcome = await self._ordered()
+        finally:
+            write_frames(self._frames / f"{flight.name}.tlog", scene.companion.kept)
+        if order == "search":
+            outcome |= await self._listened()
+        await self._left()
+        return outcome
+
+    async def _ordered(self) -> dict[str, Any]:
+        """Ask, confirm, and follow it to its end."""
+        scene, flight = self._scene, self._flight
+        offer = await self._offer()
+        scene.states.clear()
+        await confirm(scene.link, offer, sticks_unseen=True)
+        confirmed_s, taken_s = scene.now_s, None
+        takeover = flight.takeover
+        if takeover is not None:
+            taken_s, shows = await self._taken_over(takeover)
+        out_s = await self._out(confirmed_s, taken_s)
+        stood_s = None
+        if takeover is None:
+            await asyncio.sleep(SETTLES_S)
+        elif takeover.stops:
+            stood_s = self._stood_s
+        if takeover is not None:
+            await asyncio.sleep(AFTERWARDS_S)
+            takeover.undo(scene)
+        kept = list(scene.companion.kept)
+        told = next((one.text for at, one in scene.states if at == out_s), "not ended")
+        outcome: dict[str, Any] = {
+            "ended": told,
+            "duration_s": (out_s or scene.now_s) - confirmed_s,
+            "arrived": takeover is None and told in WELL,
+            "flying": asdict(flying_of(kept, taken_s or math.inf)),
+        }
+        if takeover is not None and taken_s is not None:
+            since = taken_s if stood_s is None else stood_s
+            outcome["out_s"] = None if out_s is None else out_s - since
+            outcome["reaction"] = asdict(reaction(kept, taken_s, out_s, shows))
+        return outcome
+
+    async def _offer(self) -> Any:
+        """Ask until the drone has what it needs to offer it."""
+        deadline_s = monotonic_s() + ASKS_S
+        while True:
+            try:
+                return await ask(self._scene.link, self._request())
+            except UavrtError:
+                if monotonic_s() > deadline_s:
+                    raise
+                await asyncio.sleep(1.0)
+
+    def _request(self) -> Any:
+        rng, scene, order = self._rng, self._scene, self._flight.order
+        position = scene.hand.position
+        assert position is not None
+        here = (position.lat / 1e7, position.lon / 1e7)
+        if order == "takeoff":
+            return motion_request("takeoff", height_m=rng.uniform(25.0, 45.0))
+        if order == "goto":
+            near_m = 10.0 if self._flight.takeover is None else 80.0
+            off = rng.uniform(near_m, 120.0), rng.uniform(0.0, 360.0)
+            return motion_request("goto", [_away(here, *off)], height_m=HEIGHT_M)
+        if order == "rotate":
+            return motion_request("rotate", duration_s=rng.uniform(25.0, 45.0))
+        if order == "search":
+            return motion_request(
+                "search", radius_m=260.0, duration_s=SEARCH_S, height_m=HEIGHT_M
+            )
+        if order == "survey":
+            length, wide = math.exp(rng.uniform(math.log(12.0), math.log(150.0))), 30.0
+            turn = rng.uniform(0.0, 360.0)
+            first = _away(here, rng.uniform(5.0, 40.0), rng.uniform(0.0, 360.0))
+            second = _away(first, length, turn)
+            corners = [first, second, _away(second, wide, turn + 90.0)]
+            corners.append(_away(first, wide, turn + 90.0))
+            height_m = rng.uniform(30.0, 60.0)
+            return motion_request("survey", corners, spacing_m=25.0, height_m=height_m)
+        return motion_request(order)
+
+    async def _taken_over(self, takeover: Takeover) -> tuple[float, Any]:
+        """Let the order begin and go on for a while; then act."""
+        scene = self._scene
+        deadline_s, begun_s = monotonic_s() + UNDER_WAY_S, math.inf
+        after_s = self._rng.uniform(*TAKEN_AFTER_S)
+        while True:
+            now_s = monotonic_s()
+            if self._ended is not None or now_s > deadline_s:
+                raise _NotTakenError("the order ended, or did not begin, before its takeover")
+            if scene.standing == "in command":
+                begun_s = min(begun_s, now_s)
+            moves = not takeover.stops or scene.hand.speed_m_s > MOVES_M_S
+            if now_s > begun_s + after_s and moves:
+                break
+            await asyncio.sleep(0.02)
+        shows = None if takeover.shows is None else takeover.shows(scene.hand)
+        taken_s = scene.now_s
+        await asyncio.to_thread(takeover.act, scene)
+        return taken_s, shows
+
+    @property
+    def _ended(self) -> float | None:
+        """When the drone told that the order has ended."""
+        states = list(dropwhile(lambda one: one[1].standing == "out", self._scene.states))
+        return next((at for at, one in states if one.standing == "out"), None)
+
+    async def _out(self, confirmed_s: float, taken_s: float | None) -> float | None:
+        scene, self._stood_s = self._scene, None
+        longest_s = LONGEST_S.get(self._flight.order, 180.0)
+        if taken_s is not None:
+            longest_s = taken_s - confirmed_s + 25.0
+        while self._ended is None and scene.now_s - confirmed_s < longest_s:
+            scene.check()
+            stands = taken_s is not None and scene.hand.speed_m_s < STANDS_M_S
+            if stands and self._stood_s is None:
+                self._stood_s = scene.now_s
+            await asyncio.sleep(0.05)
+        return self._ended
+
+    async def _listened(self) -> dict[str, Any]:
+        """Compare the drone's pulses with the ground's, and their headings with the pilot's."""
+        scene = self._scene
+        await scene.link.stop_detection()
+        await asyncio.sleep(3.0)
+        sent = set(map(_name_of, read_flight(Path(self._directory)).pulse_poses))
+        got = set(map(_name_of, scene.pulses))
+        arrived = sum(any((tag, ms + off) in got for off in (-1, 0, 1)) for tag, ms in sent)
+        errors = []
+        for one in scene.pulses:
+            if one.pose is None:
+                continue
+            truth = heading_at(scene.hand.heading, s_from_ns(one.pose.time_ns))
+            if truth is not None:
+                told = yaw_deg(one.pose.quaternion_wxyz)
+                errors.append(wrap_degrees_180(told - truth))
+        return {"pulses": [arrived, len(sent)], "yaw_errors_deg": errors}
+
+    async def _left(self) -> None:
+        """Leave a drone that hovers and that nobody commands."""
+        scene, takeover = self._scene, self._flight.takeover
+        if takeover is not None and takeover.restarts:
+            return
+        hand = scene.hand
+        if scene.standing != "out":
+            try:
+                await stop(scene.link)
+            except LinkError:
+                scene.check()
+        if hand.armed and not hand.on_ground:
+            hand.name_mode("hold")
+            await asyncio.sleep(1.0)
+            hand.go_to(0.0, 0.0)
+            await asyncio.sleep(3.0)
+
+
+def _name_of(one: PulsePose) -> tuple[int, int]:
+    """Tag and start [ms] of a pulse: the tunnel carries times as floating-point seconds."""
+    return one.pulse.tag_id, round(1e3 * s_from_ns(one.pulse.start_time_ns))
+
+
+def _away(place: tuple[float, float], distance_m: float, way_deg: float) -> tuple[float, float]:
+    """A place so far from another."""
+    return moved(
+        *place,
+        HEIGHT_M,
+        north_m=distance_m * math.cos(math.radians(way_deg)),
+        east_m=distance_m * math.sin(math.radians(way_deg)),
+    )
+
+
+def flavour_of(name: str) -> Flavour:
+    """Kind of the build of this name."""
+    return "px4" if "px4" in name.lower() else "ardupilot"
+
+
+def flying_in(outcome: dict[str, Any]) -> Flying | None:
+    """How its legs were flown."""
+    flying = outcome.get("flying")
+    return None if flying is None else Flying(**flying)

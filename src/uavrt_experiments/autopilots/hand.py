@@ -1,0 +1,281 @@
+"""The pilot of a rehearsal: a ground station that arms, takes off and takes over.
+
+This is a client of the experiment. Nothing of it runs on a drone, and uavrt never arms.
+"""
+
+import asyncio
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from uavrt.clock import monotonic_s
+from uavrt.errors import UavrtError
+from uavrt.mavlink import FrameWriter, Message, dialect, station_heartbeat
+from uavrt.mavlink.dialect import MavCmd, MavFrame, MavModeFlag
+from uavrt.simulation.flying import MODES, NOWHERE, Flavour
+from uavrt_experiments.autopilots.tap import Kept, Tap
+
+GROUND_STATION = (255, 190)
+HEIGHT_M = 40.0
+RATES_HZ = {
+    dialect.AttitudeQuaternion.ID: 50.0,
+    dialect.GlobalPositionInt.ID: 50.0,
+    dialect.ExtendedSysState.ID: 2.0,
+    dialect.PositionTargetGlobalInt.ID: 5.0,
+}
+CENTRED_US = (1500, 1500, 1500, 1500)
+FORCED = 21_196.0
+"""Magic number of a disarming in the air."""
+VELOCITY_ONLY = 0b0000_1101_1100_0111
+
+
+class Foreign(Message):
+    """A message that uavrt itself neither sends nor reads.
+
+    Parameters
+    ----------
+    number, crc_extra : int
+    payload : bytes
+    """
+
+    __slots__ = ("CRC_EXTRA", "ID", "_payload")
+
+    def __init__(self, number: int, crc_extra: int, payload: bytes) -> None:
+        self.ID, self.CRC_EXTRA, self._payload = number, crc_extra, payload  # type: ignore[misc]
+
+    def pack(self) -> bytes:
+        """Payload as it was given."""
+        return self._payload
+
+
+class Hand:
+    """What the pilot sees and does.
+
+    Parameters
+    ----------
+    tap : Tap
+        The autopilot's link to ground stations.
+    flavour : {"px4", "ardupilot"}
+    """
+
+    def __init__(self, tap: Tap, flavour: Flavour) -> None:
+        self._tap, self.flavour = tap, flavour
+        self._writer = FrameWriter(*GROUND_STATION)
+        tap.heard = self._take
+        self.system_id = 0
+        self.mode, self.armed = -1, False
+        self.position: dialect.GlobalPositionInt | None = None
+        self.target: dialect.PositionTargetGlobalInt | None = None
+        self.heading: list[tuple[float, float]] = []
+        """Time and heading [deg], of each attitude that was told."""
+        self.on_ground = True
+        self.acks: dict[int, int] = {}
+        self.texts: list[str] = []
+        self.channels_us: tuple[int, ...] = ()
+        """Sticks of the remote control; none: it is switched off."""
+        self.moved: Callable[[float, dialect.GlobalPositionInt], None] = lambda _t, _p: None
+
+    async def live(self) -> None:
+        """Send heartbeats and sticks until cancelled."""
+        turn = 0
+        while True:
+            if turn % 5 == 0:
+                self.send(station_heartbeat(as_gcs=True))
+            if self.channels_us and self.system_id:
+                sticks = struct.pack("<8H", *self.channels_us, *(0,) * 4)
+                target = bytes((self.system_id, 1))
+                self.send(Foreign(70, 124, sticks + target))
+            turn += 1
+            await asyncio.sleep(0.2)
+
+    def send(self, message: Message) -> None:
+        """Send a message to the autopilot."""
+        self._tap.inject(self._writer, message)
+
+    def _take(self, kept: Kept) -> None:
+        if kept.frame.component_id != 1:
+            return
+        message = kept.message
+        match message:
+            case dialect.Heartbeat() if message.autopilot != dialect.MavAutopilot.INVALID:
+                self.system_id = kept.frame.system_id
+                self.mode = message.custom_mode
+                self.armed = bool(message.base_mode & MavModeFlag.SAFETY_ARMED)
+            case dialect.GlobalPositionInt():
+                self.position = message
+                self.moved(kept.time_s, message)
+            case dialect.AttitudeQuaternion():
+                w, x, y, z = message.q1, message.q2, message.q3, message.q4
+                yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+                self.heading.append((kept.time_s, math.degrees(yaw)))
+            case dialect.PositionTargetGlobalInt():
+                self.target = message
+            case dialect.ExtendedSysState():
+                self.on_ground = message.landed_state == dialect.MavLandedState.ON_GROUND
+            case dialect.CommandAck():
+                self.acks[message.command] = message.result
+            case dialect.Statustext():
+                self.texts = [*self.texts[-19:], message.text]
+
+    # ------------------------------------------------------------------ what is seen
+
+    @property
+    def height_m(self) -> float:
+        """Above home."""
+        return 0.0 if self.position is None else self.position.relative_alt / 1e3
+
+    @property
+    def speed_m_s(self) -> float:
+        """In all directions."""
+        p = self.position
+        return 0.0 if p is None else math.hypot(p.vx, p.vy, p.vz) / 100.0
+
+    async def until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
+        """Wait; raises `UavrtError` with the autopilot's last words."""
+        deadline_s = monotonic_s() + timeout_s
+        while not condition():
+            if monotonic_s() > deadline_s:
+                words = "; ".join(self.texts[-3:])
+                raise UavrtError(f"{what} did not come within {timeout_s:.0f} s: {words}")
+            await asyncio.sleep(0.05)
+
+    # ------------------------------------------------------------------ what is done
+
+    def command(self, number: int, *params: float) -> None:
+        """Send a COMMAND_LONG."""
+        values = (*params, *(0.0,) * 7)[:7]
+        self.acks.pop(number, None)
+        self.send(
+            dialect.CommandLong(
+                target_system=self.system_id,
+                target_component=1,
+                command=number,
+                confirmation=0,
+                **{f"param{n}": one for n, one in enumerate(values, 1)},
+            )
+        )
+
+    def set_mode(self, number: int) -> None:
+        """Change the mode."""
+        px4 = self.flavour == "px4"
+        words = (number >> 16 & 0xFF, number >> 24) if px4 else (number, 0)
+        self.command(MavCmd.DO_SET_MODE, 1.0, *map(float, words))
+
+    def name_mode(self, name: str) -> None:
+        """Change to a mode of `uavrt.simulation.flying.MODES`."""
+        self.set_mode(MODES[self.flavour][name])
+
+    def set_parameter(self, name: str, value: float, *, whole: bool = False) -> None:
+        """Set a parameter; PX4 takes the bytes of a whole number."""
+        if whole and self.flavour == "px4":
+            (value,) = struct.unpack("<f", struct.pack("<i", round(value)))
+        kind = dialect.MavParamType
+        self.send(
+            dialect.ParamSet(
+                target_system=self.system_id,
+                target_component=1,
+                param_id=name,
+                param_value=value,
+                param_type=kind.INT32 if whole and self.flavour == "px4" else kind.REAL32,
+            )
+        )
+
+    def reposition(self, **values: Any) -> None:
+        """Send a DO_REPOSITION as ground stations do; without a place it is PX4's pause."""
+        message = {
+            "target_system": self.system_id,
+            "target_component": 1,
+            "frame": MavFrame.GLOBAL_INT,
+            "command": MavCmd.DO_REPOSITION,
+            "current": 0,
+            "autocontinue": 0,
+            "param1": -1.0,
+            "param2": 1.0,
+            "param3": 0.0,
+            "param4": math.nan,
+            "x": NOWHERE,
+            "y": NOWHERE,
+            "z": math.nan,
+        }
+        self.send(dialect.CommandInt(**(message | values)))
+
+    def go_to(self, north_m: float, east_m: float, *, up_m: float = 0.0) -> None:
+        """Fly to a place, by metres from where the drone is."""
+        p = self.position
+        assert p is not None
+        self.reposition(
+            x=p.lat + round(north_m * 90.0),
+            y=p.lon + round(east_m * 90.0 / math.cos(math.radians(p.lat / 1e7))),
+            z=p.alt / 1e3 + up_m,
+        )
+
+    def ask_velocity(self, north_m_s: float, east_m_s: float) -> None:
+        """Send a velocity setpoint."""
+        values = (0.0, 0.0, 0.0, north_m_s, east_m_s, *(0.0,) * 6)
+        payload = struct.pack("<I11fH3B", 0, *values, VELOCITY_ONLY, self.system_id, 1, 1)
+        self.send(Foreign(84, 143, payload))
+
+    async def boot(self, timeout_s: float) -> None:
+        """Wait for the autopilot; ask for what a pilot sees."""
+        await self.until(lambda: self.system_id, timeout_s, "the autopilot's heartbeat")
+        for number, rate_hz in RATES_HZ.items():
+            self.command(MavCmd.SET_MESSAGE_INTERVAL, float(number), 1e6 / rate_hz)
+            await asyncio.sleep(0.05)
+        await self.until(lambda: self.position is not None, timeout_s, "a position")
+
+    async def arm(self, timeout_s: float = 90.0) -> None:
+        """Arm, again and again until the estimator is ready."""
+        deadline_s = monotonic_s() + timeout_s
+        while not self.armed:
+            if monotonic_s() > deadline_s:
+                raise UavrtError(f"the autopilot does not arm: {'; '.join(self.texts[-3:])}")
+            if self.flavour == "ardupilot":
+                self.name_mode("hold")
+                await asyncio.sleep(0.3)
+            self.command(MavCmd.COMPONENT_ARM_DISARM, 1.0)
+            await asyncio.sleep(1.0)
+
+    async def hover(self, height_m: float = HEIGHT_M) -> None:
+        """Arm and take off by hand where it stands; then hover over home."""
+        self.acks.clear()
+        if not self.armed or self.on_ground:
+            await self.arm()
+            p = self.position
+            assert p is not None
+            up_m = height_m if self.flavour == "ardupilot" else p.alt / 1e3 + height_m
+            nothing = math.nan if self.flavour == "px4" else 0.0
+            self.command(MavCmd.NAV_TAKEOFF, -1.0, 0, 0, nothing, nothing, nothing, up_m)
+            await self.until(lambda: self.height_m > height_m - 3.0, 60.0, "its height")
+            await asyncio.sleep(2.0)
+
+    async def stand(self) -> None:
+        """Land, and wait until it is disarmed."""
+        if self.armed and not self.on_ground:
+            self.name_mode("land")
+        elif self.armed:
+            self.command(MavCmd.COMPONENT_ARM_DISARM, 0.0)
+        await self.until(lambda: not self.armed, 120.0, "the landing")
+
+    async def come_back(self, home: tuple[float, float]) -> None:
+        """Fly to some metres over home, where orders begin."""
+        p = self.position
+        assert p is not None
+        self.reposition(
+            x=round(home[0] * 1e7),
+            y=round(home[1] * 1e7),
+            z=p.alt / 1e3 - self.height_m + HEIGHT_M,
+        )
+        await asyncio.sleep(1.0)
+        await self.until(
+            lambda: self.away_m(home) < 3.0 and self.speed_m_s < 0.3, 150.0, "the way back"
+        )
+
+    def away_m(self, place: tuple[float, float]) -> float:
+        """Distance over ground from a place."""
+        p = self.position
+        if p is None:
+            return math.inf
+        north = (p.lat / 1e7 - place[0]) * 111_195.0
+        east = (p.lon / 1e7 - place[1]) * 111_195.0 * math.cos(math.radians(place[0]))
+        return math.hypot(north, east)

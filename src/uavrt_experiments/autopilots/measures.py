@@ -1,0 +1,266 @@
+"""What the frames of a flight show of how the autopilot flies. Pure."""
+
+import bisect
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from uavrt.mavlink import Message, dialect
+from uavrt.simulation.flying import is_motion
+from uavrt.units import wrap_degrees_180
+from uavrt_experiments.autopilots.tap import Kept
+
+METRES_PER_UNIT = 111_195.0 / 1e7
+LONG_M = 8.0
+"""A shorter leg shows no overshoot."""
+ARRIVED_M, NEAR_M, SETTLED_M = 1.5, 3.0, 0.5
+NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
+"""Change by which a step has begun, as `uavrt.guidance.progress` has it."""
+HIGH_M, LOOKS_DEG = 2.0, 8.0
+"""What must be left of height and heading for that."""
+TURN_DEG = 60.0
+"""A smaller turn shows no rate."""
+RATE_S = 0.3
+"""Over which a rate of turning is taken."""
+AFTER_S = 4.0
+"""So much must follow an arrival for its settling to show."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the drone was."""
+
+    time_s: float
+    north_m: float
+    east_m: float
+    amsl_m: float
+    yaw_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flying:
+    """How one flight's legs were flown; a list has a figure for each that shows one."""
+
+    begins_s: tuple[float, ...]
+    """From a command until the drone comes nearer in anything."""
+    overshoot_m: tuple[float, ...]
+    settling_s: tuple[float, ...]
+    """From 3 m before the target until it stays within 0.5 m."""
+    turn_rate_deg_s: tuple[float, ...]
+    height_error_m: tuple[float, ...]
+    """Of the altitude commanded, at each arrival."""
+
+
+Command = dialect.CommandInt | dialect.CommandLong
+
+
+def commands_of(kept: Iterable[Kept]) -> list[tuple[float, Command]]:
+    """All commands of motion that uavrt sent, with their times."""
+    return [
+        (one.time_s, message)
+        for one in kept
+        if one.ours and isinstance(message := one.message, Command) and is_motion(message)
+    ]
+
+
+def places_of(kept: Iterable[Kept]) -> list[Place]:
+    """Where the drone was, by its own reports, in metres around the first."""
+    places: list[Place] = []
+    first: dialect.GlobalPositionInt | None = None
+    for one in kept:
+        message = one.message
+        if one.ours or not isinstance(message, dialect.GlobalPositionInt):
+            continue
+        first = first or message
+        north, east = metres(first, message.lat, message.lon)
+        yaw = message.hdg / 100.0
+        places.append(Place(one.time_s, north, east, message.alt / 1e3, yaw))
+    return places
+
+
+def metres(
+    first: dialect.GlobalPositionInt, latitude: int, longitude: int
+) -> tuple[float, float]:
+    """North and east of a place [m]."""
+    shrinks = math.cos(math.radians(first.lat / 1e7))
+    return (
+        (latitude - first.lat) * METRES_PER_UNIT,
+        (longitude - first.lon) * METRES_PER_UNIT * shrinks,
+    )
+
+
+def flying_of(kept: Sequence[Kept], out_s: float = math.inf) -> Flying:
+    """Measure each leg up to the next command, or to the end of the frames.
+
+    Parameters
+    ----------
+    kept : sequence of Kept
+        Frames of the companion link, in their order.
+    out_s : float
+        When a takeover came: nothing after it is uavrt's flight.
+    """
+    found: dict[str, list[float]] = {name: [] for name in Flying.__slots__}
+    commands = [one for one in commands_of(kept) if one[0] < out_s]
+    first = next(
+        (m for one in kept if isinstance(m := one.message, dialect.GlobalPositionInt)), None
+    )
+    places = [one for one in places_of(kept) if one.time_s < out_s]
+    times = [one.time_s for one in places]
+    for number, (sent_s, message) in enumerate(commands):
+        if not isinstance(message, dialect.CommandInt) or first is None:
+            continue
+        until_s = commands[number + 1][0] if number + 1 < len(commands) else out_s
+        leg = places[bisect.bisect(times, sent_s) : bisect.bisect(times, until_s)]
+        if len(leg) > 1:
+            target = metres(first, message.x, message.y)
+            _measure(found, leg, sent_s, target, message)
+    return Flying(**{name: tuple(values) for name, values in found.items()})
+
+
+def _measure(
+    found: dict[str, list[float]],
+    leg: Sequence[Place],
+    sent_s: float,
+    target: tuple[float, float],
+    message: dialect.CommandInt,
+) -> None:
+    start = leg[0]
+    north, east = target[0] - start.north_m, target[1] - start.east_m
+    length = math.hypot(north, east)
+
+    def left(one: Place) -> float:
+        return math.hypot(target[0] - one.north_m, target[1] - one.east_m)
+
+    def along(one: Place) -> float:
+        return (
+            (one.north_m - start.north_m) * north + (one.east_m - start.east_m) * east
+        ) / length
+
+    def bearing(one: Place) -> float:
+        ahead, aside = target[0] - one.north_m, target[1] - one.east_m
+        return one.yaw_deg if length < NEAR_M else math.degrees(math.atan2(aside, ahead))
+
+    begun = _begins(leg, left, bearing, message)
+    if begun is not None:
+        found["begins_s"].append(begun - sent_s)
+    swept, rate = _turning(leg)
+    if swept >= TURN_DEG:
+        found["turn_rate_deg_s"].append(rate)
+    if length < LONG_M or min(map(left, leg)) > ARRIVED_M:
+        return
+    near_s = next(one.time_s for one in leg if left(one) <= NEAR_M)
+    if leg[-1].time_s < near_s + AFTER_S:
+        return
+    found["overshoot_m"].append(max(0.0, max(map(along, leg)) - length))
+    outside = [one.time_s for one in leg if left(one) > SETTLED_M]
+    if outside[-1] < leg[-1].time_s:
+        found["settling_s"].append(outside[-1] - near_s)
+    found["height_error_m"].append(leg[-1].amsl_m - message.z)
+
+
+def _begins(
+    leg: Sequence[Place],
+    left: Callable[[Place], float],
+    bearing: Callable[[Place], float],
+    message: dialect.CommandInt,
+) -> float | None:
+    """When it came nearer in anything of which much was left; a turn to the target counts."""
+
+    def off_deg(one: Place) -> float:
+        asked = math.isfinite(message.param4)
+        wanted = math.degrees(message.param4) if asked else bearing(one)
+        return abs(wrap_degrees_180(wanted - one.yaw_deg))
+
+    start = leg[0]
+    off_m, up_m, turn_deg = left(start), abs(start.amsl_m - message.z), off_deg(start)
+    for one in leg:
+        nearer = off_m > NEAR_M and off_m - left(one) >= NEARER_M
+        higher = up_m > HIGH_M and up_m - abs(one.amsl_m - message.z) >= HIGHER_M
+        turned = turn_deg > LOOKS_DEG and turn_deg - off_deg(one) >= TURNED_DEG
+        if nearer or higher or turned:
+            return one.time_s
+    return None
+
+
+def _turning(leg: Sequence[Place]) -> tuple[float, float]:
+    """How far its heading moved in all, and how fast at most [deg/s]."""
+    turned, total = [(leg[0].time_s, 0.0)], 0.0
+    for before, one in pairwise(leg):
+        total += wrap_degrees_180(one.yaw_deg - before.yaw_deg)
+        turned.append((one.time_s, total))
+    times = [time_s for time_s, _ in turned]
+    rates = [0.0]
+    for number, (time_s, angle) in enumerate(turned):
+        then_s, then = turned[bisect.bisect_left(times, time_s - RATE_S, 0, number + 1)]
+        if time_s - then_s > 0.5 * RATE_S:
+            rates.append(abs(angle - then) / (time_s - then_s))
+    angles = [angle for _, angle in turned]
+    return max(angles) - min(angles), max(rates)
+
+
+def heading_at(heading: Sequence[tuple[float, float]], time_s: float) -> float | None:
+    """Heading at a time, between two that were told at most 0.2 s apart."""
+    number = bisect.bisect(heading, (time_s, 0.0))
+    if not 0 < number < len(heading):
+        return None
+    (t0, y0), (t1, y1) = heading[number - 1 : number + 1]
+    if t1 - t0 > 0.2 or t1 <= t0:
+        return None
+    return y0 + wrap_degrees_180(y1 - y0) * (time_s - t0) / (t1 - t0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reaction:
+    """What uavrt did after a takeover, by the frames of the companion link."""
+
+    shown_s: float | None
+    """From the takeover to the message that reveals it; None: no message does."""
+    last_command_s: float | None
+    """From that message, or else from the end, to the last command; negative: before it."""
+    commands_after: int
+    """Commands after that message, or else after the end of the order."""
+    crossed: int
+    """Commands between the takeover and that message: nothing could have been known yet."""
+
+
+def reaction(
+    kept: Sequence[Kept],
+    taken_s: float,
+    out_s: float | None,
+    shows: Callable[[Message], bool] | None,
+) -> Reaction:
+    """Judge a takeover.
+
+    Parameters
+    ----------
+    kept : sequence of Kept
+    taken_s : float
+        When the pilot acted.
+    out_s : float, optional
+        When uavrt said that the order had ended.
+    shows : callable, optional
+        Whether a message of the autopilot reveals the takeover.
+    """
+    shown = None
+    if shows is not None:
+        shown = next(
+            (
+                one.time_s
+                for one in kept
+                if one.time_s >= taken_s
+                and not one.ours
+                and (message := one.message) is not None
+                and shows(message)
+            ),
+            None,
+        )
+    since = out_s if shown is None else shown
+    times = [time_s for time_s, _ in commands_of(kept)]
+    last = times[-1] if times and since is not None else None
+    return Reaction(
+        shown_s=None if shown is None else shown - taken_s,
+        last_command_s=None if last is None or since is None else last - since,
+        commands_after=sum(since is not None and one > since for one in times),
+        crossed=sum(taken_s <= one <= (since or math.inf) for one in times),
+    )

@@ -1,0 +1,118 @@
+"""A link between an autopilot and its peer, with every frame of it kept."""
+
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.clock import Clock
+from uavrt.mavlink import Frame, FrameParser, FrameWriter, Message
+from uavrt.simulation.datagrams import DatagramPort
+from uavrt.units import s_from_ns
+
+_STAMP = struct.Struct(">Q")
+"""Of a .tlog: microseconds since 1970 before each frame."""
+DRONE = 191
+"""Component of uavrt on the drone: its frames went out, all others came in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """One frame of the link."""
+
+    time_s: float
+    frame: Frame
+
+    @property
+    def ours(self) -> bool:
+        """Whether uavrt on the drone sent it."""
+        return self.frame.component_id == DRONE
+
+    @property
+    def message(self) -> Message | None:
+        """What it says."""
+        return self.frame.message()
+
+
+class Tap:
+    """Passes datagrams on in both directions, and keeps them.
+
+    Parameters
+    ----------
+    autopilot : (str, int)
+        Where its link listens.
+    port : int
+        Where we listen for it; 0: any.
+    peer : (str, int)
+        Where the product listens.
+    clock : Clock
+    """
+
+    def __init__(
+        self, autopilot: tuple[str, int], port: int, peer: tuple[str, int], clock: Clock
+    ) -> None:
+        self._clock = clock
+        self._autopilot = DatagramPort(autopilot, port, self._from_autopilot, clock)
+        self._peer = DatagramPort(peer, 0, self._from_peer, clock)
+        self._parsers = FrameParser(), FrameParser()
+        self.kept: list[Kept] = []
+        self.cut = False
+        """Nothing passes."""
+        self.heard: Callable[[Kept], None] = lambda _: None
+        """Takes each frame of the autopilot."""
+
+    def open(self) -> None:
+        """Begin; raises `LinkError`."""
+        self._autopilot.open()
+        self._peer.open()
+
+    def close(self) -> None:
+        """End."""
+        self._autopilot.close()
+        self._peer.close()
+
+    def inject(self, writer: FrameWriter, message: Message) -> None:
+        """Send a message to the autopilot, by another than the peer."""
+        if not self.cut:
+            self._autopilot.send(writer.encode(message))
+
+    def _from_autopilot(self, data: bytes, arrival_ns: int) -> None:
+        if self.cut:
+            return
+        self._peer.send(data)
+        for one in self._keep(self._parsers[0], data, arrival_ns):
+            self.heard(one)
+
+    def _from_peer(self, data: bytes, arrival_ns: int) -> None:
+        if self.cut:
+            return
+        self._autopilot.send(data)
+        list(self._keep(self._parsers[1], data, arrival_ns))
+
+    def _keep(self, parser: FrameParser, data: bytes, time_ns: int) -> Iterator[Kept]:
+        for frame in parser.feed(data):
+            one = Kept(s_from_ns(time_ns), frame)
+            self.kept.append(one)
+            yield one
+
+
+def write_frames(path: Path, kept: Iterable[Kept]) -> None:
+    """Write them as a .tlog, which MAVLink's other tools read, too."""
+    with path.open("wb") as file:
+        for one in kept:
+            file.write(_STAMP.pack(round(one.time_s * 1e6)) + one.frame.raw)
+
+
+def read_frames(path: Path) -> list[Kept]:
+    """Read what `write_frames` wrote; what a crash left of the last frame is not given."""
+    data, place = path.read_bytes(), 0
+    kept: list[Kept] = []
+    while place + _STAMP.size < len(data):
+        (stamp,) = _STAMP.unpack_from(data, place)
+        place += _STAMP.size
+        length = 12 + data[place + 1] if place + 1 < len(data) else 0
+        length += 13 if place + 2 < len(data) and data[place + 2] & 1 else 0
+        frames = FrameParser().feed(data[place : place + length])
+        kept += [Kept(stamp / 1e6, frame) for frame in frames]
+        place += length
+    return kept

@@ -1,0 +1,111 @@
+"""PX4's heading setpoint turns with inertia: a new target in a turn is no takeover."""
+
+import math
+from typing import Any
+
+import pytest
+from flown import Flown
+
+from uavrt.guidance.authority import Standing
+from uavrt.guidance.plans import Go
+from uavrt.guidance.yaw import OTHERS_TURN, YawWatch
+from uavrt.mavlink import dialect
+from uavrt.simulation.flying import Frame
+
+FLOWN = [
+    (  # Sent to look along -59° while it turned right to 22°.
+        18.0,
+        -58.5,
+        (
+            *(14.8, 16.3, 17.8, 18.9, 19.9, 20.6, 21.2, 21.5, 21.7, 21.7, 21.4, 21.0, 20.3),
+            *(19.5, 18.4, 17.3, 15.8, 14.2, 12.3, 10.3, 8.0, 5.6, 2.9, 0.2, -3.0, -6.1),
+        ),
+    ),
+    (  # Sent to look along -24° while it turned left: it passed that by 21° and came back.
+        -37.7,
+        -24.5,
+        (
+            *(-14.9, -18.1, -22.0, -24.4, -27.8, -29.9, -32.7, -34.5, -36.9, -38.4, -40.3),
+            *(-41.4, -42.9, -43.7, -44.7, -45.1, -45.6, -45.8, -45.8, -45.7, -45.2, -44.7),
+            *(-43.8, -43.0, -41.7, -40.4, -38.5, -37.1, -34.7),
+        ),
+    ),
+]
+"""Rate before a command [°/s], bearing of its target [°], and the heading setpoint of PX4 1.17
+(SIH) every 0.1 s from then on [°]."""
+AWAY_M = 25.5
+
+
+def redirected(after_s: float, north_m: float, east_m: float) -> Flown:
+    """A leg of a search that is replaced while the drone still turns towards it."""
+    flown = Flown("px4", frame=Frame(speed_m_s=5.0, gust_m=0.02))
+    flown.vehicle.yaw_deg = flown.vehicle.yaw_setpoint_deg = 340.0
+    flown.run(1.2)
+    pilot = flown.order("goto", places=(flown.place(50.0, 20.0),), height_m=40.0)
+    flown.run(3.0, until=lambda: flown.authority.obeyed)
+    flown.run(after_s)
+    now: Any = flown.now()
+    pilot.redirect([Go(place=flown.place(north_m, east_m), height_m=40.0)], now)
+    flown.run(0.2)
+    return flown
+
+
+@pytest.mark.parametrize("after_s", [0.2, 0.4, 0.6, 0.8, 1.0])
+@pytest.mark.parametrize("place", [(15.0, -21.0), (-20.0, -30.0), (30.0, 40.0)])
+def test_a_leg_that_is_replaced_during_its_turn_is_flown(
+    after_s: float, place: tuple[float, float]
+) -> None:
+    flown = redirected(after_s, *place)
+    flown.run(60.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.authority.reason == "done"
+
+
+@pytest.mark.parametrize(("before_deg_s", "bearing_deg", "told_deg"), FLOWN)
+def test_the_setpoint_that_was_recorded_is_ours(
+    before_deg_s: float, bearing_deg: float, told_deg: tuple[float, ...]
+) -> None:
+    watch = watch_of(before_deg_s, told_deg[0])
+    for number, yaw_deg in enumerate(told_deg):
+        assert watch.fault(0.1 * number, yaw_deg, bearing_deg, AWAY_M) is None
+
+
+@pytest.mark.parametrize(("before_deg_s", "bearing_deg", "told_deg"), FLOWN)
+def test_a_setpoint_that_stays_where_its_turn_ended_is_not_ours(
+    before_deg_s: float, bearing_deg: float, told_deg: tuple[float, ...]
+) -> None:
+    ended = max(range(len(told_deg)), key=lambda n: before_deg_s * told_deg[n])
+    watch = watch_of(before_deg_s, told_deg[0])
+    faults = [
+        watch.fault(0.1 * number, told_deg[min(number, ended)], bearing_deg, AWAY_M)
+        for number in range(ended + 16)
+    ]
+    assert faults[ended] is None
+    assert faults[-1] == OTHERS_TURN
+
+
+def watch_of(before_deg_s: float, yaw_deg: float) -> YawWatch:
+    return YawWatch(
+        start_s=0.0,
+        yaw_deg=yaw_deg,
+        tolerance_deg=2.0,
+        exact=True,
+        turning_deg_s=before_deg_s,
+    )
+
+
+@pytest.mark.parametrize("by_deg", [-15.0, -12.0, 12.0, 15.0])
+def test_a_turn_at_our_target_by_another_is_seen_though_a_turn_was_going_on(
+    by_deg: float,
+) -> None:
+    """Where the setpoint had come to its end in the meantime."""
+    flown = redirected(0.6, 15.0, -21.0)
+    flown.run(7.0)
+    assert flown.authority.order_id is not None
+    (_, last), told = flown.commands[-1], flown.vehicle.position_target(0)
+    assert told is not None
+    assert isinstance(last, dialect.CommandInt)
+    flown._reposition(x=last.x, y=last.y, z=last.z, param4=told.yaw + math.radians(by_deg))
+    sent = len(flown.commands)
+    flown.run(2.0)
+    assert flown.authority.standing is Standing.OUT
+    assert len(flown.commands) == sent
