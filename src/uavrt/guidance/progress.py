@@ -14,7 +14,7 @@ STANDS_S = 3.0
 """Longest without coming nearer [s]."""
 BEGINS_WITHIN_S = 2.5
 """Longest time from a command until the drone comes nearer [s]. PX4 1.17 (SIH) took 0.7 to 1.3
-from a stand, and up to 2.2 where a leg was replaced in flight (104 commands)."""
+from a stand, and up to 2.495 where a leg was replaced in flight (104 commands)."""
 SLOW_S = 1.0
 """After this, no further command is sent until it comes nearer again [s]."""
 BRAKES_S, BRAKES_M = 0.5, 0.1
