@@ -11,10 +11,8 @@ from itertools import islice
 ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG = 3.0, 2.0, 8.0
 """What may be left of a step that is done: place, height and heading."""
 STANDS_S = 3.0
-"""Longest without coming nearer [s]."""
-BEGINS_WITHIN_S = 2.5
-"""Longest time from a command until the drone comes nearer [s]. PX4 1.17 (SIH) took 0.7 to 1.3
-from a stand, and up to 2.495 where a leg was replaced in flight (104 commands)."""
+"""Longest without coming nearer, also from a command on [s]. PX4 1.17 (SIH) began to come nearer
+after 0.7 to 1.3 from a stand, up to 2.495 where a leg was replaced in flight (104 commands)."""
 SLOW_S = 1.0
 """After this, no further command is sent until it comes nearer again [s]."""
 BRAKES_S, BRAKES_M = 0.5, 0.1
@@ -52,7 +50,6 @@ class Progress:
 
     def __init__(self) -> None:
         self._samples: deque[_Sample] = deque()
-        self._begun = False
 
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
         """Take what is left now: the same parts, in the same order, each time.
@@ -65,17 +62,13 @@ class Progress:
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
-            self._begun = True
             return
         self._samples.append(_Sample(time_s, parts, free))
         while len(self._samples) > 1 and self._samples[1].time_s <= time_s - STANDS_S:
             self._samples.popleft()
-        self._begun |= self._nearer(time_s, STANDS_S)
 
-    def stands(self, time_s: float, for_s: float | None = None) -> bool:
+    def stands(self, time_s: float, for_s: float = STANDS_S) -> bool:
         """Whether something is left and nothing came nearer for so long."""
-        if for_s is None:
-            for_s = STANDS_S if self._begun else BEGINS_WITHIN_S
         if not self._samples or time_s - self._samples[0].time_s < for_s:
             return False
         return not self._nearer(time_s, for_s)
@@ -90,7 +83,7 @@ class Progress:
 
     def _nearer(self, time_s: float, within_s: float) -> bool:
         """Whether any part that is left has come nearer, by its share of the least change."""
-        share = 1.0 if within_s >= BEGINS_WITHIN_S else within_s / STANDS_S
+        share = within_s / STANDS_S
         now = self._samples[-1].parts
         return any(
             max(a.now - b.now, a.soon - b.soon) >= share * b.least
