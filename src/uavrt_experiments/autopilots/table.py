@@ -139,7 +139,8 @@ def compared(outcomes: Sequence[Outcome], flavour_of: Callable[[str], str]) -> L
         for key, words in FIGURES.items():
             real, ours = (median(values_of(group, key)) for group in groups)
             ratio = ours / real if real else math.nan
-            bar = "" if key == "begins_s" else "NOT met" if abs(ratio - 1) > SHARE else "met"
+            near = f"{'within' if abs(ratio - 1) <= SHARE else 'beyond'} {SHARE:.0%}"
+            bar = "" if key == "begins_s" else near
             lines.append([kind, words, *map(number, (real, ours, ratio)), bar])
     return lines
 
