@@ -489,6 +489,9 @@ function value(id: string): string {
   return (by(id) as HTMLInputElement | HTMLSelectElement).value;
 }
 
+/** Fields whose value was refused: they keep it, and the reason, until another is taken. */
+const refused = new Set<string>();
+
 async function change(values: Record<string, string>, id?: string): Promise<void> {
   const fault = id ? document.getElementById(`${id}-fault`) : null;
   try {
@@ -497,10 +500,12 @@ async function change(values: Record<string, string>, id?: string): Promise<void
     if ("antenna_offset_deg" in cleaned && cleaned.antenna_offset_deg === null) cleaned.antenna_offset_deg = "0";
     await send("PUT", "/settings", cleaned);
     if (fault) say(fault, "");
+    if (id) refused.delete(id);
   } catch (error) {
     const text = reasonOf(error);
     if (fault) say(fault, text);
     else toast(text, 3);
+    if (fault && id) refused.add(id);
   }
 }
 
@@ -540,7 +545,7 @@ function drawSettings(): void {
   if (!settings) return;
   const put = (id: string, text: string) => {
     const input = by(id) as HTMLInputElement;
-    if (document.activeElement !== input) input.value = text;
+    if (document.activeElement !== input && !refused.has(id)) input.value = text;
   };
   put("link-address", settings.address);
   put("set-my-place", settings.my_place);
@@ -563,5 +568,5 @@ function drawConnection(): void {
   say(by("link-state"), told);
   const me = state.me;
   const heard = me && (me.latitude_deg === null ? (me.error ?? "no place told yet") : "");
-  if (document.activeElement !== by("set-my-place")) say(by("set-my-place-fault"), heard ?? "");
+  if (document.activeElement !== by("set-my-place") && !refused.has("set-my-place")) say(by("set-my-place-fault"), heard ?? "");
 }

@@ -364,7 +364,7 @@ def test_a_receiver_tells_where_the_people_stand(
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--my-place", f"udpin://127.0.0.1:{port}")
     ended = threading.Event()
-    receiver = threading.Thread(target=tell_place, args=(port, ended))
+    receiver = threading.Thread(target=tell_place, args=(port, ended), daemon=True)
     receiver.start()
     watched = Watched(browser, ground.address, color_scheme="light")
     page = watched.page
@@ -382,6 +382,9 @@ def test_a_receiver_tells_where_the_people_stand(
     expect(page.locator("#set-my-place-fault")).to_contain_text(
         "is no address of a GPS receiver"
     )
+    page.wait_for_timeout(2500)  # states of each second leave the reason, and what was typed
+    expect(page.locator("#set-my-place-fault")).to_contain_text("is no address", timeout=1)
+    expect(page.locator("#set-my-place")).to_have_value("the shelf", timeout=1)
     page.fill("#set-my-place", "")
     page.keyboard.press("Tab")
     page.click("#tab-fly")

@@ -66,7 +66,7 @@ def drained(reader: int) -> bytes:
 
 FULL_DISK = """
 import json, resource, sys
-sys.path.insert(0, sys.argv[2])
+sys.path[:0] = [sys.argv[2], sys.argv[2] + "/tests/drivers"]
 from pathlib import Path
 from tests.unit.recording.test_iq_recorder import BLOCK, block, check_places, recorder
 import time
