@@ -47,6 +47,7 @@ from uavrt.tunnel.seal import SealKeeper, seal, session_of
 
 Bay = Any  # tests/unit/processes/conftest.py
 TRIALS = int(os.environ.get("UAVRT_LINK_TRIALS", "4"))
+pytestmark = pytest.mark.timeout(30 * TRIALS)
 KEY = Key(SECRET)
 YESTERDAY = tuple(SealKeeper(KEY, number).announcement(DRONE) for number in (11, 12, 13))
 LINK_LOST_S = 5.0
