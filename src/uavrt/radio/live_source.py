@@ -1,5 +1,7 @@
 """What all live sources have in common: rate, frequency, and the numbering of samples."""
 
+from typing import ClassVar
+
 from uavrt.errors import FormatError
 from uavrt.radio.placing import Placer
 
@@ -52,6 +54,9 @@ class LiveSource:
         A rate that is not possible.
     """
 
+    MAY_BE_SLOW: ClassVar[bool] = False
+    """What writes may be slower than real time: then a shortfall is no loss."""
+
     def __init__(
         self,
         sample_rate_hz: float,
@@ -64,7 +69,10 @@ class LiveSource:
         self._rate_hz = sample_rate_hz
         self._center_hz = center_frequency_hz
         self._placer = Placer(
-            sample_rate_hz, start_time_ns=start_time_ns, start_moves=start_moves
+            sample_rate_hz,
+            start_time_ns=start_time_ns,
+            start_moves=start_moves,
+            may_be_slow=self.MAY_BE_SLOW,
         )
 
     @property

@@ -112,9 +112,15 @@ class LossFinder:
 
     Lateness is that over the lower envelope of all arrivals, in seconds of the nominal rate.
     Losses that were found must be added to the nominal seconds of what follows.
+
+    Parameters
+    ----------
+    may_be_slow : bool
+        The writer may be slower than real time; a radio never is.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, may_be_slow: bool = False) -> None:
+        self._may_be_slow = may_be_slow
         self.jitter_s = 0.005
         """Mean lateness of the cells, as far as jitter makes it."""
         self.question_s: float | None = None
@@ -179,7 +185,7 @@ class LossFinder:
         self._lowest_s = math.inf
         self._ask(cell)
         self._learn_usual()
-        self.behind = any(self._rises(*ramp) for ramp in _RAMPS)
+        self.behind = self._may_be_slow and any(self._rises(*ramp) for ramp in _RAMPS)
         loss = self._judge()
         if loss is None or self.behind or self._may_fall_behind():
             return None
@@ -222,6 +228,8 @@ class LossFinder:
 
     def _may_fall_behind(self) -> bool:
         """Whether what looks like a loss may be the start of a slow source's shortfall."""
+        if not self._may_be_slow:
+            return False
         span_s, share, jitters, _ = _RAMPS[0]
         low_s = 2.0 * self.jitter_s + _FLOOR_S
         count = 0

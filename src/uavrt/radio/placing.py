@@ -49,6 +49,8 @@ class Placer:
     start_moves : bool
         Stamp the start anew when the first arrivals turn out to have been held up; False where
         those who listen need times without a step from the first block on.
+    may_be_slow : bool
+        The writer may be slower than real time; a radio never is.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class Placer:
         *,
         start_time_ns: int | None = None,
         start_moves: bool = True,
+        may_be_slow: bool = False,
     ) -> None:
         self._start_moves = start_moves
         self.index = 0
@@ -65,7 +68,7 @@ class Placer:
         self.unsure = 0
         """Of the lost, so many may as well be a crystal far off its rate."""
         self._rate_hz = sample_rate_hz
-        self._keeper = TimeKeeper(sample_rate_hz)
+        self._keeper = TimeKeeper(sample_rate_hz, may_be_slow=may_be_slow)
         self._nominal = (
             None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
         )

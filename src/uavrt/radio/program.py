@@ -69,6 +69,9 @@ class ProgramSource(StreamSource):
         A setting that the radio does not have.
     """
 
+    MAY_BE_SLOW = False
+    """A radio keeps its rate: an even shortfall is lost samples, and times follow arrivals."""
+
     def __init__(
         self,
         settings: RadioSettings,

@@ -67,6 +67,8 @@ class StreamSource(LiveSource):
         A rate that is not possible.
     """
 
+    MAY_BE_SLOW = True
+
     def __init__(
         self,
         descriptor: int,

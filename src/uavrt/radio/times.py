@@ -94,20 +94,20 @@ class TimeKeeper:
     ----------
     sample_rate_hz : float
         Nominal rate.
-    follow_arrivals : bool
-        False for a start stamped once and the nominal rate ever after.
+    may_be_slow : bool
+        The writer may be slower than real time; a radio never is.
     """
 
-    def __init__(self, sample_rate_hz: float, *, follow_arrivals: bool = True) -> None:
+    def __init__(self, sample_rate_hz: float, *, may_be_slow: bool = False) -> None:
         self._nominal_hz = sample_rate_hz
-        self._follow = follow_arrivals
+        self._follow = True
         self.unseen: str | None = None
         """Why arrivals no longer tell times and losses; None: they do."""
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
         # Rows of nominal seconds and delay, in room taken at the beginning.
-        self._finder = LossFinder()
+        self._finder = LossFinder(may_be_slow=may_be_slow)
         self._lost_s = 0.0
         """Found, and not yet told by `lost_samples`."""
         self._unsure_s = 0.0

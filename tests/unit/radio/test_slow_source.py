@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from uavrt.messages import IQBlock
+from uavrt.radio.live_source import LiveSource
 from uavrt.radio.placing import Placer
+from uavrt.radio.program import ProgramSource
+from uavrt.radio.stream import StreamSource
 
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ = 250_000.0
@@ -19,10 +22,11 @@ def placed(
     write_s: float = WRITE_S,
     seed: int = 0,
     fast_until_s: float = 0.0,
+    radio: bool = False,
 ) -> tuple[Placer, list[IQBlock]]:
     """Place the blocks of a stream whose writer is steady, and slower than the samples."""
     rng = np.random.default_rng(seed)
-    placer = Placer(RATE_HZ)
+    placer = Placer(RATE_HZ, may_be_slow=not radio)
     placer.begin(START_NS)
     held, blocks, count = 0, [], round(write_s * RATE_HZ)
     now_s = 0.0
@@ -74,3 +78,19 @@ def test_a_steady_radio_is_no_slow_source() -> None:
         placer, _ = placed(1.0 - 50e-6, duration_s=60.0, jitter_s=0.002, seed=seed)
         assert placer.lost == 0
         assert placer.unseen is None
+
+
+@pytest.mark.parametrize("speed", [0.8, 0.9])
+def test_a_radio_that_is_read_directly_is_never_slow_but_loses_samples(speed: float) -> None:
+    """On the drone times must stay with the poses, however evenly samples are lost."""
+    placer, blocks = placed(speed, radio=True)
+    assert placer.unseen is None
+    last, true_s = blocks[-1], 30.0 / speed
+    assert placer.lost == pytest.approx((1.0 / speed - 1.0) * 30.0 * RATE_HZ, rel=0.1)
+    assert (last.time_ns - START_NS) * 1e-9 == pytest.approx(true_s, abs=0.5)
+
+
+def test_only_pipes_may_be_slow() -> None:
+    assert StreamSource.MAY_BE_SLOW
+    assert not ProgramSource.MAY_BE_SLOW
+    assert not LiveSource.MAY_BE_SLOW
