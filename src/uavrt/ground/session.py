@@ -444,9 +444,11 @@ class GroundSession:
         if before is event.state:
             return
         self.note(6, f"drone is {event.state.words if event.state else 'in an unknown state'}")
+        # Also a flight that was taken up again, of which the drone has long stopped.
+        over = before in ESSENTIAL or (before is None and event.state is not None)
         if event.state in ESSENTIAL and self.flight.ended:
             self.begin_flight()
-        elif event.state not in ESSENTIAL and not self.flight.ended and before in ESSENTIAL:
+        elif event.state not in ESSENTIAL and not self.flight.ended and over:
             self._end_flight()
         self.send_state()
 

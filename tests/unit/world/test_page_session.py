@@ -12,9 +12,10 @@ from asked_page import AskedPage
 from pulses import pulse_at
 
 from uavrt.ground.web.tag_table import table_version
+from uavrt.messages import Command
 from uavrt.recording import read_flight
 from uavrt.units import NANOSECONDS_PER_SECOND
-from world import THESIS_TAG, World
+from world import THESIS_TAG, World, until
 
 SECOND_NS = NANOSECONDS_PER_SECOND
 
@@ -134,6 +135,34 @@ async def test_another_start_is_another_flight(tmp_path: Path) -> None:
             await page.until(lambda state: state["flight"]["ended"])
             assert len((await page.ask("GET", "/api/flights")).json) == number
             await asyncio.sleep(2.0)
+
+
+async def test_a_flight_whose_end_the_station_did_not_hear_is_not_gone_on_with(
+    tmp_path: Path,
+) -> None:
+    """The station was away when the drone stopped; the next start is another flight."""
+    world = World(tmp_path)
+    async with world.flying():
+        page = AskedPage(tmp_path / "ground", world.ground_address)
+        async with page.served():
+            world.detect()
+            await page.until(lambda state: not state["flight"]["ended"])
+            find(world, 0.1)
+            await page.until(pulses(1))
+        assert page.session.store.current_flight is not None
+        stop = Command(name="stop_detection", request_id=999, source="command line")
+        assert world.computer.supervisor.command(stop).accepted
+        await until(lambda: not world.mission.ending)
+        page = AskedPage(tmp_path / "ground", world.ground_address)
+        async with page.served():
+            await page.until(lambda state: state["drone"]["state"] == "has_tags")
+            state = await page.state()
+            assert state["flight"]["ended"]
+            world.detect()
+            await page.until(lambda state: not state["flight"]["ended"])
+            find(world, 0.1)
+            await page.until(pulses(1))
+            assert len((await page.ask("GET", "/api/flights")).json) == 2
 
 
 async def test_what_the_drone_says_is_kept_as_it_is(tmp_path: Path) -> None:
