@@ -71,3 +71,13 @@ def test_what_was_recorded_before_the_monitor_began_counts_and_nothing_counts_tw
     screen = io.StringIO()
     Console(width=160, file=screen).print(view.render(190.0))
     assert "90 s ago" in screen.getvalue()
+
+
+def test_another_flight_counts_from_its_own_beginning() -> None:
+    view = MonitorView()
+    status = made.system_status(PULSE.start_time_ns, tags=(TAG,), flight_directory="/flights/1")
+    view.take("status", status, 0.0)
+    view.take("pulse", PULSE, 0.0)
+    for directory, pulses in (("/flights/1", 1), (None, 1), ("/flights/2", 0)):
+        view.take("status", replace(status, flight_directory=directory), 1.0)
+        assert sum(one.pulses for one in view.heard.values()) == pulses, directory

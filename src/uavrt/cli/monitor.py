@@ -105,12 +105,12 @@ def _show_once(reader: StatusReader, *, as_json: bool) -> None:
 
 def _read_into(view: MonitorView, reader: StatusReader) -> None:
     for topic, record in reader.read(REFRESH_S):
-        first = view.status is None
+        began_now = view.status is None
         view.take(topic, record, time.monotonic())
-        if first and view.status is not None and view.status.flight_directory is not None:
+        flight = None if view.status is None else view.status.flight_directory
+        if began_now and flight is not None:
             with suppress(UavrtError):  # a flight of which nothing is on the disk yet
-                heard = read_outline(view.status.flight_directory).heard
-                view.take_recorded(heard, time.monotonic())
+                view.take_recorded(read_outline(flight).heard, time.monotonic())
 
 
 def _plain(status: SystemStatus) -> object:

@@ -180,7 +180,10 @@ def _turns_on_deg(turning_deg_s: float) -> float:
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
-    """Longest way to the end of a turn of PX4's heading setpoint, which brakes by 28°/s²."""
+    """Longest way to the end of a turn of PX4's heading setpoint.
+
+    It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
+    """
     return turning_deg_s**2 / 40.0 + 3.0 if abs(turning_deg_s) > TURNING_DEG_S else 0.0
 
 

@@ -61,6 +61,9 @@ class MonitorView:
             case StatusText():
                 self.texts.append(record)
             case SystemStatus():
+                before = None if self.status is None else self.status.flight_directory
+                if record.flight_directory not in (None, before):
+                    self.heard.clear()
                 self.status = record
                 for process in record.processes:
                     self._measure(process, record.time_ns)

@@ -128,7 +128,9 @@ def _remedy_of_missing(settings: RadioSettings, row: RadioRow, words: str) -> st
     if not (forbidden or busy or says_absent(words)):
         return None
     there = [one for one in usb_radios() if one.kind == row.kind]
-    chosen = [one for one in there if settings.serial in (None, one.serial)]
+    # Programs take hexadecimal digits of either case, hackrf_transfer also the last ones alone.
+    wanted = (settings.serial or "").casefold().removeprefix("0x")
+    chosen = [one for one in there if one.serial.casefold().endswith(wanted)]
     if there and not chosen and not (forbidden or busy):
         serials = ", ".join(f'"{one.serial}"' for one in there)
         return f"Set [radio] serial to {serials}, which is plugged in"

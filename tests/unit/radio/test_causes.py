@@ -72,3 +72,4 @@ def test_absent_forbidden_busy_and_another_one_have_each_their_remedy(
     assert remedy() == "Close the other program that uses the radio"
     other = f'Set [radio] serial to "{RADIOS[kind].serial_prefix}AB12", which is plugged in'
     assert remedy(serial="77") == other
+    assert "Close the other" in remedy(serial=f"{RADIOS[kind].serial_prefix}ab12")
