@@ -36,7 +36,7 @@ export class ApiError extends Error {
   }
 }
 
-/** Why a request failed, for whom it was made. */
+/** Explain to the operator why a request failed. */
 export function reasonOf(error: unknown): string {
   return error instanceof ApiError ? error.message : "the server cannot be reached";
 }
