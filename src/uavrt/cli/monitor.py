@@ -108,7 +108,7 @@ def _read_into(view: MonitorView, reader: StatusReader) -> None:
         first = view.status is None
         view.take(topic, record, time.monotonic())
         if first and view.status is not None and view.status.flight_directory is not None:
-            with suppress(UavrtError):  # a flight of which nothing is on the disk yet
+            with suppress(UavrtError):  # nothing of the flight is on the disk yet
                 heard = read_outline(view.status.flight_directory).heard
                 view.take_recorded(heard, time.monotonic())
 
