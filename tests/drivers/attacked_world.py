@@ -55,14 +55,14 @@ class WorldClock:
 
 
 class _Numbers:
-    """Stands in for `secrets`: a nonce for each time, the same in all worlds."""
+    """Replacement of `secrets`: one nonce for each time, the same in all worlds."""
 
     def randbits(self, _: int) -> int:
         return round(WorldClock.now_s * 1e3) << 1
 
 
 class _Quiet:
-    """Stands in for the log."""
+    """Replacement of the log."""
 
     def seldom(self, *_: object, **__: object) -> None:
         pass
@@ -149,7 +149,7 @@ class Link:
     """Answer to it."""
 
     def state_key(self, now_s: float) -> object:
-        """What decides about all that may follow."""
+        """Everything that determines the further behaviour."""
         station, current, pending = self.station, Session(self.session, DRONE), self.pending
         announced = [
             (one == current, now_s - it.heard_s < ECHO_S, min(it.asked, 2))
@@ -213,7 +213,7 @@ class Link:
         return ""
 
     def waits_no_more(self) -> None:
-        """The station has its answer, or has given up."""
+        """End the pending order: the station has its answer, or has given up."""
         self.pending = None
         for one in self.answers:
             self.old_answers[one[0] & 15] = one
@@ -243,7 +243,7 @@ class Link:
 
 @dataclass(slots=True)
 class AttackedWorld(World):
-    """See the module's text."""
+    """An `Authority`, its operator's station and the attacked link between them."""
 
     link: Link = field(default_factory=Link)
 
@@ -257,7 +257,7 @@ class AttackedWorld(World):
 
     @property
     def events(self) -> tuple[str, ...]:
-        """One action on the next frame takes the place of another."""
+        """Choose the action on the next frame; it replaces an earlier choice."""
         return _WAITING if self.link.next_frame[1] else _ALL
 
     def after(self, event: str) -> None:
@@ -287,7 +287,7 @@ class AttackedWorld(World):
             self._arrive_down(kind, payload)
 
     def check(self) -> None:
-        """As without a link; *Take back* and the loss of the link whatever is sent again."""
+        """Check as without a link; replays must not affect *Take back* or link loss."""
         link, *world = KEYS.of(self)
         if _is_new(tuple(world)):
             super(AttackedWorld, self).check()
@@ -346,7 +346,7 @@ class AttackedWorld(World):
         self._try()
 
     def _try(self) -> None:
-        """Send what is pending, once more."""
+        """Send the pending order again."""
         pending = self.link.pending
         if pending is None:
             return
@@ -408,7 +408,7 @@ class AttackedWorld(World):
             self._take_order(inside, refusal)
 
     def _take_order(self, order: bytes, refusal: str | None) -> None:
-        """As `MotionDesk` does, with the supervisor's and the guide's consent."""
+        """Act as `MotionDesk` does, with the consent of supervisor and guide."""
         link, message = self.link, decode_motion(order, GROUND)
         number = message.request_id
         if refusal is not None:
@@ -476,7 +476,7 @@ class AttackedWorld(World):
             self._arrive_down(kind, payload)
 
     def replay(self) -> None:
-        """Send again all that can have an effect, and the last of each kind that cannot."""
+        """Replay all frames that can have an effect, and the last of each kind that cannot."""
         link = self.link
         for up in (*link.dead.values(), *link.live):
             self._arrive_up(up.payload)
@@ -486,7 +486,7 @@ class AttackedWorld(World):
             self._arrive_down(PROVEN_STATE_TYPE, payload)
 
     def forge(self) -> None:
-        """Change a bit of everything, and order without a seal."""
+        """Send each frame with a changed bit, and orders without a seal."""
         link = self.link
         for up in (*link.dead.values(), *link.live):
             self._arrive_up(_changed(up.payload))

@@ -42,7 +42,7 @@ def _begun(order: _Order) -> bool:
 
 
 def _target(authority: Authority) -> object:
-    """Age decides in command alone."""
+    """Age matters only while in command."""
     target = authority._target
     return target if target is None or authority._motion is not None else target.latitude_deg
 
@@ -131,7 +131,7 @@ class World:
         self.beat()
 
     def check(self) -> None:
-        """In no state moves an order without its confirmation; *Take back* leads to out."""
+        """Check that no order moves the drone unconfirmed, and that *Take back* ends it."""
         authority = self.authority
         if authority.standing is not Standing.OUT:
             assert authority.order_id == self.confirmed, (

@@ -1,4 +1,4 @@
-"""Explore what every order of some events leads to, breadth first, and merge equal states.
+"""Explore all sequences of some events, breadth first, and merge equal states.
 
 Two states are equal if all that decides about what may follow is equal; times count by their
 age. Records that cannot change are shared between the copies of a state.
@@ -44,7 +44,7 @@ W = TypeVar("W", bound=Explored)
 
 def explore(start: W, depth: int, keys: "Keys") -> Counter[str]:
     """Visit all states that `depth` events lead to; an `AssertionError` names the events."""
-    gc.disable()  # what is kept would be looked through again and again
+    gc.disable()  # it would scan all kept states again and again
     try:
         return _explored(start, depth, keys)
     finally:
@@ -70,8 +70,8 @@ def _explored(start: W, depth: int, keys: "Keys") -> Counter[str]:
                         continue
                     after.check()
                 except AssertionError as error:
-                    told = ", ".join((*story, event))
-                    raise AssertionError(f"{told}: {error}") from error
+                    events = ", ".join((*story, event))
+                    raise AssertionError(f"{events}: {error}") from error
                 seen.add(key)
                 counts[after.kind] += 1
                 if level + 1 < depth:
@@ -162,18 +162,18 @@ def _made(*lines: str, **names: Any) -> Any:
 
 
 class Keys:
-    """What decides about all that may follow, as a value that can be compared.
+    """Reduce a state to a key: two states with equal keys behave equally from then on.
 
     Parameters
     ----------
     undecided : mapping of str to callable or True
-        When an attribute (``"Class.name"``, ``".name"``: of any class) decides nothing: always,
-        or where the function of its object is true.
+        Attributes (``"Class.name"``, or ``".name"`` in any class) left out of the key: always,
+        or when the function of their object is true.
     oldest_s : mapping of str to float
-        Age from which on all ages of a time are equal, by the name of the attribute; ``""``:
-        of all others.
+        Greatest distinguished age of a time, by the name of its attribute; ``""``: of all
+        others.
     reduced : mapping of str to callable
-        Gets what decides of an attribute (``"Class.name"``) from its object.
+        Function of its object that replaces an attribute (``"Class.name"``) in the key.
     """
 
     def __init__(

@@ -20,7 +20,7 @@ def placed(
     seed: int = 0,
     fast_until_s: float = 0.0,
 ) -> tuple[Placer, list[IQBlock]]:
-    """Place the blocks of a stream whose writer is steady, and slower than the samples."""
+    """Place the blocks of a stream whose writer is steadily slower than the sample rate."""
     rng = np.random.default_rng(seed)
     placer = Placer(RATE_HZ)
     placer.begin(START_NS)
