@@ -53,7 +53,7 @@ KEYS = Keys(
         # Here no message is late, and neither home nor landing changes.
         **dict.fromkeys([f"Authority._{one}" for one in ("lateness", "landed", "home")]),
         "Authority._withdrawn": None,
-        # What an order began with decides until its first command was obeyed.
+        # The initial state of an order matters until its first command is obeyed.
         **dict.fromkeys(("_Order.confirmed_s", "_Order.rest"), _begun),
         "_Order.mode": lambda order: order.motion is not None and order.own_mode_seen,
         "_Motion.before": lambda motion: motion.obeyed,
@@ -103,7 +103,7 @@ class World:
 
     @classmethod
     def flying(cls, flavour: Flavour) -> "World":
-        """Make one whose vehicle has reported."""
+        """Make a world whose vehicle has reported."""
         world = cls(flavour)
         world.beat()
         return world
@@ -126,7 +126,7 @@ class World:
         return tuple(EVENTS)
 
     def after(self, event: str) -> None:
-        """Let an event happen, and a second pass."""
+        """Apply an event and advance the time by a second."""
         EVENTS[event](self)
         self.beat()
 

@@ -30,7 +30,7 @@ class SerialLine:
     def __init__(self) -> None:
         self.port = free_udp_port()
         self.hostile: Callable[[], bytes] | None = None
-        """Gets the attacker's next frame."""
+        """Function that returns the attacker's next frame; None: no attacker."""
         self.passed_bytes = self.hostile_frames = self.dropped = 0
         self._waiting: deque[bytes] = deque()
         self._out_waiting = 0

@@ -49,7 +49,7 @@ class Separation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beside:
-    """The other drones, as one of them is told of them before it decides."""
+    """What one drone knows of the other drones before it decides."""
 
     separation: Separation
     listening: tuple[Path, ...] = ()

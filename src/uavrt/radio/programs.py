@@ -111,7 +111,7 @@ def exit_error(settings: RadioSettings, code: int, said: str, words: str) -> Rad
     elif any(one in words for one in _FREQUENCY):
         remedy = "Set [radio] center_frequency_hz, or the tags, to what this radio receives"
     elif code == -9:
-        remedy = "Free memory and check what stops it: the kernel or a user killed it"
+        remedy = "Check the free memory: the kernel or a user killed the program"
     else:
         remedy = "Check the radio's cable and power; it is started again by itself in flight"
     return RadioStopped(message, remedy=remedy)

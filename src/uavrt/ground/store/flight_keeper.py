@@ -220,7 +220,7 @@ class FlightKeeper:
             raise RecordingError("the burst that it belongs to has not come")
         del self._early_s[burst.key]
         self.without_burst += 1
-        log.seldom(self.without_burst, "inside of a burst discarded: the burst never came")
+        log.seldom(self.without_burst, "content of a burst discarded: its burst did not arrive")
         return False
 
     def _doubt(self, burst: BurstInside) -> None:
