@@ -289,7 +289,7 @@ class ProcessStatus:
     memory_mb: float
     counters: dict[str, float] = field(default_factory=dict)
     reason: str = ""
-    """What it said last of a state that is not `ok`."""
+    """Last message of a process that is not `ok`; empty otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

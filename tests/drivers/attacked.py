@@ -119,7 +119,7 @@ class Guided:
             summary=plan.summary,
             mode=self.report.mode,
         )
-        self.bay.tell("motion_offer", offer)
+        self.bay.deliver("motion_offer", offer)
 
     def _fly(self, report: VehicleReport) -> None:
         if self.standing != "out" and report.standing == "out":
@@ -136,7 +136,7 @@ class Guided:
         record = VehicleWish(order_id=report.order_id, kind="alive")
         if wish is not None:
             record = wish_record(report.order_id, wish, "")
-        self.bay.tell("wish", record)
+        self.bay.deliver("wish", record)
         if "lost" in self.pilot.said and self.lost_s is None:
             self.lost_s = self._now_s()
 

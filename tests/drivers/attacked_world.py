@@ -1,9 +1,9 @@
 """The world of one `Authority` whose operator sends sealed frames over an attacked link.
 
 The attacker has no key. It reads everything, keeps it, and has the announcement of an earlier
-session, which it sends again each second. It replays, forges, and drops, delays or duplicates
-the next frame of one direction. Of frames that can have no effect any more it replays the last
-of each kind.
+session, which it sends again each second. It replays and forges frames, and drops, delays or
+duplicates the next frame of one direction. Of frames without any further effect it replays only
+the last of each kind.
 """
 
 from collections.abc import Callable, Iterator
@@ -42,27 +42,27 @@ GROUND, DRONE = (254, 190), (1, 191)
 YESTERDAY = 99
 LINK_LOST_S = 5.0
 TRIES = {"request": 2, "confirmation": 1, "stop": 4}
-"""How often the station sends an order that is not answered, once a second."""
+"""Number of times that the station sends an unanswered order, one second apart."""
 Action = Literal["", "drop", "delay", "duplicate"]
 ARRIVE: dict[Action, int] = {"": 1, "drop": 0, "delay": 0, "duplicate": 2}
-"""How often a frame arrives now."""
+"""Number of copies of a frame that arrive at once, by the attacker's action."""
 
 
 class WorldClock:
-    """Time of the world that something happens to."""
+    """Time of the world that is being changed [s]."""
 
     now_s = 0.0
 
 
 class _Numbers:
-    """Stands in for `secrets`: a nonce for each time, the same in all worlds."""
+    """Replacement of `secrets`: one nonce for each time, the same in all worlds."""
 
     def randbits(self, _: int) -> int:
         return round(WorldClock.now_s * 1e3) << 1
 
 
 class _Quiet:
-    """Stands in for the log."""
+    """Replacement of the log."""
 
     def seldom(self, *_: object, **__: object) -> None:
         pass
@@ -70,7 +70,7 @@ class _Quiet:
 
 @contextmanager
 def in_its_time() -> Iterator[None]:
-    """Let seals read the time of the world explored, and begin a new exploration."""
+    """Use the explored world's time in seals, and begin a new exploration."""
     _checked.clear()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gate, "monotonic_s", lambda: WorldClock.now_s)
@@ -100,13 +100,13 @@ class Up:
 
     @property
     def number(self) -> int:
-        """Of the order in it."""
+        """Request id of the order in the frame."""
         return number_of(self.payload[20:])
 
 
 @dataclass(slots=True)
 class Pending:
-    """What the station repeats until it is answered."""
+    """An order that the station repeats until it is answered."""
 
     what: str
     number: int
@@ -123,33 +123,33 @@ class Link:
     session: int = 1
     """Number of the drone's session."""
     next_frame: tuple[bool, Action] = (False, "")
-    """Whether the attacker waits for a frame to the drone, and what it does to it."""
+    """Direction (True: to the drone) and action of the attacker's next intervention."""
     held_up: list[Up] = field(default_factory=list)
     held_down: list[tuple[int, bytes]] = field(default_factory=list)
     live: list[Up] = field(default_factory=list)
-    """Frames that the drone would accept, as the attacker has them."""
+    """Recorded frames that the drone would still accept."""
     dead: dict[str, Up] = field(default_factory=dict)
-    """The last frame of each kind that has been used, or overtaken."""
+    """Last recorded frame of each kind that the drone no longer accepts."""
     announced: dict[int, bytes] = field(default_factory=dict)
-    """The announcement of each session."""
+    """Announcement of each session."""
     echoes: dict[int, bytes] = field(default_factory=dict)
-    """Announcements with a nonce."""
+    """Announcements that return a nonce, by nonce."""
     answers: list[bytes] = field(default_factory=list)
-    """Answers to what is pending."""
+    """Recorded answers to the pending order."""
     old_answers: dict[int, bytes] = field(default_factory=dict)
-    """The last answer of each kind to what is not."""
+    """Last recorded answer of each kind to other orders."""
     number: int = 0
-    """Of the last order."""
+    """Request id of the last order."""
     pending: Pending | None = None
     offered: int | None = None
     """Order that the station may confirm."""
     asked: int = 0
     """Number of the last request at the drone."""
     answered: bytes = b""
-    """Answer to it."""
+    """Answer to the last request at the drone."""
 
     def state_key(self, now_s: float) -> object:
-        """What decides about all that may follow."""
+        """Everything that determines the further behaviour."""
         station, current, pending = self.station, Session(self.session, DRONE), self.pending
         announced = [
             (one == current, now_s - it.heard_s < ECHO_S, min(it.asked, 2))
@@ -189,7 +189,7 @@ class Link:
         return session.number == self.session, bool(nonce), nonce in self.station._nonces
 
     def sent(self, payload: bytes, what: str) -> Up:
-        """Let the attacker keep a frame of the station."""
+        """Record a frame of the station for the attacker."""
         if what == "alive" and any(payload[20:28]):
             what = "nonce"
         up, session = Up(what, payload), self.station._session
@@ -205,7 +205,7 @@ class Link:
         return up
 
     def taken(self, *, to_drone: bool) -> Action:
-        """Get what the attacker does to the frame that is sent now."""
+        """Get the attacker's action on the present frame."""
         waits_to_drone, action = self.next_frame
         if action and waits_to_drone is to_drone:
             self.next_frame = (False, "")
@@ -213,7 +213,7 @@ class Link:
         return ""
 
     def waits_no_more(self) -> None:
-        """The station has its answer, or has given up."""
+        """End the pending order: the station has its answer, or has given up."""
         self.pending = None
         for one in self.answers:
             self.old_answers[one[0] & 15] = one
@@ -243,7 +243,7 @@ class Link:
 
 @dataclass(slots=True)
 class AttackedWorld(World):
-    """See the module's text."""
+    """An `Authority`, its operator's station and the attacked link between them."""
 
     link: Link = field(default_factory=Link)
 
@@ -257,7 +257,7 @@ class AttackedWorld(World):
 
     @property
     def events(self) -> tuple[str, ...]:
-        """One action on the next frame takes the place of another."""
+        """Choose the action on the next frame; it replaces an earlier choice."""
         return _WAITING if self.link.next_frame[1] else _ALL
 
     def after(self, event: str) -> None:
@@ -287,7 +287,7 @@ class AttackedWorld(World):
             self._arrive_down(kind, payload)
 
     def check(self) -> None:
-        """As without a link; *Take back* and the loss of the link whatever is sent again."""
+        """Check as without a link; replays must not affect *Take back* or link loss."""
         link, *world = KEYS.of(self)
         if _is_new(tuple(world)):
             super(AttackedWorld, self).check()
@@ -346,7 +346,7 @@ class AttackedWorld(World):
         self._try()
 
     def _try(self) -> None:
-        """Send what is pending, once more."""
+        """Send the pending order again."""
         pending = self.link.pending
         if pending is None:
             return
@@ -408,7 +408,7 @@ class AttackedWorld(World):
             self._take_order(inside, refusal)
 
     def _take_order(self, order: bytes, refusal: str | None) -> None:
-        """As `MotionDesk` does, with the supervisor's and the guide's consent."""
+        """Act as `MotionDesk` does, with the consent of supervisor and guide."""
         link, message = self.link, decode_motion(order, GROUND)
         number = message.request_id
         if refusal is not None:
@@ -476,7 +476,7 @@ class AttackedWorld(World):
             self._arrive_down(kind, payload)
 
     def replay(self) -> None:
-        """Send again all that can have an effect, and the last of each kind that cannot."""
+        """Replay all frames that can have an effect, and the last of each kind that cannot."""
         link = self.link
         for up in (*link.dead.values(), *link.live):
             self._arrive_up(up.payload)
@@ -486,7 +486,7 @@ class AttackedWorld(World):
             self._arrive_down(PROVEN_STATE_TYPE, payload)
 
     def forge(self) -> None:
-        """Change a bit of everything, and order without a seal."""
+        """Send each frame with a changed bit, and orders without a seal."""
         link = self.link
         for up in (*link.dead.values(), *link.live):
             self._arrive_up(_changed(up.payload))

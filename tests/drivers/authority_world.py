@@ -42,7 +42,7 @@ def _begun(order: _Order) -> bool:
 
 
 def _target(authority: Authority) -> object:
-    """Age decides in command alone."""
+    """Age matters only while in command."""
     target = authority._target
     return target if target is None or authority._motion is not None else target.latitude_deg
 
@@ -53,7 +53,7 @@ KEYS = Keys(
         # Here no message is late, and neither home nor landing changes.
         **dict.fromkeys([f"Authority._{one}" for one in ("lateness", "landed", "home")]),
         "Authority._withdrawn": None,
-        # What an order began with decides until its first command was obeyed.
+        # The initial state of an order matters until its first command is obeyed.
         **dict.fromkeys(("_Order.confirmed_s", "_Order.rest"), _begun),
         "_Order.mode": lambda order: order.motion is not None and order.own_mode_seen,
         "_Motion.before": lambda motion: motion.obeyed,
@@ -103,7 +103,7 @@ class World:
 
     @classmethod
     def flying(cls, flavour: Flavour) -> "World":
-        """Make one whose vehicle has reported."""
+        """Make a world whose vehicle has reported."""
         world = cls(flavour)
         world.beat()
         return world
@@ -126,12 +126,12 @@ class World:
         return tuple(EVENTS)
 
     def after(self, event: str) -> None:
-        """Let an event happen, and a second pass."""
+        """Apply an event and advance the time by a second."""
         EVENTS[event](self)
         self.beat()
 
     def check(self) -> None:
-        """In no state moves an order without its confirmation; *Take back* leads to out."""
+        """Check that no order moves the drone unconfirmed, and that *Take back* ends it."""
         authority = self.authority
         if authority.standing is not Standing.OUT:
             assert authority.order_id == self.confirmed, (

@@ -1,4 +1,4 @@
-"""Modules that lie in no package."""
+"""Load modules that belong to no package."""
 
 import importlib.util
 from pathlib import Path
@@ -8,7 +8,7 @@ from some import some
 
 
 def module_at(path: Path) -> ModuleType:
-    """Load the module that a file holds."""
+    """Load a file as a module."""
     spec = some(importlib.util.spec_from_file_location(path.name.split(".")[0], path))
     module = importlib.util.module_from_spec(spec)
     some(spec.loader).exec_module(module)

@@ -1,7 +1,7 @@
-"""Explore what every order of some events leads to, breadth first, and merge equal states.
+"""Explore all sequences of some events, breadth first, and merge equal states.
 
-Two states are equal if all that decides about what may follow is equal; times count by their
-age. Records that cannot change are shared between the copies of a state.
+Two states are equal if everything that determines their further behaviour is equal; times
+count by their age. Records that cannot change are shared between the copies of a state.
 """
 
 import gc
@@ -16,7 +16,7 @@ T = TypeVar("T")
 Key = Callable[[Any, float], object]
 _ATOMS: frozenset[type] = frozenset({int, str, bool, bytes, NoneType})
 _unchanged: set[type] = {*_ATOMS, float}
-"""Kinds of things that never change."""
+"""Types whose objects never change."""
 
 
 class Explored(Protocol):
@@ -30,21 +30,21 @@ class Explored(Protocol):
 
     @property
     def events(self) -> tuple[str, ...]:
-        """What may happen now."""
+        """Events that are possible in this state."""
 
     def after(self, event: str) -> None:
-        """Let an event happen, and as much time pass as it takes."""
+        """Apply an event and advance the time by its duration."""
 
     def check(self) -> None:
-        """Raise `AssertionError` if this state must not be."""
+        """Raise `AssertionError` if this state is not allowed."""
 
 
 W = TypeVar("W", bound=Explored)
 
 
 def explore(start: W, depth: int, keys: "Keys") -> Counter[str]:
-    """Visit all states that `depth` events lead to; an `AssertionError` names the events."""
-    gc.disable()  # what is kept would be looked through again and again
+    """Visit all states within `depth` events; an `AssertionError` names the events."""
+    gc.disable()  # it would scan all kept states again and again
     try:
         return _explored(start, depth, keys)
     finally:
@@ -70,8 +70,8 @@ def _explored(start: W, depth: int, keys: "Keys") -> Counter[str]:
                         continue
                     after.check()
                 except AssertionError as error:
-                    told = ", ".join((*story, event))
-                    raise AssertionError(f"{told}: {error}") from error
+                    events = ", ".join((*story, event))
+                    raise AssertionError(f"{events}: {error}") from error
                 seen.add(key)
                 counts[after.kind] += 1
                 if level + 1 < depth:
@@ -82,7 +82,7 @@ def _explored(start: W, depth: int, keys: "Keys") -> Counter[str]:
 
 
 def assert_equal_states_stay_equal(start: W, depth: int, keys: "Keys") -> int:
-    """Show that nothing decides but what the key has; return the number of states compared."""
+    """Check that states with equal keys behave equally; return the number of comparisons."""
     compared = 0
     follow: dict[object, list[tuple[object, ...]]] = {}
     front = [start]
@@ -106,7 +106,7 @@ def assert_equal_states_stay_equal(start: W, depth: int, keys: "Keys") -> int:
 
 
 def copied(thing: T) -> T:
-    """Copy what may change, and share the rest."""
+    """Copy mutable parts, and share the others."""
     if thing.__class__ in _unchanged:
         return thing
     kind: Any = type(thing)
@@ -156,24 +156,24 @@ def _slots(kind: type) -> list[str]:
 
 
 def _made(*lines: str, **names: Any) -> Any:
-    """Make a function that goes through attributes: much faster than a loop over them."""
+    """Compile a function over the attributes, which is much faster than a loop."""
     exec("\n    ".join(("def made(thing, now_s=0.0):", *lines)), names)
     return names["made"]
 
 
 class Keys:
-    """What decides about all that may follow, as a value that can be compared.
+    """Reduce a state to a key: two states with equal keys behave equally from then on.
 
     Parameters
     ----------
     undecided : mapping of str to callable or True
-        When an attribute (``"Class.name"``, ``".name"``: of any class) decides nothing: always,
-        or where the function of its object is true.
+        Attributes (``"Class.name"``, or ``".name"`` in any class) left out of the key: always,
+        or when the function of their object is true.
     oldest_s : mapping of str to float
-        Age from which on all ages of a time are equal, by the name of the attribute; ``""``:
-        of all others.
+        Greatest distinguished age of a time, by the name of its attribute; ``""``: of all
+        others.
     reduced : mapping of str to callable
-        Gets what decides of an attribute (``"Class.name"``) from its object.
+        Function of its object that replaces an attribute (``"Class.name"``) in the key.
     """
 
     def __init__(

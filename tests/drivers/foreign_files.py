@@ -536,7 +536,7 @@ def _flight_content() -> bytes:
 
 
 def reader(place: str) -> Callable[[Path], object]:
-    """Import what reads a format only where it reads: its memory counts."""
+    """Import a reader only when it is used, because its memory counts."""
     module, _, name = place.rpartition(".")
 
     def read(path: Path) -> object:

@@ -21,16 +21,16 @@ BAUD = 57_600
 BYTE_S = 10 / BAUD
 ADDRESS = f"serial:///dev/ttyAMA0:{BAUD}"
 HOLDS_BYTES = 4096
-"""What the autopilot keeps for the port; more is dropped and counted."""
+"""Size of the autopilot's send buffer [bytes]; what exceeds it is dropped and counted."""
 
 
 class SerialLine:
-    """See the module's text; its autopilot sends datagrams to `port`."""
+    """A serial line at its rate; the simulated autopilot sends datagrams to `port`."""
 
     def __init__(self) -> None:
         self.port = free_udp_port()
         self.hostile: Callable[[], bytes] | None = None
-        """Gets the attacker's next frame."""
+        """Function that returns the attacker's next frame; None: no attacker."""
         self.passed_bytes = self.hostile_frames = self.dropped = 0
         self._waiting: deque[bytes] = deque()
         self._out_waiting = 0
@@ -39,14 +39,14 @@ class SerialLine:
         self._autopilot: Any = None
 
     def open(self, *_: object, **__: object) -> "SerialLine":
-        """Stand in for ``serial.Serial``."""
+        """Open the line in place of ``serial.Serial``."""
         return self
 
     def fileno(self) -> int:
         return self._their.fileno()
 
     def close(self) -> None:
-        """The link closes it; the line stays."""
+        """Do nothing: the line stays open when its link closes."""
 
     @property
     def out_waiting(self) -> int:
@@ -88,7 +88,7 @@ class SerialLine:
             self._waiting.append(frame)
 
     async def _carry(self) -> None:
-        """Towards the computer: one frame after the other."""
+        """Carry frames to the computer, one after the other."""
         while True:
             frame = b""
             if self._waiting:
@@ -101,7 +101,7 @@ class SerialLine:
             self._own.send(frame) if frame else None
 
     def _take_bytes(self) -> None:
-        """Towards the autopilot: a frame arrives when its last byte has."""
+        """Carry frames to the autopilot; each arrives with its last byte."""
         for frame in self._parser.feed(self._own.recv(65_536)):
             size, now_s = len(frame.raw), self._loop.time()
             self._free_s = max(self._free_s, now_s) + size * BYTE_S

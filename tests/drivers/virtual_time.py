@@ -43,7 +43,7 @@ class VirtualClock:
         self.now_s = START_S
         self.wall_offset_s: float = WALL_OFFSET_S
         self.source: Callable[[], float] | None = None
-        """Counts the seconds in the clock's place."""
+        """Function that counts the seconds in place of the clock."""
 
     def monotonic(self) -> float:
         """Virtual seconds of the monotonic clock."""

@@ -1,4 +1,4 @@
-"""A whole drone in real time, for ground stations that run beside the test as programs."""
+"""A whole drone in real time, for ground stations that run as separate programs."""
 
 import asyncio
 import tempfile
@@ -54,7 +54,7 @@ class WillingDrone:
 
     @state.setter
     def state(self, wanted: SystemState) -> None:
-        """Do what leads to a state without a ground station."""
+        """Bring the drone into a state without a ground station."""
         leads = {
             SystemState.HAS_TAGS: self.world.take_tags,
             SystemState.DETECTING: self.world.detect,
@@ -67,7 +67,7 @@ class WillingDrone:
         return len(self.world.mission.tags)
 
     def close(self) -> None:
-        """End in good order."""
+        """Stop the drone and its thread."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._closing.set)
             self._thread.join(60.0)

@@ -25,7 +25,7 @@ REFUSED = {
 """Audit events of the interpreter that end a test of this folder."""
 
 _running: list[str] = []
-"""Tests and fixtures that run now; the interpreter keeps the hook below to its end."""
+"""Tests and fixtures that run now; the hook below cannot be removed from the interpreter."""
 
 
 def _refuse(event: str, arguments: tuple[object, ...]) -> None:
@@ -61,7 +61,7 @@ def _guarded(name: str) -> Iterator[VirtualClock]:
 def pytest_fixture_setup(
     fixturedef: pytest.FixtureDef[object], request: pytest.FixtureRequest
 ) -> Iterator[None]:
-    """Guard what is made once for a module or class; no test runs then."""
+    """Guard fixtures of a module or class, which run outside of tests."""
     if request.scope == "function":
         return (yield)
     with _guarded(f"{fixturedef.argname} of {request.node.nodeid}"):

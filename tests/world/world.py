@@ -190,7 +190,7 @@ class World:
 
     @contextlib.asynccontextmanager
     async def alive(self, script: Script = ()) -> AsyncIterator[None]:
-        """Live while the block runs, with numbers of orders that nothing can foresee."""
+        """Run the drone during the block, with unpredictable order numbers."""
         gc.freeze()  # what is there stays: each process collects garbage now and then
         self.computer = DroneComputer(self.drone_settings, self._detect, self._passed)
         self.computer.start()

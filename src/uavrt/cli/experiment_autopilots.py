@@ -33,35 +33,34 @@ def autopilots(
 ) -> None:
     """Rehearse every order and every takeover on the autopilots that will fly.
 
-    Give the builds: uavrt starts each in simulation, one at a time, with the drone's real
-    processes on its companion link, and a pilot of its own who arms, takes off and takes over.
-    In real time: about eight hours for an autopilot, half an hour with --quick. Ctrl-C keeps
-    what there is; the same command goes on. Exits with 1 when an order ends without its
-    arrival, or a command follows a takeover.
+    uavrt starts each given build in simulation, one at a time, and connects the drone's real
+    processes to its companion link. A simulated pilot arms, takes off and takes over. This
+    takes about eight hours for each autopilot, half an hour with --quick. Ctrl-C keeps the
+    finished flights; the same command continues with the missing ones. The exit status is 1
+    when an order ends before its arrival, or a command follows a takeover.
 
     Parameters
     ----------
     px4
-        Directory of PX4's sources with a build of px4_sitl_default, or of that build.
+        Directory of PX4's sources with a build of px4_sitl_default, or the build's directory.
     arducopter
-        ArduCopter's program for the board sitl.
+        ArduCopter program that was built for the board sitl.
     simulated
-        Our own simulated autopilots, to compare with.
+        Fly uavrt's own simulated autopilots too, for comparison.
     surveys, searches, takeoffs
-        How many of these orders.
+        Number of surveys, searches and take-offs for each autopilot.
     others
-        How many of each other order.
+        Number of each other order (goto, turn, hold, return).
     phases
-        At how many instants each takeover comes.
+        Number of random instants at which each takeover is flown.
     quick
-        One of each.
+        Fly one of each.
     only
-        Only flights with this in their names, as "survey" or "pause by 193".
+        Fly only flights whose name contains this text, such as "survey" or "pause by 193".
     seed
-        Seed of places and instants.
+        Random seed of the places and instants.
     output
-        Directory for the table, the outcomes and every frame of each flight's companion link
-        (.tlog).
+        Directory for the table, the outcomes and each flight's companion-link frames (.tlog).
     json_summary
         Print one JSON object as the last line.
     """
@@ -113,6 +112,6 @@ def autopilots(
     (output / "table.json").write_text(json.dumps(summary, indent=1) + "\n")
     print(json.dumps(summary) if json_summary else page)
     if stopped:
-        print("stopped before its end: repeat it to go on", file=sys.stderr)
+        print("stopped; the same command continues", file=sys.stderr)
         sys.exit(130)
     sys.exit(1 if summary["faults"] else 0)

@@ -60,7 +60,7 @@ def search(
     baselines
         Also fly the other planners; without, only the one that a bar compares with.
     particles
-        Hypotheses per tag of planners that stop by a paper's rule; drones use their own number.
+        Hypotheses per tag for planners under a paper's stop rule; drones use their own number.
     workers
         Number of processes that share the runs.
     processes

@@ -109,7 +109,7 @@ def _read_into(view: MonitorView, reader: StatusReader) -> None:
         view.take(topic, record, time.monotonic())
         flight = None if view.status is None else view.status.flight_directory
         if began_now and flight is not None:
-            with suppress(UavrtError):  # a flight of which nothing is on the disk yet
+            with suppress(UavrtError):  # nothing of the flight is on the disk yet
                 view.take_recorded(read_outline(flight).heard, time.monotonic())
 
 

@@ -32,7 +32,7 @@ def run_both(
     """Run the supervisor and the page until the supervisor ends.
 
     Ctrl-C reaches both from the terminal; SIGINT and SIGTERM to this process are passed on. The
-    page may end before: the flight goes on. If this process is killed, both go on.
+    flight continues if the page ends first. If this process is killed, both continue.
 
     Parameters
     ----------

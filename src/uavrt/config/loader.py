@@ -89,7 +89,7 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and text of each fault: a kind that no package has, what the radio does not have."""
+    """Get key and text of each fault: an unknown kind, a value that the radio lacks."""
     table = document.get("radio")
     if not isinstance(table, dict):
         return

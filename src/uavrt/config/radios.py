@@ -33,9 +33,9 @@ class RadioRow:
     sample_format: str = "cf32"
     """Of the program's samples (`uavrt.radio.formats`)."""
     rates_hz: tuple[tuple[float, float], ...] = ((3e3, 100e6),)
-    """Lowest and highest of each span of sample rates that it takes."""
+    """Supported sample rates: lowest and highest of each range [Hz]."""
     rates_note: str = ""
-    """Which of its models takes which."""
+    """Which of its models supports which rate."""
     usual_rate_hz: float = 3e6
     """What the first set-up proposes."""
     overruns_option: str = ""
@@ -43,20 +43,20 @@ class RadioRow:
     absent: tuple[str, ...] = ()
     """Words of its programs that mean that there is no device."""
     lists: tuple[str, ...] = ()
-    """Program that lists the devices with place and serial number, where `receive` takes a
-    serial number of digits for a place."""
+    """Program that lists the devices with place and serial number; needed where `receive` takes
+    a serial number of digits as a place."""
     serial_prefix: str = ""
     """What its program wants before the hexadecimal serial number that the USB tells."""
     usb: tuple[tuple[str, str, str], ...] = ()
     """USB vendor, product and name."""
 
     def takes_rate(self, rate_hz: float) -> bool:
-        """Whether it gives samples at this rate."""
+        """Whether the radio supports a sample rate."""
         return any(low <= rate_hz <= high for low, high in self.rates_hz)
 
     @property
     def rates_text(self) -> str:
-        """The sample rates that it takes, in samples a second."""
+        """The supported sample rates as text, in samples a second."""
         spans = (f"{a:.0f}" if a == b else f"{a:.0f} to {b:.0f}" for a, b in self.rates_hz)
         return " or ".join(spans) + (f" ({self.rates_note})" if self.rates_note else "")
 
@@ -77,7 +77,7 @@ RADIOS: dict[str, RadioRow] = {
             inform=("airspy_info",),
             gains=(0, 21),  # "sensitivity" gain
             default_gain=21,
-            # airspy_rx takes a number that is no rate for a place in its list.
+            # airspy_rx takes a number that is not a rate as a place in its list of rates.
             rates_hz=_single(2.5e6, 3e6, 6e6, 10e6),
             rates_note="Mini: 3 and 6 MS/s, R2: 2.5 and 10",
             absent=("_ERROR_NOT_FOUND",),
@@ -110,11 +110,11 @@ RADIOS: dict[str, RadioRow] = {
             # Decibel; 0 would be its automatic gain, which follows the pulses themselves.
             gains=(1, 50),
             default_gain=40,
-            # At any other rate rtl_sdr complains and streams on at the rate of before.
+            # At any other rate rtl_sdr reports an error and continues at the rate set before.
             rates_hz=((225_001, 300e3), (900_001, 3.2e6)),
             usual_rate_hz=250e3,
             absent=("No supported devices", "No matching devices"),
-            # It lists all devices and ends, as none has this serial number.
+            # It lists all devices and exits, because no device has this serial number.
             lists=("rtl_sdr", "-d", "none", "/dev/null"),
             usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
         ),

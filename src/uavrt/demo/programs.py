@@ -179,15 +179,15 @@ class Program:
     Parameters
     ----------
     name : str
-        For people.
+        Name in messages.
     arguments : sequence of str
     log : Path
-        Of all that it prints.
+        File for everything that it prints.
     interpreter : sequence of str
-        Words before the arguments; none: the first argument is the program, which then works in
+        Command before the arguments. Empty: the first argument is the program, and it runs in
         the log's directory.
     environment : mapping of str to str
-        On top of the demo's.
+        Variables added to the demo's environment.
     """
 
     def __init__(

@@ -7,7 +7,7 @@ phase. Times have the group delays of the filters taken out.
 A gap is filled with zeros for the decimator and appears in the band as samples lost. The
 channelizer fills gaps of up to `LONGEST_FILLED_GAP_S` with zeros, so that a detector sees an
 unbroken stream; a longer one makes it start again, and is reported. Outputs whose middle lies
-in a gap are zeros, by which a detector knows what was lost.
+in a gap are set to zero, so that a detector finds what was lost.
 """
 
 import math
@@ -90,7 +90,8 @@ class FrontEnd:
         self._next_channel_sample = 0
         self._lost_channel_samples = 0
         self._silent: list[tuple[int, int]] = []
-        """Outputs, first and end, whose middle lies in a gap: zeros, not a filter's ringing."""
+        """Outputs whose middle lies in a gap, first and end; set to zero, as they hold only the
+        ringing of the filter."""
 
     def process(self, block: IQBlock) -> list[ChannelBlock]:
         """Decimate and channelize the next block; see `channelize`."""

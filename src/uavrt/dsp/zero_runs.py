@@ -1,4 +1,4 @@
-"""Zeros in place of samples that did not come."""
+"""Find lost samples by the zeros that replace them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 def zero_runs(samples: NDArray[np.complex64], shortest: int) -> list[tuple[int, int]]:
     """Find the runs of at least `shortest` samples that are exactly 0.
 
-    No noise is so for long: lost samples were filled in, or the radio was dead. Shorter runs
-    may be samples of few bits.
+    Noise has no long runs of zeros: they replace lost samples, or the radio was dead. Shorter
+    runs occur in samples of few bits.
 
     Returns
     -------
     list of (int, int)
-        First sample and the one after the last, in order of time.
+        First sample of each run and the one after its last, in order of time.
     """
     if not (samples[shortest - 1 :: shortest] == 0).any():  # every run has one of these
         return []

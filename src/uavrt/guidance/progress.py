@@ -11,8 +11,9 @@ from itertools import islice
 ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG = 3.0, 2.0, 8.0
 """What may be left of a step that is done: place, height and heading."""
 STANDS_S = 3.0
-"""Longest without coming nearer, also from a command on [s]. PX4 1.17 (SIH) began to come
-nearer after 0.7 to 1.3 from a stand, up to 2.495 where a leg was replaced (104 commands)."""
+"""Longest time without coming nearer, also right after a command [s]. PX4 1.17 (SIH) came
+nearer 0.7 to 1.3 s after a command from a stand, up to 2.495 s after one that replaced a leg
+(104 commands)."""
 SLOW_S = 1.0
 """After this, no further command is sent until it comes nearer again [s]."""
 BRAKES_S, BRAKES_M = 0.5, 0.1

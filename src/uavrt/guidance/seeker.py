@@ -115,7 +115,7 @@ class Equipment:
     hills: HillLosses | None = None
     """The ground around home: it weakens pulses, and explains silence. None is level."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Strength and habits of tags that were studied before, by number; others are usual."""
+    """Known strength and motion of some tags, by number; the others have the usual prior."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

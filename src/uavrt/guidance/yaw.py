@@ -18,7 +18,7 @@ FROZEN_M, STOPPED_S = 2.5, 1.0
 TURNS_ON_S = 6.0
 """A turn that goes on when a command comes is stopped and made up for within this [s]."""
 ON_S = 0.3
-"""So soon after a command, a report of the setpoint may be the one before it."""
+"""Within this time of a command, a reported setpoint may be older than the command [s]."""
 TURNING_DEG_S, TURNED_S = 4.0, 0.5
 """A heading that changes slower than this, for this long, stands."""
 
@@ -67,7 +67,7 @@ class YawWatch:
     _turns: bool = False
     _settles: bool = False
     _on_deg: float = 0.0
-    """How far a setpoint has turned on since the command."""
+    """Angle by which the setpoint continued its earlier turn since the command."""
     _ended: bool = False
 
     def __post_init__(self) -> None:
@@ -120,19 +120,19 @@ class YawWatch:
             most += self._turned_on_deg(time_s, step, off)
         stands = time_s - self._moved_s > STOPPED_S
         if self.exact and self._turns and not there and stands and not self._turns_on:
-            return OTHERS_TURN  # a setpoint that began to turn goes on until it is there
+            return OTHERS_TURN  # a setpoint that began to turn continues to its aim
         return OTHERS_TURN if off > most else None
 
     @property
     def _turns_on(self) -> bool:
-        """Whether a setpoint still comes to the end of the turn of before the command."""
+        """Whether the setpoint is still ending the turn that was under way at the command."""
         longest = _setpoint_turns_on_deg(self.turning_deg_s)
         return bool(longest) and not self._ended
 
     def _turned_on_deg(self, time_s: float, step_deg: float, off_deg: float) -> float:
-        """How far a turn that was going on at the command may still lead away.
+        """Largest angle by which the turn under way at the command may still lead away.
 
-        A setpoint comes to the end of that turn at once; then it turns to its aim.
+        The setpoint ends that turn first; then it turns to its aim.
         """
         if not self.exact:
             return _turns_on_deg(self.turning_deg_s)
@@ -180,7 +180,7 @@ def _turns_on_deg(turning_deg_s: float) -> float:
 
 
 def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
-    """Longest way to the end of a turn of PX4's heading setpoint.
+    """Largest angle in which PX4's heading setpoint ends a turn.
 
     It brakes by 28°/s² (PX4 1.17, flown in SIH); 20 and 3° leave a margin.
     """

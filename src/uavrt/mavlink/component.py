@@ -166,9 +166,9 @@ class Component:
         return "ready"
 
     def has_number(self, now_ns: int) -> bool:
-        """Whether our system number is known: before, we would speak as another vehicle.
+        """Whether the system number is known; earlier frames could pass for another vehicle's.
 
-        Who hears no autopilot for a while is alone, and takes the usual number.
+        Without an autopilot for a while, the component is alone and takes the usual number.
         """
         if self._own_system_id is not None or self.discovery.autopilot is not None:
             return True

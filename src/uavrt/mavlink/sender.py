@@ -55,7 +55,7 @@ class PacedSender:
     frame_extra_bytes : int
         What each frame has besides, as a signature.
     may_send : callable
-        Whether our numbers are known; until then messages wait.
+        Whether the own system number is known; messages wait until it is.
     """
 
     def __init__(

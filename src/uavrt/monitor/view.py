@@ -30,11 +30,11 @@ LOSSES = (
 
 @dataclass(slots=True)
 class Heard:
-    """What was heard from one tag in this flight."""
+    """Pulses received from one tag in this flight."""
 
     pulses: int = 0
     recorded_ns: int = 0
-    """Start of the last pulse that was recorded before the monitor started; 0 if none was."""
+    """Start of the last pulse recorded before the monitor started; 0 if there is none."""
     last: Pulse | None = None
     last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)
@@ -69,7 +69,7 @@ class MonitorView:
                     self._measure(process, record.time_ns)
 
     def take_recorded(self, heard: Mapping[int, HeardTag], now_s: float) -> None:
-        """Take what the flight has recorded before the monitor started."""
+        """Add the pulses that the flight recorded before the monitor started."""
         assert self.status is not None
         for tag_id, one in heard.items():
             ago_s = (self.status.time_ns - one.last_ns) / NANOSECONDS_PER_SECOND
@@ -164,7 +164,7 @@ class MonitorView:
         return table
 
     def _reasons(self) -> list[RenderableType]:
-        """Why a process is not well, whenever it began."""
+        """List the reasons why processes are not ok, however old."""
         assert self.status is not None
         return [Text(one.reason, "bold red") for one in self.status.processes if one.reason]
 

@@ -31,7 +31,7 @@ _GROSS = 4.0
 _RIVAL_SIGMA_DB = 12.0
 _RIVAL_PARTICLES = 2000
 _RIVAL_SHARE = 0.1
-"""Probability, before the flight, that something that stays where it is is heard as a tag."""
+"""Probability, before the flight, that a stationary interferer is received as the tag."""
 _SURE_NATS = 7.0
 _MOST_NATS = 25.0
 """Evidence that a tag is there counts no more: a tag that falls silent is to be doubted."""

@@ -1,7 +1,7 @@
-"""Other drones of the same search: the ways they fly, and how far apart all stay.
+"""Other drones of the same search: the paths they fly, and the distance that all keep.
 
-A drone owns the whole straight way from where it was last seen to its goal, whenever it flies
-it. A way is only flown if it keeps the distance from all that others own.
+Each drone owns the whole straight path from its last reported position to its goal, at all
+times. Another drone only flies a path that keeps the distance from it.
 """
 
 from dataclasses import dataclass
@@ -49,15 +49,15 @@ class Separation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beside:
-    """The other drones, as one of them is told of them before it decides."""
+    """What one drone knows of the other drones before it decides."""
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Ways of those that report: they will hear what is heard there."""
+    """Paths of drones that report: they will receive the pulses there."""
     left: frozenset[int] = frozenset()
     """Tags that are left to the others."""
     strips: tuple[Strip, ...] = ()
-    """Straight ways that belong to others at all times: no clock is shared with them."""
+    """Straight paths that belong to others at all times, because they share no clock."""
 
     def strips_apart_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats

@@ -27,7 +27,7 @@ class VehicleState:
     east_m: float
     north_m: float
     height_m: float
-    """Above the take-off."""
+    """Height above the take-off point."""
     yaw_deg: float = 0.0
     """Of the nose, clockwise from true north; the antenna looks ahead."""
 

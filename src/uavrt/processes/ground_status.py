@@ -61,7 +61,7 @@ class GroundStatus:
         """Of their own, so that many tags leave no warning out."""
         self._next_ns: dict[str, int] = {}
         self._state: SystemState | None = None
-        """Of the last heartbeat."""
+        """State in the last heartbeat."""
         self._tags = 1
         self.shift_ns = 0
         """From the clock of our timers to that of the flight."""
@@ -77,7 +77,7 @@ class GroundStatus:
         self._tags = count
 
     def tick(self, state: SystemState, now_ns: int) -> None:
-        """Send what goes without being asked; a heartbeat also when the state has changed."""
+        """Send the periodic messages that are due; a heartbeat also when the state changed."""
         if state is not self._state:
             self._state = state
             self._next_ns.pop("heartbeat", None)

@@ -14,8 +14,9 @@ are all late, come at the pace of the samples and lie level, is a loss once it i
 the jitter as it has been so far: with exponential jitter of mean u, n cells are all later than
 c with probability exp(-n c / u). While losses happen, half of that evidence is enough.
 
-A lateness that rises evenly, by more than any crystal, is a writer slower than real time: a
-slow disk, network or computer before the pipe. Nothing is lost, and arrivals tell no time.
+A lateness that rises evenly, faster than by any crystal, means a source slower than real
+time: a slow disk, network or computer before the pipe. Nothing is lost then, and arrival times
+are not used.
 """
 
 import math
@@ -69,12 +70,13 @@ _SURE_SHARE: Final = 0.0008
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _RAMPS: Final = ((5.0, 0.09, 2.0, 0.005), (20.0, 0.02, 1.2, 0.0))
-"""A slow source: over so many seconds the lateness rises by this share at least, and scatters
-about a line by no more than so many jitters and this share of the rise. Losses of a twentieth
-of the samples scatter by more, even those of 1 ms."""
+"""Limits that identify a slow source: span [s], least rise of the lateness as a share of it,
+and largest scatter about a line, in jitters plus a share of the rise. Losses of a twentieth of
+the samples scatter by more, even losses of 1 ms."""
 _LEAST_POINTS: Final = 6
 _MAY_SCATTER: Final = 0.015
-"""The share of the rise with which a loss waits until the slope is known."""
+"""A loss is reported later while the scatter is below this share of the rise: the source may
+be slow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +138,7 @@ class LossFinder:
         self._slow: deque[tuple[float, float]] = deque()
         self._found_s = 0.0
         self._points: deque[tuple[float, float]] = deque()
-        """Of each cell its end and least delay, as if no loss had been found."""
+        """End and least delay of each cell [s], without correction for the losses found."""
         self._least_delay_s = math.inf
         self.behind = False
         """Whether the source is slower than real time."""
@@ -217,7 +219,7 @@ class LossFinder:
             self.question_s += seconds
 
     def _rises(self, span_s: float, share: float, jitters: float, scatter: float) -> bool:
-        """Whether the lateness has risen evenly over so long; see `_RAMPS`."""
+        """Whether the lateness has risen evenly over a span; see `_RAMPS`."""
         end_s, late_s = self._points[-1]
         if late_s - self._points[0][1] < share * span_s:
             return False  # nearly always
@@ -227,7 +229,7 @@ class LossFinder:
         return self._even(newest, share, jitters, scatter)
 
     def _may_fall_behind(self) -> bool:
-        """Whether what looks like a loss may be the start of a slow source's shortfall."""
+        """Whether an apparent loss may be the first delay of a slow source."""
         if not self._may_be_slow:
             return False
         span_s, share, jitters, _ = _RAMPS[0]
@@ -243,7 +245,7 @@ class LossFinder:
     def _even(
         self, points: list[tuple[float, float]], share: float, jitters: float, scatter: float
     ) -> bool:
-        """Whether points lie on a line that rises by a share at least."""
+        """Whether points lie on a line whose slope is at least `share`."""
         if len(points) < _LEAST_POINTS:
             return False
         at_s, late_s = np.array(points).T

@@ -91,7 +91,7 @@ class Placer:
 
     @property
     def unseen(self) -> str | None:
-        """Why arrivals show neither times nor losses; None: they do."""
+        """Why arrivals are not used for times and losses; None: they are used."""
         return self._keeper.unseen if self._nominal is None else "--start-time was given"
 
     def begin(self, now_ns: int) -> None:

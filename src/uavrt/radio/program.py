@@ -34,7 +34,7 @@ _STALL_S: Final = 1.0
 _TERMINATE_S: Final = 2.0
 """From SIGTERM to SIGKILL: airspy_rx stops in 0.1 s, if its USB transfers end."""
 _FIRST_LINES: Final = 4
-"""They hold the cause; a usage of thirty lines may follow."""
+"""First lines of stderr that are kept: they hold the cause; a long usage text may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C")
 """Lines that some programs write every second, and that say nothing."""
@@ -120,7 +120,7 @@ class ProgramSource(StreamSource):
 
     @property
     def last_lines(self) -> tuple[str, ...]:
-        """What the program wrote to stderr first and last, progress lines left out."""
+        """First and last lines that the program wrote to stderr, without progress lines."""
         return (*self._first, *self._lines)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
@@ -317,7 +317,7 @@ _MOST_PLACES = 16
 
 
 def _by_place(settings: RadioSettings) -> RadioSettings:
-    """Name a device by its place in its program's list, if its serial number is of digits.
+    """Replace a serial number of digits by the device's place in its program's list.
 
     rtl_sdr and rtl_biast would take 00000001 for the second device, and put the bias voltage
     on it.

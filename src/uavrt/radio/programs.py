@@ -1,4 +1,4 @@
-"""The radios' own programs: what they are started with, and what their words mean.
+"""The radios' own programs: their arguments, and the meaning of their error texts.
 
 The table is `uavrt.config.radios`; what each program's arguments are stands in its module. The
 programs are run as they are; nothing of them is linked.
@@ -91,13 +91,13 @@ def exit_error(settings: RadioSettings, code: int, said: str, words: str) -> Rad
     Parameters
     ----------
     settings : RadioSettings
-        Of the radio.
+        Settings of the radio.
     code : int
         Exit status; negative for a signal.
     said : str
         The status in words.
     words : str
-        What it wrote to stderr: its first lines, which hold the cause, and the last ones.
+        Its first lines on stderr, which hold the cause, and the last ones.
     """
     row = RADIOS[settings.kind]
     message = f"{row.title}: the radio's program {said}"
@@ -111,14 +111,14 @@ def exit_error(settings: RadioSettings, code: int, said: str, words: str) -> Rad
     elif any(one in words for one in _FREQUENCY):
         remedy = "Set [radio] center_frequency_hz, or the tags, to what this radio receives"
     elif code == -9:
-        remedy = "It runs out of memory or was killed by somebody"
+        remedy = "Check the free memory: the kernel or a user killed the program"
     else:
         remedy = "Check the radio's cable and power; it is started again by itself in flight"
     return RadioStopped(message, remedy=remedy)
 
 
 def _remedy_of_missing(settings: RadioSettings, row: RadioRow, words: str) -> str | None:
-    """What helps where no radio could be opened; None where one could.
+    """Get the remedy if no radio could be opened; None if one could.
 
     The programs say "not found" also of a radio that another program uses, or that may not be
     opened; the kernel's list of USB devices distinguishes them.

@@ -102,7 +102,7 @@ class TimeKeeper:
         self._nominal_hz = sample_rate_hz
         self._follow = True
         self.unseen: str | None = None
-        """Why arrivals no longer tell times and losses; None: they do."""
+        """Why arrivals are no longer used for times and losses; None: they are used."""
         self._settled = False
         self._kept_pace = False
         self._start_ns: int | None = None
@@ -188,7 +188,7 @@ class TimeKeeper:
             nominal_s, nominal_s + delay_s, delay_s - self._model_s(nominal_s)
         )
         if self._finder.behind:
-            self._forget("the samples came slower than a radio takes them, as by a slow disk")
+            self._forget("the samples came slower than a radio takes them, as from a slow disk")
             return
         if loss is not None:
             self._lose(loss, nominal_s)

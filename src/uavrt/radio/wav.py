@@ -193,7 +193,7 @@ def _read_chunks(file: BinaryIO, path: Path, size: int) -> _Header:
 
 
 def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
-    """Name and length of the chunk at a place; no name where there is none."""
+    """Read name and length of the chunk at a place; the name is empty if there is none."""
     file.seek(at)
     head = file.read(8)
     if len(head) < 8 or not all(0x20 <= letter < 0x7F for letter in head[:4]):
@@ -202,7 +202,7 @@ def _chunk_at(file: BinaryIO, at: int) -> tuple[bytes, int]:
 
 
 def _data_size(file: BinaryIO, first: int, length: int, header: _Header, size: int) -> int:
-    """Get the size of the samples: what the header says, if the file agrees.
+    """Get the size of the samples: the header's, if the file's structure confirms it.
 
     Programs that know no RF64 let the size overflow at 4 GiB, and some write it at the start
     only: after the samples the file must end, or other chunks must follow to its end. With no

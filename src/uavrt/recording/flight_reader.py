@@ -173,7 +173,7 @@ DAMAGED = (
     *(sqlite3.Error, OSError, ValueError, TypeError, ArithmeticError, LookupError),
     RecursionError,
 )
-"""What a database raises, or whoever reckons with what it holds, where it is damaged."""
+"""Errors of reading a damaged database, or of computing with its content."""
 
 
 @contextmanager

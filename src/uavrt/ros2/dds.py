@@ -78,7 +78,7 @@ READER_DEPTH = 4000
 """Messages of a topic that may wait in its reader: those of 0.4 s at 10 000 a second. Further
 ones replace the oldest."""
 PASSES = 3
-"""Times that all readers are emptied in one round at most, while messages wait for it."""
+"""Most passes over all readers in one round, while messages wait for the next pass."""
 ANNOUNCED_LIMIT = 2000
 """Participants and publishers taken in at once."""
 SERVICE_DEPTH = 100
@@ -418,10 +418,10 @@ class Participant:
                 time.sleep(READ_PAUSE_S)
 
     def _read_once(self) -> None:
-        """Take what has come, from all readers, and what comes meanwhile.
+        """Take the messages of all readers, also those arriving meanwhile, in sending order.
 
-        Without the order of its sending, the release of a hundred tags could overtake some of
-        them, and a start the release.
+        Otherwise the release of a hundred tags could overtake some of the tags, and a start
+        command the release.
         """
         for _ in range(PASSES):
             found = self._take_all()
@@ -446,11 +446,11 @@ class Participant:
                 self.inbox.drop(self._read_topics[name])
 
     def _take_all(self) -> list[tuple[RosTopic, Sample]]:
-        """Take what waits in the readers, one after the other."""
+        """Take all waiting messages, reader by reader."""
         found: list[tuple[RosTopic, Sample]] = []
         for _, topic, reader in self._readers:
             samples = reader.take(READER_DEPTH)
-            # One that is none says that a publisher has gone.
+            # Anything that is not a Sample means that a publisher has gone.
             found += [(topic, s) for s in samples if isinstance(s, Sample)]
             if len(samples) == READER_DEPTH:
                 self.inbox.drop(topic)  # at least one was replaced

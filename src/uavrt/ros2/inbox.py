@@ -85,15 +85,15 @@ T = TypeVar("T")
 
 
 class SendingOrder(Generic[T]):
-    """Put messages that several readers bring back into the order of their sending.
+    """Sort the messages of several readers into the order of their sending.
 
-    Readers are emptied one after the other, pass by pass. Whatever was sent before a message
-    has come before it, so it is found at the latest one pass later; a message waits that long.
+    Readers are emptied one after the other, pass by pass. A message that was sent earlier also
+    arrived earlier, so the next pass finds it at the latest; a message waits for that pass.
 
     Parameters
     ----------
     sent : callable
-        The place of a message in the order of sending, e.g. its time.
+        Get the sorting key of a message, such as its sending time.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:
@@ -105,7 +105,7 @@ class SendingOrder(Generic[T]):
         return bool(self._waiting)
 
     def add_pass(self, found: list[T]) -> list[T]:
-        """Take what one pass over all readers found; get what no later one can precede."""
+        """Add the messages of one pass; get those that no later message can precede."""
         last = max(map(self._sent, self._waiting), default=())
         both = sorted(self._waiting + found, key=self._sent)
         ready = [one for one in both if self._sent(one) <= last]

@@ -149,7 +149,7 @@ def parse_arguments(arguments: Sequence[str]) -> Arguments:
 
 
 def _rate_hz(given: dict[str, str]) -> float:
-    """Sample rate: one of the radio's, or that of the scenario's radio."""
+    """Get the sample rate: one that the radio supports, or that of the scenario's radio."""
     rate_hz = _number(given, "-a", SAMPLE_RATES_HZ[0])
     if rate_hz not in SAMPLE_RATES_HZ:
         with suppress(UavrtError):

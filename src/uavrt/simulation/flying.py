@@ -91,10 +91,10 @@ class _Turning:
     rate_deg_s: float
     acceleration_deg_s2: float
     setpoint: "_Turning | None" = None
-    """Of the heading that is asked of the drone; None: without a limit of acceleration."""
+    """Limits of the heading setpoint; None: its acceleration is not limited."""
 
     def rate(self, off_deg: float, now_deg_s: float, step_s: float) -> float:
-        """Rate after a step, of what is to turn so far and turns at a rate now."""
+        """Get the turning rate after a step, from the angle left and the present rate."""
         stops = math.sqrt(1.6 * self.acceleration_deg_s2 * abs(off_deg))
         wanted = math.copysign(min(self.rate_deg_s, stops, 4.0 * abs(off_deg)), off_deg)
         most = self.acceleration_deg_s2 * step_s
@@ -103,12 +103,12 @@ class _Turning:
 
 @dataclass(frozen=True, slots=True)
 class _Braking:
-    """How an autopilot comes to a stand at its target."""
+    """How an autopilot brakes at its target."""
 
     share: float
-    """Of the greatest acceleration, with which it brakes."""
+    """Braking acceleration as a share of the greatest acceleration."""
     beyond_s: float
-    """By what it flies in this time it passes its target, at most `BEYOND_M`."""
+    """Overshoot as flying time at the present speed [s], at most `BEYOND_M`."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {
@@ -116,10 +116,11 @@ _BRAKING: dict[Flavour, _Braking] = {
     "ardupilot": _Braking(0.8, 0.0),
 }
 SETTLED_DEG = 0.3
-"""So near to what was asked for PX4's setpoint is that very number."""
+"""Within this angle of the commanded heading, PX4's setpoint equals it exactly."""
 BEYOND_M, BACK_S, BACK_BELOW_M_S = 0.95, 6.0, 0.4
-"""PX4 1.17 passes a target by 0.4 to 1.5 m at 5 m/s, 0.83 m in the median of 8, and is within
-0.5 m of it 7 s after it was 3 m before it (flown in SIH)."""
+"""Largest overshoot, time constant and highest speed of the return. PX4 1.17 in SIH overshoots
+by 0.4 to 1.5 m at 5 m/s (median of 8: 0.83 m) and settles within 0.5 m, 7 s after it was 3 m
+before the target."""
 _TURNING: dict[Flavour, _Turning] = {
     "px4": _Turning(65.0, 90.0, _Turning(58.0, 32.0)),
     "ardupilot": _Turning(60.0, 120.0),
@@ -177,7 +178,7 @@ class FlyingVehicle:
     """When it took off."""
     _setpoint_rate_deg_s: float = 0.0
     _beyond_m: float = 0.0
-    """How far behind its target it aims, on its line."""
+    """Distance of the point that it aims at behind the target, on the line of flight."""
     _line: tuple[float, float] = (0.0, 0.0)
     """Direction of the line to the target, from where the command reached the drone."""
 
@@ -529,7 +530,7 @@ class FlyingVehicle:
         self.height_m = max(0.0, self.height_m + climb * step_s)
 
     def _pass_by(self, step_s: float) -> None:
-        """Aim the farther behind the target the faster it came, then come back."""
+        """Aim behind the target, farther at higher speed, then come back to it."""
         speed = math.hypot(*self.velocity_m_s[:2])
         beyond_m = min(BEYOND_M, _BRAKING[self.flavour].beyond_s * speed)
         if speed < BACK_BELOW_M_S:
@@ -599,7 +600,7 @@ class FlyingVehicle:
         self.yaw_deg = (self.yaw_deg + self.yaw_rate_deg_s * step_s) % 360.0
 
     def _move_setpoint(self, turning: _Turning, wanted: float, step_s: float) -> None:
-        """Turn the heading that is asked of the drone; one that turns goes on for a while."""
+        """Turn the heading setpoint; with inertia it continues an earlier turn for a while."""
         assert self.yaw_setpoint_deg is not None
         off = (wanted - self.yaw_setpoint_deg + 180.0) % 360.0 - 180.0
         smooth = turning.setpoint
@@ -612,7 +613,7 @@ class FlyingVehicle:
         self.yaw_setpoint_deg %= 360.0
         off = (wanted - self.yaw_setpoint_deg + 180.0) % 360.0 - 180.0
         if abs(off) < SETTLED_DEG and abs(self._setpoint_rate_deg_s) < SETTLED_DEG / 0.1:
-            self.yaw_setpoint_deg = wanted  # the very number of the command
+            self.yaw_setpoint_deg = wanted  # exactly the commanded value
             self._setpoint_rate_deg_s = 0.0
 
     def _wanted_yaw(self, target: Target) -> float:

@@ -41,9 +41,9 @@ ASKED = 6
 MAX_ANNOUNCED = 4096
 """Sessions remembered; a replay of every session of a year has fewer."""
 FILES_S = 3.0
-"""Validity of a sealed sign of life that says that files are asked for [s]."""
+"""Validity of a sealed sign of life that announces requests for files [s]."""
 SEALED_ORDERS = 64
-"""Sealed orders of motion whose answers carry a proof; an order is answered within seconds."""
+"""Most sealed motion orders remembered to prove their answers; these follow within seconds."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
 
 log = get_logger()
@@ -80,13 +80,13 @@ class Gate:
         self.refused = 0
         """Sealed messages that were forged, repeated or damaged."""
         self._sealed_s: dict[Place, float] = {}
-        """When each station last sent a valid seal."""
+        """Time of each station's last valid seal [s]."""
         self._files_s: dict[Place, float] = {}
-        """When each station last sealed that it asks for files."""
+        """Time of each station's last sealed announcement of requests for files [s]."""
         self._proving: set[Place] = set()
         """Stations that check proofs: they have sent a sealed sign of life."""
         self._orders: OrderedDict[tuple[Place, int], None] = OrderedDict()
-        """Sealed orders of motion: station and number."""
+        """Recent sealed motion orders: station and request id."""
         self._proves = True
 
     @property
@@ -120,11 +120,11 @@ class Gate:
         return opened
 
     def silent_s(self) -> dict[Place, float]:
-        """Time since the last valid seal of each station that has sent one."""
+        """Get the time since the last valid seal of each station that has sent one."""
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def sign_of_life(self, inside: bytes, station: Place, drone: Place) -> bytes | None:
-        """Note a station that checks proofs; get the announcement that returns its nonce."""
+        """Record that a station checks proofs; get the announcement that returns its nonce."""
         self._proving.add(station)
         nonce, files = alive_of(inside)
         if files:
@@ -132,12 +132,15 @@ class Gate:
         return self.announcement(drone, nonce) if nonce else None
 
     def asks_for_files(self, station: Place) -> bool:
-        """Whether a station has just sealed that it asks for files."""
+        """Whether a station has recently announced, under a seal, requests for files."""
         return monotonic_s() - self._files_s.get(station, -inf) < FILES_S
 
     @contextmanager
     def order(self, order: bytes, station: Place, *, sealed: bool) -> Iterator[str | None]:
-        """Get why a station may not order a motion; what is answered in the block is for it."""
+        """Get the reason why a station may not order a motion, or None.
+
+        Answers that are sent within the block belong to this order.
+        """
         refusal = self.refusal(station, sealed=sealed)
         if sealed:
             if station not in self._proving and not is_stop(order):
@@ -152,10 +155,10 @@ class Gate:
             self._proves = True
 
     def answer(self, state: bytes, station: Place, drone: Place) -> tuple[bytes, int, bool]:
-        """Write the answer to an order: payload, its type, whether it precedes pulses.
+        """Encode the answer to an order: payload, type, and whether it is sent before pulses.
 
-        The answer to a sealed order carries a proof. Who sends an unsealed one under the same
-        ids and number gets an answer without.
+        The answer to a sealed order carries a proof. An unsealed order under the same ids and
+        number is answered without one.
         """
         sealed = self._proves and (station, number_of(state)) in self._orders
         if sealed and station in self._proving and self._keeper is not None:

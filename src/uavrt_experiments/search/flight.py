@@ -93,7 +93,7 @@ class Outcome:
 
 
 def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
-    """What is known of each tag before; the world gives the strengths that are known."""
+    """Get the prior of each tag; known strengths are those of the world."""
     truth, known = scenario.truth, scenario.known
     prior = TagPrior(
         area=Area(west_m=0.0, east_m=scenario.east_m, south_m=0.0, north_m=scenario.north_m),
@@ -128,7 +128,7 @@ def priors_of(scenario: Scenario, world: World) -> list[TagPrior]:
 def beliefs_of(
     scenario: Scenario, contender: Contender, seed: int, particles: int, world: World
 ) -> Beliefs:
-    """Return what is believed before the flight."""
+    """Get the beliefs before the flight."""
     priors = priors_of(scenario, world)
     if contender.filter == "TrackerBots":
         priors = [replace(one, missed_share=0.0, chance_share=1e-6) for one in priors]
@@ -146,7 +146,7 @@ def beliefs_of(
 
 
 def map_of(scenario: Scenario) -> HillLosses | None:
-    """Return what the searcher knows of the ground."""
+    """Get the searcher's map of the ground."""
     truth = scenario.truth
     if truth.ground is None or not scenario.known.map_of_heights:
         return None
@@ -161,7 +161,7 @@ def map_of(scenario: Scenario) -> HillLosses | None:
 
 
 def pattern_of(truth: Truth) -> AntennaPattern | None:
-    """Return the antenna's pattern; None is an upright monopole."""
+    """Get the antenna's pattern; None: an upright monopole."""
     return None if truth.antenna == "monopole" else PATTERNS[truth.antenna]
 
 

@@ -87,7 +87,7 @@ class Contender:
 
     @property
     def as_drones(self) -> bool:
-        """Whether drones fly it with all that is theirs: our planner with our stop rule."""
+        """Whether the drones' own program flies it: our planner with our stop rule."""
         return self.planner == "mi_rate" and self.stop == "ours"
 
     def __str__(self) -> str:

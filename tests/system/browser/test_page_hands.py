@@ -364,7 +364,7 @@ def test_a_receiver_tells_where_the_people_stand(
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--my-place", f"udpin://127.0.0.1:{port}")
     ended = threading.Event()
-    receiver = threading.Thread(target=tell_place, args=(port, ended), daemon=True)
+    receiver = threading.Thread(target=send_place, args=(port, ended), daemon=True)
     receiver.start()
     watched = Watched(browser, ground.address, color_scheme="light")
     page = watched.page
@@ -396,7 +396,7 @@ def test_a_receiver_tells_where_the_people_stand(
     watched.close()
 
 
-def tell_place(port: int, ended: threading.Event) -> None:
+def send_place(port: int, ended: threading.Event) -> None:
     """A receiver of NMEA: 46.501 N, 8.002 E, four times a second."""
     sentence = b"$GPRMC,101500,A,4630.06,N,00800.12,E,0.1,0.0,010526,,*15\r\n"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:

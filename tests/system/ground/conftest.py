@@ -92,7 +92,7 @@ def served(tmp_path: Path) -> Iterator[Served]:
 
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """One station of a whole file, for requests that change nothing in it."""
+    """One station for a whole test file, for requests that do not change it."""
     station = Served(tmp_path_factory.mktemp("standing") / "ground")
     yield station
     station.stop()

@@ -91,8 +91,8 @@ def test_a_command_without_a_drone_is_refused_with_the_reason(standing: Any) -> 
     ],
 )
 def test_other_sites_cannot_command_the_drone(standing: Any, headers: dict[str, str]) -> None:
-    told = {name: value.format(port=standing.port) for name, value in headers.items()}
-    assert standing.ask("POST", "/api/commands/mark", {}, told).status == 403
+    sent = {name: value.format(port=standing.port) for name, value in headers.items()}
+    assert standing.ask("POST", "/api/commands/mark", {}, sent).status == 403
 
 
 @pytest.mark.parametrize("path", ["/", "/api/state", "/api/flights"])

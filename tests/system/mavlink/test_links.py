@@ -93,7 +93,7 @@ def test_a_serial_link_talks_through_a_terminal_and_comes_back_after_a_hang_up(
     asyncio.run(main())
 
 
-async def test_a_serial_link_that_nobody_drains_drops_whole_frames_and_counts(
+async def test_a_serial_link_that_is_not_drained_drops_whole_frames_and_counts(
     until: Until,
 ) -> None:
     master, slave = pty.openpty()
@@ -116,7 +116,7 @@ async def test_a_serial_link_that_nobody_drains_drops_whole_frames_and_counts(
     os.close(slave)
 
 
-async def test_a_serial_link_tells_how_long_a_frame_would_wait(until: Until) -> None:
+async def test_a_serial_link_reports_how_long_a_frame_would_wait(until: Until) -> None:
     master, slave = pty.openpty()
     link = await open_link(f"serial://{os.ttyname(slave)}:57600", lambda frame: None)
     os.set_blocking(master, False)

@@ -259,7 +259,7 @@ async def test_a_system_without_room_for_a_process_is_asked_again(
         await yard.until(lambda: yard.records)
 
 
-async def test_more_memory_than_the_row_allows_is_told(run: Run) -> None:
+async def test_more_memory_than_the_row_allows_is_reported(run: Run) -> None:
     async with run(DEAF, replace(ROW, memory_limit_mb=1.0, stop_timeout_s=0.3)) as yard:
         await yard.until(lambda: yard.records)
         yard.instance.status()  # measures

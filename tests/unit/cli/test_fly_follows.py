@@ -1,4 +1,4 @@
-"""`uavrt fly` follows its own order, and leaves nothing flying that it does not follow."""
+"""`uavrt fly` follows its own order, and stops a flight that it cannot follow."""
 
 import asyncio
 import contextlib
@@ -30,7 +30,7 @@ EARLIER, ORDER, LATER = 3, 5, 7
 
 
 class Peer(asyncio.DatagramProtocol):
-    """Offers what it is asked for; its words on an earlier order come late."""
+    """A drone that offers each requested order; the end of an earlier order comes late."""
 
     def __init__(self, *, answers: bool, ends: int) -> None:
         self.heard: list[Any] = []
@@ -82,7 +82,7 @@ class Peer(asyncio.DatagramProtocol):
 
 
 def hold(*, answers: bool, ends: int = ORDER) -> tuple[Peer, int | LinkError]:
-    """Fly until the command ends; the drone, and how it ended."""
+    """Fly until the command ends; return the drone and the exit status or error."""
     port, peer = free_udp_port(), Peer(answers=answers, ends=ends)
     terminal = _Terminal(LinkKeys(), json_lines=True, yes=True, sticks_unseen=False)
 
@@ -110,8 +110,8 @@ def test_the_end_of_an_earlier_order_is_not_taken_for_that_of_this_one(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     _, ended = hold(answers=True)
-    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert told == [
+    printed = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert printed == [
         {"event": "offer", "text": "hold here"},
         {"event": "confirmed", "text": "confirmed"},
         {"event": "in command", "text": "hold here"},

@@ -1,4 +1,4 @@
-"""A tag that beeps at twice the listed interval has no pulses where it sends nothing."""
+"""A tag that beeps at twice the listed interval has no pulses half-way between."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Samples that are lost make no pulses, and do not change those around them."""
+"""Lost samples make no pulses and do not change those near them."""
 
 import functools
 
@@ -77,7 +77,7 @@ def start_s(pulse: Pulse) -> float:
 
 
 def lost_share(begin_s: float, gap_s: tuple[float, float]) -> float:
-    """Share of a pulse that begins then which lies in a gap."""
+    """Share of a pulse that lies in a gap, for a pulse beginning at a time."""
     both_s = min(begin_s + WIDTH_S, gap_s[1]) - max(begin_s, gap_s[0])
     return max(both_s, 0.0) / WIDTH_S
 

@@ -1,4 +1,4 @@
-"""Experiments whose tables name a commit without asking git: it is another program."""
+"""Fixtures for experiments: their tables name a commit without running git."""
 
 import pytest
 

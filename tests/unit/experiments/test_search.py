@@ -127,9 +127,9 @@ def test_animals_of_each_table_are_found(
 
 
 def test_the_drone_keeps_away_from_nine_and_finds_them_without_dithering() -> None:
-    """Turning to whoever promised most, and round no animal, it took 2151 s on this seed.
+    """Without a bonus for the present tag and detours, it took 2151 s on this seed.
 
-    Ways are judged to their ends, as in a flight; judged for two cycles it took under 1000 s.
+    Paths are checked to their ends, as in a flight; checked for two cycles, under 1000 s.
     """
     run = fly(SCENARIOS["T5"], OURS, 100_000, particles=500)
     assert run.complete

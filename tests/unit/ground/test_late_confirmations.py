@@ -44,7 +44,7 @@ async def test_what_waited_for_another_command_is_not_sent(
     assert len(hands.sent) == sent
 
 
-async def test_an_unsent_confirmation_is_told_so_though_the_stop_is_not_answered_either(
+async def test_an_unsent_confirmation_is_reported_although_the_stop_is_not_answered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     hands = Hands()

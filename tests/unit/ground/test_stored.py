@@ -37,7 +37,7 @@ def inside(item: PulsePose) -> BurstInside:
 
 @pytest.fixture
 def patient() -> None:
-    """Let a second pass at each look at the clock: a failing disk is tried again."""
+    """Advance the clock by 1 s at each reading, so that a failing disk is tried again."""
     seconds = itertools.count(1000.0, RETRY_S)
     follow(lambda: next(seconds))
 
@@ -109,7 +109,7 @@ def test_what_is_inside_a_burst_of_the_flight_before_reaches_that_flight(
 def test_what_comes_before_its_burst_is_refused_until_the_burst_is_here(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Refused, it is not acknowledged, and the drone sends it again."""
+    """A refused message is not acknowledged, so the drone sends it again."""
     now_s = 100.0
     monkeypatch.setattr(flight_keeper, "monotonic_s", lambda: now_s)
     keeper = FlightKeeper(tmp_path, Clock.start())

@@ -132,7 +132,7 @@ async def test_an_upload_ends_when_a_mission_is_started_meanwhile(flavour: Flavo
         assert len(held(autopilot)) == 3
 
 
-async def test_a_vehicle_that_falls_silent_is_told_of() -> None:
+async def test_a_vehicle_that_falls_silent_is_reported() -> None:
     async with vehicle_on("px4") as (link, autopilot):
         autopilot.ground.inward._loss = 1.0
         with pytest.raises(LinkError, match="did not answer in 12 s"):
@@ -165,7 +165,7 @@ async def test_a_mission_not_held_as_sent_is_told_of(
             await link.missions.upload(ITEMS)
 
 
-async def test_no_autopilot_is_told_of() -> None:
+async def test_a_missing_autopilot_is_reported() -> None:
     link = GroundLink(Clock.start().now_ns, on_event=lambda event: None)
     with pytest.raises(LinkError, match="no autopilot was heard"):
         await link.missions.wait(3.0)

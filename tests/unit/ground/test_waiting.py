@@ -10,7 +10,7 @@ from uavrt.ground.station import Station, StationSettings
 from uavrt.simulation import demo_scenario
 
 
-async def test_a_drone_that_is_not_heard_is_told_once_however_late(
+async def test_a_missing_drone_is_reported_once_however_long_it_is_missing(
     tmp_path: Path,
 ) -> None:
     events: list[dict[str, Any]] = []

@@ -34,9 +34,9 @@ def test_it_finds_a_resting_and_a_walking_animal_and_returns(flavour: Flavour) -
     assert set(search.errors_m) == {2, 4}
     found = [note for note in search.notes if note.event == "found"]
     for note in found:
-        told = {one.tag_id: one for one in note.tags}[some(note.tag_id)]
-        assert told.radius95_m <= 25.0
-        assert told.found_s == pytest.approx(note.elapsed_s)
+        tag = {one.tag_id: one for one in note.tags}[some(note.tag_id)]
+        assert tag.radius95_m <= 25.0
+        assert tag.found_s == pytest.approx(note.elapsed_s)
     assert max(search.errors_m.values()) < 35.0
 
 

@@ -13,7 +13,7 @@ from uavrt.mavlink import dialect
 from uavrt.simulation.flying import Frame
 
 FLOWN = [
-    (  # Sent to look along -59° while it turned right to 22°.
+    (  # Commanded to -59° during a right turn to 22°.
         18.0,
         -58.5,
         (
@@ -21,7 +21,7 @@ FLOWN = [
             *(19.5, 18.4, 17.3, 15.8, 14.2, 12.3, 10.3, 8.0, 5.6, 2.9, 0.2, -3.0, -6.1),
         ),
     ),
-    (  # Sent to look along -24° while it turned left: it passed that by 21° and came back.
+    (  # Commanded to -24° during a left turn: the setpoint passed it by 21° and came back.
         -37.7,
         -24.5,
         (
@@ -32,7 +32,7 @@ FLOWN = [
     ),
 ]
 """Rate before a command [°/s], bearing of its target [°], and the heading setpoint of PX4 1.17
-(SIH) every 0.1 s from then on [°]."""
+(SIH) every 0.1 s after it [°]."""
 AWAY_M = 25.5
 
 
@@ -60,23 +60,23 @@ def test_a_leg_that_is_replaced_during_its_turn_is_flown(
     assert flown.authority.reason == "done"
 
 
-@pytest.mark.parametrize(("before_deg_s", "bearing_deg", "told_deg"), FLOWN)
+@pytest.mark.parametrize(("before_deg_s", "bearing_deg", "setpoints_deg"), FLOWN)
 def test_the_setpoint_that_was_recorded_is_ours(
-    before_deg_s: float, bearing_deg: float, told_deg: tuple[float, ...]
+    before_deg_s: float, bearing_deg: float, setpoints_deg: tuple[float, ...]
 ) -> None:
-    watch = watch_of(before_deg_s, told_deg[0])
-    for number, yaw_deg in enumerate(told_deg):
+    watch = watch_of(before_deg_s, setpoints_deg[0])
+    for number, yaw_deg in enumerate(setpoints_deg):
         assert watch.fault(0.1 * number, yaw_deg, bearing_deg, AWAY_M) is None
 
 
-@pytest.mark.parametrize(("before_deg_s", "bearing_deg", "told_deg"), FLOWN)
+@pytest.mark.parametrize(("before_deg_s", "bearing_deg", "setpoints_deg"), FLOWN)
 def test_a_setpoint_that_stays_where_its_turn_ended_is_not_ours(
-    before_deg_s: float, bearing_deg: float, told_deg: tuple[float, ...]
+    before_deg_s: float, bearing_deg: float, setpoints_deg: tuple[float, ...]
 ) -> None:
-    ended = max(range(len(told_deg)), key=lambda n: before_deg_s * told_deg[n])
-    watch = watch_of(before_deg_s, told_deg[0])
+    ended = max(range(len(setpoints_deg)), key=lambda n: before_deg_s * setpoints_deg[n])
+    watch = watch_of(before_deg_s, setpoints_deg[0])
     faults = [
-        watch.fault(0.1 * number, told_deg[min(number, ended)], bearing_deg, AWAY_M)
+        watch.fault(0.1 * number, setpoints_deg[min(number, ended)], bearing_deg, AWAY_M)
         for number in range(ended + 16)
     ]
     assert faults[ended] is None
@@ -97,14 +97,14 @@ def watch_of(before_deg_s: float, yaw_deg: float) -> YawWatch:
 def test_a_turn_at_our_target_by_another_is_seen_though_a_turn_was_going_on(
     by_deg: float,
 ) -> None:
-    """Where the setpoint had come to its end in the meantime."""
+    """The setpoint had already ended its own turn."""
     flown = redirected(0.6, 15.0, -21.0)
     flown.run(7.0)
     assert flown.authority.order_id is not None
-    (_, last), told = flown.commands[-1], flown.vehicle.position_target(0)
-    assert told is not None
+    (_, last), setpoint = flown.commands[-1], flown.vehicle.position_target(0)
+    assert setpoint is not None
     assert isinstance(last, dialect.CommandInt)
-    flown._reposition(x=last.x, y=last.y, z=last.z, param4=told.yaw + math.radians(by_deg))
+    flown._reposition(x=last.x, y=last.y, z=last.z, param4=setpoint.yaw + math.radians(by_deg))
     sent = len(flown.commands)
     flown.run(2.0)
     assert flown.authority.standing is Standing.OUT

@@ -69,7 +69,7 @@ async def test_two_udp_links_talk_and_count(until: Until) -> None:
     answered: list[Frame] = []
     server = await open_link("udpin://127.0.0.1:0", heard.append)
     assert isinstance(server, UdpLink)
-    assert not server.send(FRAME), "nobody to send to yet"
+    assert not server.send(FRAME), "no peer to send to yet"
     client = await open_link(f"udpout://127.0.0.1:{server.local_port}", answered.append)
     client.send(FRAME + b"rubbish")
     client.send(FRAME[:-1] + bytes([FRAME[-1] ^ 1]))

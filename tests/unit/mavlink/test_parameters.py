@@ -95,8 +95,8 @@ async def test_pymavlink_sets_a_parameter_bytewise_and_hears_why_not(
         assert station.texts[-1] == "RADIO_GAIN cannot be 40: whole, 0 to 21, or -1"
         mav.srcSystem = 253  # one that may not command
         set_window = mav.param_set_encode(1, 191, b"DET_WINDOW_HZ", float("nan"), 9)
-        told = await say(mav.heartbeat_encode(6, 8, 0, 0, 4), set_to_twelve, set_window)
-        assert told == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
+        values = await say(mav.heartbeat_encode(6, 8, 0, 0, 4), set_to_twelve, set_window)
+        assert values == {"RADIO_GAIN": 12, "DET_WINDOW_HZ": 500}
         assert "may not command" in station.texts[-1]
         assert len(world.of(CommandReply)) == 2
     transport.close()

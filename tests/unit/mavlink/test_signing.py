@@ -167,9 +167,9 @@ async def test_a_signing_ground_station_commands_through_ardupilot_and_another_d
     world = make_world(mavlink={"signing_key_file": str(path)}, flavour=flavour)
     async with world.flying():
         async with world.station(ack_wait_s=0.1) as (stranger, _):
-            with pytest.raises(LinkError, match=r"not answer .* signs its frames") as told:
+            with pytest.raises(LinkError, match=r"not answer .* signs its frames") as raised:
                 await stranger.ask("stop_detection")
-            assert "--signing-key" in (told.value.remedy or "")
+            assert "--signing-key" in (raised.value.remedy or "")
         assert not world.of(Command)
         await until(lambda: world.counter("unsigned_refused") >= 4)
         with pytest.raises(LinkError, match="not signed with the key given"):

@@ -128,9 +128,9 @@ def test_the_bound_of_one_way_messages_ages_with_a_clock_that_runs_slow() -> Non
         boot_ns = 7 * SECOND + round((local_ns - START_NS) * 0.985)
         sync.add_one_way(boot_ns, local_ns + round(draw.expovariate(1000.0) * 1e9))
         if step > 50 * 5:
-            told_ns = some(sync.local_ns(boot_ns))
+            mapped_ns = some(sync.local_ns(boot_ns))
             # Never bound by an offset of two minutes ago, which is 1.8 s off by now.
-            assert abs(told_ns - local_ns) < 0.02 * SECOND
+            assert abs(mapped_ns - local_ns) < 0.02 * SECOND
 
 
 def test_a_line_is_stale_ten_seconds_after_its_last_answer() -> None:

@@ -119,19 +119,19 @@ class Bay:
             if isinstance(result, Exception):
                 raise result
 
-    def tell(self, topic: str, record: object) -> None:
-        """What the supervisor sends to the process."""
+    def deliver(self, topic: str, record: object) -> None:
+        """Send the process a record as its supervisor does."""
         some(self._sock).sendall(encode_record(topic, record))
 
     def begin_flight(self, directory: Path) -> None:
         info = made.flight_info(
             directory, start_time_ns=self.clock.now_ns(), clock_offset_ns=self.clock.offset_ns
         )
-        self.tell("flight", info)
+        self.deliver("flight", info)
 
     def send_pulse(self, number: int) -> None:
         """A detector's pulse, `number` Hz above the tag's nominal frequency."""
-        self.tell("pulse", make_pulse(number, self.clock.now_ns() - 100_000_000 + number))
+        self.deliver("pulse", make_pulse(number, self.clock.now_ns() - 100_000_000 + number))
 
     @contextlib.asynccontextmanager
     async def ground_station(
@@ -175,7 +175,7 @@ class Bay:
         """Be recorder and supervisor: what was recorded comes back, every command is taken."""
         self.records.append((topic, record))
         if isinstance(record, PulsePose) and self.recorder_quick:
-            self.tell("recorded", Recorded(pulses=(record.pulse.key,)))
+            self.deliver("recorded", Recorded(pulses=(record.pulse.key,)))
         elif isinstance(record, Command):
             self.commands.append(record)
             refusal = self.refusals.get(record.name)
@@ -185,7 +185,7 @@ class Bay:
                 accepted=refusal is None,
                 message=refusal or "",
             )
-            self.tell("command_reply", reply)
+            self.deliver("command_reply", reply)
         elif isinstance(record, Health):
             self.health = record
 

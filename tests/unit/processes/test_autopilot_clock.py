@@ -47,7 +47,7 @@ async def test_poses_are_right_by_a_clock_that_runs_slow_and_answers_with_random
     assert sum(error**2 for error in errors) / len(errors) <= 0.5**2
 
 
-async def test_poses_by_a_clock_that_is_carried_on_say_so_and_the_operator_is_told(
+async def test_poses_by_an_extrapolated_clock_are_marked_and_the_operator_is_warned(
     bay: Any, until: Until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for module in (timesync, component):

@@ -118,7 +118,7 @@ async def fly_in_a_flood(bay: Bay, frames: Iterator[bytes] | None) -> Sight:
     sight = Sight(bay)
     async with bay.running(), bay.ground_station() as (ground, _):
         ground._on_event = sight.append
-        bay.tell("system_status", commanded_by("mavlink 254/190"))
+        bay.deliver("system_status", commanded_by("mavlink 254/190"))
         for number in range(8):  # the station shows that it is there, the link what it takes
             bay.send_pulse(1000 + number)
             await asyncio.sleep(0.125)
@@ -156,7 +156,7 @@ async def test_a_flood_is_neither_answered_nor_written_and_pulses_go_on(
 ) -> None:
     async with bay.running(), bay.ground_station() as (ground, events):
         await until(lambda: ground.protocol.drone is not None)
-        bay.tell("system_status", commanded_by("mavlink 255/190"))
+        bay.deliver("system_status", commanded_by("mavlink 255/190"))
         stranger = socket.socket(type=socket.SOCK_DGRAM)
         stranger.connect(("127.0.0.1", bay.companion_port))
         capsys.readouterr()

@@ -97,7 +97,7 @@ async def take_off_orders(drone: Guided, link: Any) -> None:
     """Ask for a long leg, confirm it, and wait until the drone flies it."""
     vehicle = drone.bay.autopilot.flown.vehicle
     vehicle.used_wh = 0.0  # each trial with a full battery
-    await asyncio.sleep(3.0)  # it comes to rest: what it still does is not another's doing
+    await asyncio.sleep(3.0)  # it comes to rest: residual motion is not taken for a takeover
     goal = SOUTH if vehicle.north_m > 0.0 else NORTH
     offer = await ask(link, motion_request("goto", (goal,), height_m=40.0))
     assert offer.kind == "offer"
@@ -217,7 +217,7 @@ def test_pulses_of_a_keyed_drone_are_delayed_by_a_tenth_at_most(
         async with flying(make_bay, key_file(tmp_path), line) as (drone, link):
             delays = Delays(drone)
             link._on_event = delays.append
-            drone.bay.tell("system_status", commanded_by_the_station())
+            drone.bay.deliver("system_status", commanded_by_the_station())
             async with attack(drone, link, line) if attacked else contextlib.nullcontext():
                 for number in range(8):  # the station shows that it acknowledges
                     drone.bay.send_pulse(1000 + number)
@@ -302,7 +302,7 @@ async def test_without_a_key_a_second_station_with_the_same_ids_keeps_the_order_
     drone = Guided(make_bay(), None)
     async with drone.bay.running(), drone.bay.ground_station() as (link, _):
         await until(lambda: drone.report is not None and drone.report.fault is None)
-        await asyncio.sleep(4.0)  # it asks who the autopilot is
+        await asyncio.sleep(4.0)  # it identifies the autopilot
         await take_off_orders(drone, link)
         link._ways._shared.write = lambda message, number: None
         second = FrameWriter(*CONFIRMER)

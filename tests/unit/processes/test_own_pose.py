@@ -101,9 +101,9 @@ async def test_a_heading_that_is_typed_while_it_runs_is_in_force_at_once(
     async with bay.running(), bay.ground_station(address, radio=False) as (_, events):
         await until(lambda: bay.health is not None and bay.health.status == "ready")
         turned = replace(bay.settings, pose=replace(MAST, heading_deg=-10.0))
-        bay.tell("settings", turned)
-        told = bay.counter("pose_places")
-        await until(lambda: bay.counter("pose_places") >= told + 3)
+        bay.deliver("settings", turned)
+        before = bay.counter("pose_places")
+        await until(lambda: bay.counter("pose_places") >= before + 3)
         bay.send_pulse(1)
         await until(lambda: poses_of(events))
         assert heading_deg(poses_of(events)[0]) == pytest.approx(350.0, abs=0.1)
@@ -115,14 +115,14 @@ async def test_a_person_with_an_nmea_receiver_is_where_it_says_whatever_else_com
     port = free_udp_port()
     source = PoseSettings(source="nmea", address=f"udpin://127.0.0.1:{port}", height_m=1.5)
     address = without_autopilot(bay, source, tmp_path)
-    told = [
+    sentences = [
         sentence("GNGGA,101500.00,4630.0600,N,00800.1200,E,1,09,0.9,412.0,M,48.0,M,,"),
         sentence("GPRMC,101500.00,A,4630.0600,N,00800.1200,E,0.1,0.0,010526,,,A"),
         b"$GNGGA,broken\r\n\xff\x00" + b"x" * 500,
     ]
     compass = sentence("HCHDT,90.0,T")
     receiver = socket.socket(type=socket.SOCK_DGRAM)
-    sending = [*told]
+    sending = [*sentences]
 
     async def send() -> None:
         while True:

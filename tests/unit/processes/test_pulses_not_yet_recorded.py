@@ -31,7 +31,7 @@ async def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_af
             directory, start_time_ns=bay.clock.now_ns(), clock_offset_ns=bay.clock.offset_ns
         )
         recorder = FlightRecorder.create(info)
-        bay.tell("flight", info)
+        bay.deliver("flight", info)
         async with bay.ground_station(receipts=Receipts(1)) as (_, first):
             bay.send_pulse(1)
             await until(lambda: len(got(first)) == 1)
@@ -45,7 +45,7 @@ async def test_a_ground_station_that_comes_before_a_pulse_is_recorded_gets_it_af
             posed = [r for topic, r in bay.records if topic == "pulse_pose"]
             recorder.write_pulse_poses(posed)
             recorder.commit()
-            bay.tell("recorded", Recorded(pulses=tuple(one.pulse.key for one in posed)))
+            bay.deliver("recorded", Recorded(pulses=tuple(one.pulse.key for one in posed)))
             await until(lambda: len(got(second)) == 2)
             assert sorted(got(second)) == [148_710_001, 148_710_002]
         recorder.close()

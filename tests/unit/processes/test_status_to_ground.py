@@ -33,11 +33,11 @@ async def test_state_tags_searches_texts_and_the_computers_load_reach_the_ground
         def of(kind: type) -> list[Any]:
             return [event for event in events if isinstance(event, kind)]
 
-        bay.tell("system_status", status(bay.clock.now_ns()))
+        bay.deliver("system_status", status(bay.clock.now_ns()))
         bay.send_pulse(1)  # tag 2 is found
-        bay.tell("search_report", report(4, bay.clock.now_ns()))
-        bay.tell("search_report", report(4, bay.clock.now_ns()))  # too soon for another
-        bay.tell("status_text", StatusText(severity=4, text=LONG))
+        bay.deliver("search_report", report(4, bay.clock.now_ns()))
+        bay.deliver("search_report", report(4, bay.clock.now_ns()))  # too soon for another
+        bay.deliver("status_text", StatusText(severity=4, text=LONG))
         warning = StatusText(severity=4, text=LONG)
         await until(lambda: of(SearchReport) and warning in of(StatusText) and loads)
         await until(lambda: {alive.tag_id for alive in of(DetectorAlive)} == {2, 4})
@@ -76,6 +76,6 @@ async def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_se
             await asyncio.sleep(0.31)
             changed_s = loop.time()
             now_ns = bay.clock.now_ns()
-            bay.tell("system_status", made.system_status(now_ns, state=state, tags=TAGS))
+            bay.deliver("system_status", made.system_status(now_ns, state=state, tags=TAGS))
             await until(lambda state=state: last() is state)
             assert loop.time() - changed_s < 0.3

@@ -124,10 +124,10 @@ class MissionBehind:
                 bay.settings, radio=replace(bay.settings.radio, center_frequency_hz=1.487e8)
             ),
             StateStore(Path(bay.settings.recording.directory)),
-            tell=lambda severity, text: bay.tell(
+            tell=lambda severity, text: bay.deliver(
                 "status_text", StatusText(severity=severity, text=text)
             ),
-            on_start=lambda flight: bay.tell("flight", flight),
+            on_start=lambda flight: bay.deliver("flight", flight),
             on_stop=lambda: None,
         )
         self._take = bay._take
@@ -135,7 +135,7 @@ class MissionBehind:
 
     def take(self, topic: str, record: object) -> None:
         if isinstance(record, StatusText):  # as the tables have it: back to the ground
-            self.bay.tell("status_text", record)
+            self.bay.deliver("status_text", record)
         if isinstance(record, Command):
             self.do(record)
         else:
@@ -143,10 +143,10 @@ class MissionBehind:
 
     def do(self, command: Command) -> None:
         reply = self.mission.command(command)
-        self.tell_status()
-        self.bay.tell("command_reply", reply)
+        self.deliver_status()
+        self.bay.deliver("command_reply", reply)
 
-    def tell_status(self) -> None:
+    def deliver_status(self) -> None:
         detecting = self.mission.state is SystemState.DETECTING or self.mission.ending
         status = made.system_status(
             self.bay.clock.now_ns(),
@@ -154,7 +154,7 @@ class MissionBehind:
             tags=(*self.mission.tags.values(),),
             ending=self.mission.ending,
         )
-        self.bay.tell("system_status", status)
+        self.bay.deliver("system_status", status)
 
     def send_tags(self) -> None:
         for number, step in enumerate(
@@ -168,7 +168,7 @@ class MissionBehind:
             assert self.mission.command(own).accepted
 
 
-async def test_it_starts_and_stops_by_a_parameter_that_tells_the_truth(
+async def test_it_starts_and_stops_by_a_parameter_that_shows_the_actual_state(
     bay: Bay, until: Until
 ) -> None:
     behind = MissionBehind(bay)
@@ -184,10 +184,10 @@ async def test_it_starts_and_stops_by_a_parameter_that_tells_the_truth(
         station.set_run(0)
         await until(lambda: station.runs == [0, 1, 0])
         assert behind.mission.ending  # the last pulses are being recorded
-        behind.tell_status()
+        behind.deliver_status()
         behind.mission.flight_ended()
-        behind.tell_status()
-        # Somebody at the drone's side starts it, and stops it.
+        behind.deliver_status()
+        # A start and a stop from the drone's own command line.
         own = Command(name="start_detection", request_id=7, source="command line")
         behind.do(own)
         behind.do(replace(own, name="stop_detection", request_id=8))
@@ -251,7 +251,7 @@ async def test_numbers_reach_it_by_radio_while_our_pulses_go_by_wifi(
         assert station.values == [("SNR_2", 14.25), ("CNT_2", 1.0)]
 
 
-async def test_a_restarted_connection_goes_on_counting_and_tells_no_first_time_again(
+async def test_a_restarted_connection_continues_its_counts_and_reports_no_tag_as_new(
     bay: Bay, until: Until, tmp_path: Path
 ) -> None:
     start_ns = bay.clock.now_ns() - 100_000_000_000
@@ -274,7 +274,7 @@ async def test_a_restarted_connection_goes_on_counting_and_tells_no_first_time_a
 
 
 def begin_flight(bay: Bay) -> None:
-    bay.tell("flight", flight_of(bay))
+    bay.deliver("flight", flight_of(bay))
 
 
 def flight_of(bay: Bay) -> FlightInfo:
@@ -288,4 +288,4 @@ def flight_of(bay: Bay) -> FlightInfo:
 
 def hear(bay: Bay, tag_id: int, start_ns: int, *, after_s: float = 0.0, **numbers: Any) -> None:
     time_ns = start_ns + round(after_s * 1e9)
-    bay.tell("pulse", pulse_at(time_ns, tag_id=tag_id, **{"confirmed": True, **numbers}))
+    bay.deliver("pulse", pulse_at(time_ns, tag_id=tag_id, **{"confirmed": True, **numbers}))

@@ -67,7 +67,7 @@ def test_the_exploration_finds_an_authority_that_keeps_an_offer_after_take_back(
 
 
 def _no_freshness(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drone that takes a seal as often as it comes."""
+    """A drone that accepts a replayed seal."""
     opened = SealKeeper.open
 
     def open_again(self: SealKeeper, *payload_and_places: object) -> tuple[int, bytes]:
@@ -89,7 +89,7 @@ def _any_session(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _unproven_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A station that believes an answer whatever its proof."""
+    """A station that accepts answers without checking the proof."""
 
     def believing(_: Sealer, payload: bytes, numbers: tuple[int, ...]) -> bytes:
         if not numbers:
@@ -101,7 +101,7 @@ def _unproven_answers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _anything_is_life(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drone to which any sealed frame is a sign of life, right or wrong."""
+    """A drone that counts a forged sealed frame as a sign of life."""
     opened = Gate.open
 
     def alive(self: Gate, *payload_and_places: object) -> tuple[int, bytes] | None:

@@ -22,14 +22,14 @@ from uavrt_experiments.search.scenario import Contender, Scenario
 PROMISED = 30
 PAIRS = int(os.environ.get("UAVRT_PAIRS", "1"))
 ERRORS_OF_ONE = 5
-"""Times as many pairs of a table with one animal: its errors scatter more than means of ten."""
+"""Factor on the pairs of a table with one animal: one error scatters more than means of ten."""
 OURS = Contender(planner="mi_rate", stop="ours")
 SETTLES_S = 3.0
-"""Time in which the desk learns of mode, place and home before the order."""
+"""Time before the order for the desk to receive mode, position and home [s]."""
 
 
 class BehindTheLink(Framed):
-    """A drone of the tables whose wishes pass the desk, and whose commands are frames."""
+    """A drone of the tables with the motion desk and commands as frames."""
 
     def __init__(
         self, flavour: Flavour, frame: Frame, limits: Limits, start: VehicleState

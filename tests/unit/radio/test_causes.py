@@ -1,4 +1,4 @@
-"""Why a radio's program ended: the words of the real ones (Debian 12), and the remedy."""
+"""Cause and remedy when a radio's program ends, from the real programs' texts (Debian 12)."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def test_a_frequency_that_the_radio_does_not_receive_is_named() -> None:
 def test_absent_forbidden_busy_and_another_one_have_each_their_remedy(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The libraries say "not found" to all four."""
+    """The libraries report "not found" for all four."""
     monkeypatch.setattr(devices, "SYSFS_USB", tmp_path / "sys")
     monkeypatch.setattr(devices, "NODES", tmp_path / "dev")
 

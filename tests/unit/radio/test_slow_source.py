@@ -24,7 +24,7 @@ def placed(
     fast_until_s: float = 0.0,
     radio: bool = False,
 ) -> tuple[Placer, list[IQBlock]]:
-    """Place the blocks of a stream whose writer is steady, and slower than the samples."""
+    """Place the blocks of a stream whose writer is steadily slower than the sample rate."""
     rng = np.random.default_rng(seed)
     placer = Placer(RATE_HZ, may_be_slow=not radio)
     placer.begin(START_NS)

@@ -1,4 +1,4 @@
-"""WAV files whose header does not tell how many samples they hold; large ones are sparse."""
+"""WAV files whose header lacks the number of samples; large ones are sparse."""
 
 import struct
 import time
@@ -26,7 +26,7 @@ def write_wav(
     after: bytes = b"",
     riff: bytes = b"RIFF",
 ) -> int:
-    """Write samples, or a number of zero bytes, which take no room; how many bytes they are."""
+    """Write samples, or a number of zero bytes (sparse); return the number of bytes."""
     count = samples if isinstance(samples, int) else len(samples)
     size = (count if said is None else said) & 0xFFFFFFFF
     head = before + b"fmt " + struct.pack("<I", len(FORMAT)) + FORMAT
@@ -57,7 +57,7 @@ def test_a_size_that_overflowed_at_4_gib_is_the_true_one(
     if more:
         assert found.segments[0].count == count // 4
         assert (found.start_from == "the file's header") == bool(after)
-    else:  # a size of zero tells nothing: to the end of the file
+    else:  # a size of zero is unknown: to the end of the file
         assert found.segments[0].count == (count + len(after)) // 4
     assert found.fault_at_end is None
 
@@ -90,7 +90,9 @@ def test_chunks_after_the_samples_are_no_samples(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("riff", [b"RF64", b"BW64"])
-def test_a_long_file_tells_what_follows_its_samples(tmp_path: Path, riff: bytes) -> None:
+def test_the_chunk_after_the_samples_of_a_long_file_is_used(
+    tmp_path: Path, riff: bytes
+) -> None:
     path = tmp_path / "a.wav"
     count = GIB4 + 4000
     sizes = b"ds64" + struct.pack("<IQQQI", 28, count + 72, count, count // 4, 0)

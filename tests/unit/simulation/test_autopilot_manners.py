@@ -39,8 +39,7 @@ def fly(vehicle: FlyingVehicle, seconds: float) -> None:
 
 
 def target(vehicle: FlyingVehicle) -> dialect.PositionTargetGlobalInt:
-    told = some(vehicle.position_target(0))
-    return told
+    return some(vehicle.position_target(0))
 
 
 def test_arducopter_stops_when_it_is_paused_and_shows_it_in_no_message() -> None:
@@ -118,7 +117,7 @@ def test_a_stop_that_is_told_while_it_speeds_up_is_overshot_and_it_turns_back(
 def test_px4_passes_its_target_and_comes_back_slowly(
     flavour: Flavour, beyond_m: tuple[float, float], back_s: tuple[float, float], way_m: float
 ) -> None:
-    """Flown in SIH at 5 m/s: 0.4 to 1.5 m beyond it, within 0.5 m after 6 to 9.4 s."""
+    """In SIH at 5 m/s: overshoot 0.4 to 1.5 m, settled within 0.5 m after 6 to 9.4 s."""
     vehicle = hovering(flavour, speed_m_s=5.0)
     go(vehicle, way_m, 0.0)
     places = []
@@ -152,27 +151,27 @@ def taking_off(flavour: Flavour) -> Flown:
 
 
 def test_px4_turns_its_setpoint_on_when_it_is_sent_elsewhere_in_a_turn() -> None:
-    """Flown in SIH: turning at 22°/s to 22° when sent to −60°, the setpoint went on by 8.7°."""
+    """In SIH the setpoint turned on by 8.7°: at 22°/s towards 22°, commanded to −60°."""
     vehicle = hovering("px4", speed_m_s=5.0)
     vehicle.yaw_deg = 340.0
     go(vehicle, 50.0, 20.0)
     fly(vehicle, 0.8)
-    before_deg = told_yaw_deg(vehicle)
+    before_deg = setpoint_yaw_deg(vehicle)
     vehicle.advance(STEP_S)
-    rate_deg_s = (told_yaw_deg(vehicle) - before_deg) / STEP_S
-    then_deg = told_yaw_deg(vehicle)
+    rate_deg_s = (setpoint_yaw_deg(vehicle) - before_deg) / STEP_S
+    then_deg = setpoint_yaw_deg(vehicle)
     go(vehicle, 15.0, -21.0)
     furthest_deg = then_deg
     for _ in range(60):
         vehicle.advance(STEP_S)
-        furthest_deg = max(furthest_deg, told_yaw_deg(vehicle))
+        furthest_deg = max(furthest_deg, setpoint_yaw_deg(vehicle))
     assert 20.0 < rate_deg_s < 32.0
     assert 5.0 < furthest_deg - then_deg < 15.0
     fly(vehicle, 4.0)
-    assert told_yaw_deg(vehicle) < -30.0
+    assert setpoint_yaw_deg(vehicle) < -30.0
 
 
-def told_yaw_deg(vehicle: FlyingVehicle) -> float:
+def setpoint_yaw_deg(vehicle: FlyingVehicle) -> float:
     return (math.degrees(target(vehicle).yaw) + 180.0) % 360.0 - 180.0
 
 

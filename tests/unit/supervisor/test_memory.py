@@ -158,7 +158,7 @@ def test_a_wrong_time_is_told_once_more_to_a_ground_station_that_comes_later(
 
 
 def reboot(directory: Path) -> None:
-    """Let what was saved be of the boot before."""
+    """Mark the saved state as one of the previous boot."""
     store = StateStore(directory)
     store.save(replace(some(store.load()), boot_id="the boot before"))
 

@@ -167,7 +167,7 @@ def test_what_is_kept_for_a_disk_that_fails_for_hours_is_bounded_and_counted() -
 
 
 def test_who_consumes_pulses_gets_those_that_a_hundred_tags_bring_at_once() -> None:
-    """All tags' groups of three may end in one turn of the supervisor."""
+    """The groups of three of all tags may end in one turn of the supervisor."""
     consumers = [row for row in PROCESSES if {"pulse", "pulse_pose"} & {*row.consumes}]
     assert {row.name for row in consumers} >= {"recorder", "connection", "guide", "ros2"}
     for row in consumers:

@@ -43,9 +43,9 @@ async def test_no_pulse_of_five_drones_is_missing_at_20_percent_loss_on_each_lin
                 drone.find_pulse(number)
             await asyncio.sleep(1.0 / PULSES_HZ)
         await until(lambda: all(one.flight.pulses == PULSES for one in sessions), 60.0)
-        told = (await page.ask("GET", "/api/flights")).json
-        assert {one["vehicle"] for one in told} == {str(number) for number in numbers}
-        for one in told:
+        flights = (await page.ask("GET", "/api/flights")).json
+        assert {one["vehicle"] for one in flights} == {str(number) for number in numbers}
+        for one in flights:
             recorded = read_flight(page.directory / one["flight_id"]).pulse_poses
             assert len({pulse.pulse.start_time_ns for pulse in recorded}) == PULSES
         assert all(drone.radio.lost > 0.1 * PULSES for drone in drones.values())

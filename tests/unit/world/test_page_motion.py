@@ -64,7 +64,7 @@ async def test_a_motion_is_offered_confirmed_once_and_stopped(tmp_path: Path) ->
         assert world.flown.yaw_deg == pytest.approx(stands_at, abs=0.01)
 
 
-async def test_a_refusal_is_told_in_the_drones_words(tmp_path: Path) -> None:
+async def test_a_refusal_is_shown_in_the_drones_words(tmp_path: Path) -> None:
     async with flown(tmp_path) as (_, page):
         far = {"action": "goto", "places": [[HOME[0] + 0.01, HOME[1]]], "height_m": 45}
         answer = await motion(page, "ask", far)

@@ -53,7 +53,7 @@ async def test_a_drone_is_found_and_its_state_shown(
 
 
 async def test_a_start_and_a_stop_right_after_the_tags_are_taken(tmp_path: Path) -> None:
-    """The drone's next heartbeat in turn is a second away."""
+    """The drone's next periodic heartbeat is up to a second away."""
     async with flown(tmp_path) as (_, page):
         row = {"id": 2, "frequency_mhz": 148.7, "interval_ms": 1254, "pulse_width_ms": 20}
         headers = {"If-Match": f'"{table_version(page.session.store.tags)}"'}
@@ -104,7 +104,7 @@ async def test_what_is_inside_a_burst_is_put_into_its_record(tmp_path: Path) -> 
         assert stored.pose is not None
 
 
-async def test_a_drone_whose_clock_is_an_hour_late_is_told(tmp_path: Path) -> None:
+async def test_a_drone_clock_that_is_an_hour_off_is_reported(tmp_path: Path) -> None:
     async with flown(tmp_path) as (world, page):
         world.detect()
         for place in range(6):
@@ -175,7 +175,7 @@ async def test_what_the_drone_says_is_kept_as_it_is(tmp_path: Path) -> None:
         assert (line["severity"], line["source"]) == (4, "drone")
 
 
-async def test_a_command_that_nobody_acknowledges_fails_in_words(tmp_path: Path) -> None:
+async def test_an_unacknowledged_command_fails_with_the_reason(tmp_path: Path) -> None:
     async with flown(tmp_path) as (world, page):
         world.detect()
         await page.until(lambda state: state["drone"]["state"] == "detecting")

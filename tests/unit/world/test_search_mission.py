@@ -67,9 +67,9 @@ async def test_a_search_of_ten_minutes_goes_on_through_every_fault(tmp_path: Pat
     assert time.process_time() - cpu_s < CPU_S
     for note in (one for one in world.of(SearchNote) if one.event == "found"):
         assert note.tag_id is not None
-        (told,) = [one for one in note.tags if one.tag_id == note.tag_id]
+        (found_tag,) = [one for one in note.tags if one.tag_id == note.tag_id]
         animal = animals[note.tag_id // 2 - 1]
         true = world.flown.plane.to_geodetic(animal.north_m, animal.east_m)
-        assert distance_m(told.latitude_deg, told.longitude_deg, *true) < 40.0
+        assert distance_m(found_tag.latitude_deg, found_tag.longitude_deg, *true) < 40.0
     found_tags = {one.tag_id for one in world.of(SearchNote) if one.event == "found"}
     assert found_tags == {2, 4}

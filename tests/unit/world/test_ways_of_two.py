@@ -1,4 +1,4 @@
-"""Two drones that search at once get their ways in turn from the ground station of both."""
+"""Two drones that search at once get their paths in turn from their common ground station."""
 
 import asyncio
 from functools import partial
@@ -32,7 +32,7 @@ def hovering(directory: Path, number: int, port: int) -> World:
 
 
 async def search(page: AskedPage, base: str, world: World, height_m: float) -> None:
-    """Let the operator of a page begin a search."""
+    """Begin a search from a page."""
     world.detect(*world.tags)
     await until(lambda: "detector-1" in world.health)
     wish = {"action": "search", "radius_m": 150, "wish_m": 30, "height_m": height_m}

@@ -301,12 +301,19 @@ class SearchBand:
         self._unsure = error > USUAL_NOISE_ERROR
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
-        """What to multiply columns by for the samples that they lack; None: nothing."""
+        """Get the factor on each column that makes up for lost samples; None: none are lost."""
         first = np.arange(begin, begin + count) * self._grid.hop
         return self._buffer.weights(first, self._grid.window)
 
     def _weigh(self, power: NDArray[np.float32], begin: int) -> None:
-        """Give columns (columns, rows) with lost samples the noise of whole ones, in place."""
+        """Scale columns with lost samples to the noise of complete ones, in place.
+
+        Parameters
+        ----------
+        power : ndarray of float32, shape (columns, rows)
+        begin : int
+            Number of the first column.
+        """
         weights = self._weights(begin, len(power)) if self._buffer.lost else None
         if weights is not None:
             power *= weights.astype(np.float32)[:, np.newaxis]

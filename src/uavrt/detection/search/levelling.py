@@ -535,7 +535,7 @@ def level_together(
     """
     if not power.shape[2]:
         return
-    # Lost samples tell no level: it stays what it was.
+    # The noise level stays unchanged where samples were lost.
     unknown = []
     for leveller, columns, level, good in zip(levellers, power, noise, whole, strict=True):
         if good is None or good.all():

@@ -237,12 +237,12 @@ class Refiner:
         )
 
     def loses(self, start: float) -> bool:
-        """Whether samples are being lost about a pulse."""
+        """Whether samples near a pulse were lost."""
         near = _LOSING_S * self._grid.sample_rate_hz
         return self._buffer.loses(start - near, start + near)
 
     def _weight(self, start: int) -> float:
-        """What to multiply the power of the window from an index on by; see `weights`."""
+        """Get the factor on the power of the window that begins at an index; see `weights`."""
         weights = self._buffer.weights(np.array([start]), self._window)
         return 1.0 if weights is None else float(weights[0])
 

@@ -22,9 +22,9 @@ BACKWARD_RESTART_BLOCKS = 3
 """So many stale blocks in a row mean that the clock was set back: start anew."""
 _SHORTEST_S = 0.0005
 _SHORTEST = 4
-"""Fewer zeros in a row may be samples of few bits."""
+"""Shortest run of zeros taken as lost samples; samples of few bits contain shorter ones."""
 LEAST_RECEIVED = 0.45
-"""A window of which less was received tells nothing."""
+"""Smallest received share of a window that is evaluated."""
 
 
 @dataclass(slots=True)
@@ -80,9 +80,9 @@ class SampleBuffer:
         self.holes: list[tuple[int, int]] = []
         """Stretches of indices that no block has filled yet: zeros."""
         self.lost: list[tuple[int, int]] = []
-        """Stretches of indices up to `examined` whose samples are zeros: they never came."""
+        """Stretches of lost samples, found as runs of zeros up to `examined` (indices)."""
         self.examined = 0
-        """Index up to which zeros were looked for."""
+        """Index up to which the samples were searched for zeros."""
         self._shortest = max(_SHORTEST, math.ceil(_SHORTEST_S * sample_rate_hz))
         self.blanked: list[tuple[int, int]] = []
         """Stretches of indices that were zeroed as impulses."""
@@ -196,7 +196,7 @@ class SampleBuffer:
         self.examined = 0
 
     def examine(self, upto: int) -> None:
-        """Look for lost samples up to an index; before impulses are blanked there."""
+        """Find lost samples up to an index; call it before impulses are blanked there."""
         first = max(self.examined, self.start)
         for low, high in zero_runs(self.view(first, upto), self._shortest):
             low, high = first + low, first + high
@@ -216,14 +216,14 @@ class SampleBuffer:
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """What to multiply the power of windows by so that noise has its mean in each.
+        """Get the factor on the power of each window that makes up for its lost samples.
 
         Parameters
         ----------
         first : ndarray
             Indices of their first samples.
         window : int
-            Samples of each.
+            Length of each window [samples].
 
         Returns
         -------
@@ -323,7 +323,7 @@ def blank_impulses(
     low = np.clip(np.arange(len(power)) - half, 0, len(power))
     high = np.clip(low + short, 0, len(power))
     energy = (total[high] - total[low]) / np.maximum(high - low, 1)
-    # Of what was received; what lies in lost samples may be a pulse's other part.
+    # Mean of the received samples only: the lost ones may hold the rest of a pulse.
     there = np.concatenate(([0], np.cumsum(power > 0.0)))
     received = there[high] - there[low]
     much = 2 * received > high - low

@@ -57,11 +57,11 @@ WEAKEST_SHARE = 0.35
 VOUCH = 2.0
 _FELLOW_SHARE = 0.2
 _HALF_EMPTY = (-2.5, 4.0)
-"""Log odds of pulses at every second place below the first, and at the others above the second:
-the tag has twice the interval, and what is between its pulses is noise."""
+"""Log odds at every second place below the first value, and at the other places above the
+second, mean that the tag has twice the interval and that noise lies between its pulses."""
 _HALF_KEPT = 0.85
 _HALF_FALSE = 0.01
-"""To multiply the false pulses allowed by, at a place where the tag sends nothing."""
+"""Factor on the allowed number of false pulses where the tag sends nothing."""
 _SURE_POWER = 12.0
 """Three pulses of this power each, an interval apart, are no accident: confirmed at once."""
 _INTERVAL_WALK = 1.5e-4
@@ -163,7 +163,7 @@ class Track:
     settled_s: float = -math.inf
     """The last pulse at which the rate is known not to have changed; a rival's beginning."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds that the tag sends at the even and at the odd places; fading."""
+    """Log odds that the tag sends at the even and at the odd places; old evidence decays."""
     certain_s: float = math.inf
     """Until when the rate is certain; a pulse after that waits for its label."""
 
@@ -398,13 +398,13 @@ class Track:
                 self._correct_frequency(slot.measured)
 
     def _note_half(self, number: int, said: float) -> None:
-        """Add what a place says to every second one that it belongs to."""
+        """Add the log odds of a place to those of all even or all odd places."""
         half = number % 2
         said = max(-_TRUST_LOST, min(_TRUST_WON, said))
         self.halves[half] = _HALF_KEPT * self.halves[half] + said
 
     def _sends_nothing(self, slot: Slot) -> bool:
-        """Whether a place is one of every second, at which the tag sends nothing."""
+        """Whether a place lies half-way between pulses of a tag with twice the interval."""
         own, other = self.halves[slot.number % 2], self.halves[1 - slot.number % 2]
         return own < _HALF_EMPTY[0] and other > _HALF_EMPTY[1]
 
@@ -536,7 +536,7 @@ def independent_cells(half_s: float, half_band_hz: float, width_s: float) -> flo
 
 
 def _against_noise(power: float, volume: float) -> float:
-    """Log odds that the best of a window of so many cells is a pulse and not noise."""
+    """Log odds that the strongest cell of a window is a pulse; `volume` is its cells."""
     slope, start = _SAID_BY_POWER
     return slope * power + start - math.log(MORE_CELLS * volume)
 

@@ -73,7 +73,7 @@ class Commands:
             await link.upload_tags(tags, self._progress)
             self._session.sent_tags = tags
             if self._session.state is not None:
-                # In force as it is acknowledged; the heartbeat that says so may be 1 s away.
+                # Valid once acknowledged; the heartbeat that reports it may come 1 s later.
                 self._session.state = SystemState.HAS_TAGS
             return f"{len(tags)} tags sent"
 

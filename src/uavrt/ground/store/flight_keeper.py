@@ -47,10 +47,10 @@ what is not acknowledged."""
 RETRY_S = 1.0
 """Between two tries of a disk that fails."""
 BURST_COMES_WITHIN_S = 60.0
-"""A burst and what is inside it are each sent until acknowledged, so either may come first.
-If no burst has come after this time, it belongs to a flight that is not here."""
+"""Longest wait for a burst whose content came first [s]; each is sent until acknowledged. A
+burst that does not come belongs to a flight that this ground station does not have."""
 MOST_EARLY = 1000
-"""Bursts that are waited for."""
+"""Most bursts whose content is kept waiting."""
 PULSE_WIDTH = len(PULSE_COLUMNS)
 POSE_WIDTH = 8
 
@@ -76,9 +76,9 @@ class FlightKeeper:
         self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._keys: set[tuple[int, int]] = set()
         self._early_s: dict[tuple[int, int], float] = {}
-        """Bursts that have not come, and when what is inside them came first."""
+        """Bursts that have not come, and the time at which their content first came [s]."""
         self.without_burst = 0
-        """Times that a burst did not come: what is inside it was discarded."""
+        """Contents discarded because their burst did not come."""
         self._pulses = array("d")
         self._poses = array("d")
         self._told = ToldStates()
@@ -195,12 +195,12 @@ class FlightKeeper:
         return True
 
     def put_inside(self, burst: BurstInside) -> bool:
-        """Put into a burst of this flight what came after it; False if it is of another flight.
+        """Add its content to a burst of this flight; False if the burst is of another flight.
 
         Raises
         ------
         RecordingError
-            It was not taken: its burst has not come yet, or too many wait for the disk.
+            The content was not stored: its burst has not come yet, or the disk is too slow.
         """
         if burst.key in self._keys:
             self._room().write_inside(burst)
@@ -220,7 +220,7 @@ class FlightKeeper:
             raise RecordingError("the burst that it belongs to has not come")
         del self._early_s[burst.key]
         self.without_burst += 1
-        log.seldom(self.without_burst, "inside of a burst discarded: the burst never came")
+        log.seldom(self.without_burst, "content of a burst discarded: its burst did not arrive")
         return False
 
     def _doubt(self, burst: BurstInside) -> None:

@@ -58,7 +58,7 @@ def action_states(now: Situation) -> dict[str, dict[str, Any]]:
 
 
 def unreachable(now: Situation) -> str | None:
-    """Explain why no command can go out at all; None where one can."""
+    """Get the reason why no command can be sent at all; None if one can."""
     if not now.link_open:
         return "Not connected: choose the connection under Set-up"
     if not now.drone_present:

@@ -219,9 +219,9 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Let the kernel end what takes too long, and refuse too much memory.
+    """Limit processor time and memory of this process by the kernel.
 
-    Windows has no such limits, macOS none of memory; there the longest time alone holds.
+    Windows has no such limits and macOS none of memory; only the timer of `_asked` ends it.
     """
     try:
         import resource

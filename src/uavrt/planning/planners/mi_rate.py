@@ -33,26 +33,26 @@ _TURN_S = 2.0
 _FINISHED = 0.1
 """Share of what a tag needs below which the round passes it."""
 _DIRECTIONS = 16
-"""Evenly spread directions of ways that lead to no tag."""
+"""Number of evenly spread directions of paths that lead to no tag."""
 _HORIZONS = (1.0, 3.0)
-"""Lengths of these ways [cycles]."""
+"""Lengths of the paths that lead to no tag [cycles]."""
 _HYPOTHESES = 48
-"""Hypotheses of each tag by which a way is weighed."""
+"""Number of hypotheses of each tag by which a path is rated."""
 _CONVEX, _LINEAR = 8.0, 0.002
-"""A way is worth this power of the share of what a tag needs, so that finishing one counts for
-more than beginning two, plus a little of the share itself, which leads where no tag is near its
-end."""
+"""Value of a path: this power of the share of the needed information that it gives, plus this
+factor times the share. Finishing one tag then counts for more than beginning two; the
+second term decides while no tag is nearly found."""
 _STAY_S = 4.0
-"""Time at the end of a way to a tag [s]."""
+"""Time spent at the end of a path to a tag [s]."""
 _EXPLORE_NATS = 2.5
-"""All directions and a turn are weighed as long as every tag needs more than this."""
+"""All directions and a turn are rated while every tag needs more information than this."""
 _CONSTANCY = 0.15
-"""Share by which another tag must promise more than the one it flies to, where animals or other
-drones are kept away from: what ways promise changes with every one that is refused."""
+"""Share by which another tag must give a higher rate than the present one before the drone
+changes to it, while it keeps away from animals or drones; each refused path changes rates."""
 _LISTENS_NATS = 1.5
 """A turn tells so much more of an animal that may be near, or it is not made for that alone."""
 _NEAR = 0.25
-"""Probability that an animal is near from which the drone leaves instead of turning."""
+"""Lowest probability of a near animal at which the drone leaves instead of turning."""
 _VAGUE = 1.5
 """Times the distance to keep that a tag's cloud is wide where a turn is to tell where it is."""
 
@@ -60,14 +60,14 @@ _VAGUE = 1.5
 class MiRate:
     """Most information per second.
 
-    Where no way to a tag keeps the distance to animals, all others are weighed; where none of
-    these does, it waits, or turns to hear where the animals are, before it flies one that does
-    not.
+    If no path to a tag keeps the distance to animals, all directions are rated. If none of
+    these keeps it, the drone waits, or turns to locate the animals, before it flies one that
+    does not.
 
     Parameters
     ----------
     rotation_s : float
-        Of a turn in place, which is weighed where the antenna is directional.
+        Duration of a turn in place, which is rated if the antenna is directional.
     """
 
     def __init__(self, *, rotation_s: float = 12.0) -> None:

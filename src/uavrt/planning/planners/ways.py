@@ -91,9 +91,9 @@ def checked(
 def _beside_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse ways that come near to those of other drones.
+    """Refuse paths that come too near to those of other drones.
 
-    Of two that are nearer already, ways that bring them no nearer are left.
+    For drones that are too near already, only paths that bring them nearer are refused.
     """
     beside, state = situation.beside, situation.state
     if beside is None or not beside.strips:

@@ -228,7 +228,7 @@ class Mission:
                 reason = f"detecting {searched_text(self.tags.values())}: send stop first"
             return _reply(command, False, reason)
         if isinstance(result, Repeated):
-            # Who asks again wants to know the same: the answer to a start is its directory.
+            # A repeated start gets the same answer as the first: the flight's directory.
             known = self.flight if command.name == "start_detection" else None
             return _reply(command, True, known.directory if known else result.message)
         try:

@@ -69,8 +69,8 @@ class ProcessRow:
     configured: Callable[[Settings], bool] = on_every_drone
     """Whether these settings ask for it at all."""
     backlog: int | None = None
-    """Keep at most so many records of a topic for it, even of those that are lossless for
-    others. More than come at once: groups of a hundred tags bring hundreds of pulses."""
+    """Most records of a topic that are queued for it, also of topics that are lossless for
+    others. Give more than arrive at once: groups of a hundred tags have hundreds of pulses."""
     says_taken: bool = False
     """Says by `taken` how far it is; what it has not taken goes to its successor again."""
     per_worker: bool = False
