@@ -114,7 +114,7 @@ def _faults_of_radio(radio: RadioRow, table: dict[str, Any]) -> Iterator[tuple[s
     if not isinstance(rate_hz, int | float) or table.get("program"):
         return
     if not radio.takes_rate(rate_hz):
-        text = f"{rate_hz:.10g}, but must be {radio.rates_text} ({radio.kind})"
+        text = f"{rate_hz:.10g}, but must be {radio.rates_text()} ({radio.kind})"
         yield "sample_rate_hz", f"[radio] sample_rate_hz is {text}"
 
 

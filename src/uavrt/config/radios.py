@@ -54,10 +54,12 @@ class RadioRow:
         """Whether the radio supports a sample rate."""
         return any(low <= rate_hz <= high for low, high in self.rates_hz)
 
-    @property
-    def rates_text(self) -> str:
-        """The supported sample rates as text, in samples a second."""
-        spans = (f"{a:.0f}" if a == b else f"{a:.0f} to {b:.0f}" for a, b in self.rates_hz)
+    def rates_text(self, unit_hz: float = 1.0) -> str:
+        """Get the sample rates that it takes, for people, in this unit."""
+        spans = (
+            f"{a / unit_hz:.9g}" if a == b else f"{a / unit_hz:.9g} to {b / unit_hz:.9g}"
+            for a, b in self.rates_hz
+        )
         return " or ".join(spans) + (f" ({self.rates_note})" if self.rates_note else "")
 
 

@@ -36,7 +36,7 @@ def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list
         raise ConfigError(
             f"{settings.sample_rate_hz:.0f} samples a second are not possible with "
             f"{program.title}",
-            remedy=f"Set [radio] sample_rate_hz to {program.rates_text}",
+            remedy=f"Set [radio] sample_rate_hz to {program.rates_text()}",
         )
     if not 1e6 <= center_frequency_hz <= 6e9:
         raise ConfigError(
@@ -107,7 +107,7 @@ def exit_error(settings: RadioSettings, code: int, said: str, words: str) -> Rad
     if remedy is not None:
         return RadioMissing(message, remedy=remedy)
     if any(one in words for one in _RATE):
-        remedy = f"Set [radio] sample_rate_hz to {row.rates_text}"
+        remedy = f"Set [radio] sample_rate_hz to {row.rates_text()}"
     elif any(one in words for one in _FREQUENCY):
         remedy = "Set [radio] center_frequency_hz, or the tags, to what this radio receives"
     elif code == -9:

@@ -36,7 +36,7 @@ def test_a_rate_that_the_radio_refuses_is_answered_with_those_that_it_takes(
 ) -> None:
     error = cause(kind, words)
     assert isinstance(error, RadioStopped)
-    assert error.remedy == f"Set [radio] sample_rate_hz to {RADIOS[kind].rates_text}"
+    assert error.remedy == f"Set [radio] sample_rate_hz to {RADIOS[kind].rates_text()}"
 
 
 def test_a_frequency_that_the_radio_does_not_receive_is_named() -> None:
