@@ -1,5 +1,6 @@
 """The builds that are given, and how each is started with ports of its own."""
 
+import hashlib
 import os
 import socket
 import sys
@@ -160,7 +161,7 @@ def px4_build(directory: Path) -> Build:
                     f"{top} has no airframe sihsim_quadx",
                     remedy="Build the target px4_sitl_default, with the SIH simulator",
                 )
-            return Build(name="PX4 SIH", flavour="px4", program=program.resolve())
+            return _build("PX4 SIH", "px4", program)
     raise UsageError(
         f"{directory} holds no build of PX4: no bin/px4, there or in {PX4_BUILD}",
         remedy="Build the target px4_sitl_default, and give its directory",
@@ -180,7 +181,14 @@ def arducopter_build(program: Path) -> Build:
             f"{program} is not a program",
             remedy="Give ArduCopter's program for the board sitl, build/sitl/bin/arducopter",
         )
-    return Build(name="ArduCopter SITL", flavour="ardupilot", program=program.resolve())
+    return _build("ArduCopter SITL", "ardupilot", program)
+
+
+def _build(kind: str, flavour: Flavour, program: Path) -> Build:
+    """Name a build after its program's content: what another build flew is not its own."""
+    with program.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return Build(name=f"{kind} {digest[:8]}", flavour=flavour, program=program.resolve())
 
 
 def simulated_build(flavour: Flavour) -> Build:

@@ -7,13 +7,22 @@ import asyncio
 import math
 import struct
 from collections.abc import Callable
-from typing import Any
 
+from uavrt.attitude import yaw_deg
 from uavrt.clock import monotonic_s
 from uavrt.errors import UavrtError
-from uavrt.mavlink import FrameWriter, Message, dialect, station_heartbeat
-from uavrt.mavlink.dialect import MavCmd, MavFrame, MavModeFlag
-from uavrt.simulation.flying import MODES, NOWHERE, Flavour
+from uavrt.geodesy import distance_m, moved
+from uavrt.guidance import VehicleCommand
+from uavrt.mavlink import (
+    FrameWriter,
+    Message,
+    attitude_sample,
+    command_message,
+    dialect,
+    station_heartbeat,
+)
+from uavrt.mavlink.dialect import MavCmd, MavModeFlag
+from uavrt.simulation.flying import FULL_SCALE_DEG, MODES, NOWHERE, Flavour
 from uavrt_experiments.autopilots.tap import Kept, Tap
 
 GROUND_STATION = (255, 190)
@@ -75,6 +84,8 @@ class Hand:
         self.channels_us: tuple[int, ...] = ()
         """Sticks of the remote control; none: it is switched off."""
         self.moved: Callable[[float, dialect.GlobalPositionInt], None] = lambda _t, _p: None
+        self.check: Callable[[], None] = lambda: None
+        """Raises an error when waiting has no use: a program has ended."""
 
     async def live(self) -> None:
         """Send heartbeats and sticks until cancelled."""
@@ -106,9 +117,9 @@ class Hand:
                 self.position = message
                 self.moved(kept.time_s, message)
             case dialect.AttitudeQuaternion():
-                w, x, y, z = message.q1, message.q2, message.q3, message.q4
-                yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-                self.heading.append((kept.time_s, math.degrees(yaw)))
+                sample = attitude_sample(message, 0)
+                if sample is not None:
+                    self.heading.append((kept.time_s, yaw_deg(sample.quaternion_wxyz)))
             case dialect.PositionTargetGlobalInt():
                 self.target = message
             case dialect.ExtendedSysState():
@@ -119,6 +130,13 @@ class Hand:
                 self.texts = [*self.texts[-19:], message.text]
 
     # ------------------------------------------------------------------ what is seen
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Latitude and longitude [deg], once there is a position."""
+        p = self.position
+        assert p is not None
+        return p.lat / FULL_SCALE_DEG, p.lon / FULL_SCALE_DEG
 
     @property
     def height_m(self) -> float:
@@ -135,6 +153,7 @@ class Hand:
         """Wait; raises `UavrtError` with the autopilot's last words."""
         deadline_s = monotonic_s() + timeout_s
         while not condition():
+            self.check()
             if monotonic_s() > deadline_s:
                 words = "; ".join(self.texts[-3:])
                 raise UavrtError(f"{what} did not come within {timeout_s:.0f} s: {words}")
@@ -156,15 +175,11 @@ class Hand:
             )
         )
 
-    def set_mode(self, number: int) -> None:
-        """Change the mode."""
-        px4 = self.flavour == "px4"
-        words = (number >> 16 & 0xFF, number >> 24) if px4 else (number, 0)
-        self.command(MavCmd.DO_SET_MODE, 1.0, *map(float, words))
-
     def name_mode(self, name: str) -> None:
         """Change to a mode of `uavrt.simulation.flying.MODES`."""
-        self.set_mode(MODES[self.flavour][name])
+        number, px4 = MODES[self.flavour][name], self.flavour == "px4"
+        words = (number >> 16 & 0xFF, number >> 24) if px4 else (number, 0)
+        self.command(MavCmd.DO_SET_MODE, 1.0, *map(float, words))
 
     def set_parameter(self, name: str, value: float, *, whole: bool = False) -> None:
         """Set a parameter; PX4 takes the bytes of a whole number."""
@@ -181,34 +196,30 @@ class Hand:
             )
         )
 
-    def reposition(self, **values: Any) -> None:
+    def reposition(
+        self,
+        x: int = NOWHERE,
+        y: int = NOWHERE,
+        z_m: float = math.nan,
+        *,
+        yaw_rad: float = math.nan,
+    ) -> None:
         """Send a DO_REPOSITION as ground stations do; without a place it is PX4's pause."""
-        message = {
-            "target_system": self.system_id,
-            "target_component": 1,
-            "frame": MavFrame.GLOBAL_INT,
-            "command": MavCmd.DO_REPOSITION,
-            "current": 0,
-            "autocontinue": 0,
-            "param1": -1.0,
-            "param2": 1.0,
-            "param3": 0.0,
-            "param4": math.nan,
-            "x": NOWHERE,
-            "y": NOWHERE,
-            "z": math.nan,
-        }
-        self.send(dialect.CommandInt(**(message | values)))
+        command = VehicleCommand(
+            name="DO_REPOSITION", param1=-1.0, param2=1.0, param4=yaw_rad, x=x, y=y, z_m=z_m
+        )
+        self.send(command_message(command, self.system_id))
 
-    def go_to(self, north_m: float, east_m: float, *, up_m: float = 0.0) -> None:
-        """Fly to a place, by metres from where the drone is."""
+    def fly_to(self, place: tuple[float, float], altitude_amsl_m: float) -> None:
+        """Fly to a latitude and longitude [deg]."""
+        x, y = (round(one * FULL_SCALE_DEG) for one in place)
+        self.reposition(x, y, altitude_amsl_m)
+
+    def go_to(self, north_m: float, east_m: float) -> None:
+        """Fly to a place at this height, by metres from where the drone is."""
         p = self.position
         assert p is not None
-        self.reposition(
-            x=p.lat + round(north_m * 90.0),
-            y=p.lon + round(east_m * 90.0 / math.cos(math.radians(p.lat / 1e7))),
-            z=p.alt / 1e3 + up_m,
-        )
+        self.fly_to(moved(*self.place, self.height_m, north_m, east_m), p.alt / 1e3)
 
     def ask_velocity(self, north_m_s: float, east_m_s: float) -> None:
         """Send a velocity setpoint."""
@@ -228,6 +239,7 @@ class Hand:
         """Arm, again and again until the estimator is ready."""
         deadline_s = monotonic_s() + timeout_s
         while not self.armed:
+            self.check()
             if monotonic_s() > deadline_s:
                 raise UavrtError(f"the autopilot does not arm: {'; '.join(self.texts[-3:])}")
             if self.flavour == "ardupilot":
@@ -261,11 +273,7 @@ class Hand:
         """Fly to some metres over home, where orders begin."""
         p = self.position
         assert p is not None
-        self.reposition(
-            x=round(home[0] * 1e7),
-            y=round(home[1] * 1e7),
-            z=p.alt / 1e3 - self.height_m + HEIGHT_M,
-        )
+        self.fly_to(home, p.alt / 1e3 - self.height_m + HEIGHT_M)
         await asyncio.sleep(1.0)
         await self.until(
             lambda: self.away_m(home) < 3.0 and self.speed_m_s < 0.3, 150.0, "the way back"
@@ -273,9 +281,4 @@ class Hand:
 
     def away_m(self, place: tuple[float, float]) -> float:
         """Distance over ground from a place."""
-        p = self.position
-        if p is None:
-            return math.inf
-        north = (p.lat / 1e7 - place[0]) * 111_195.0
-        east = (p.lon / 1e7 - place[1]) * 111_195.0 * math.cos(math.radians(place[0]))
-        return math.hypot(north, east)
+        return distance_m(*self.place, *place)

@@ -7,6 +7,7 @@ import secrets
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -38,7 +39,9 @@ BATTERY_WH, SPEED_M_S, FENCE_M = 3000.0, 5.0, 900.0
 class RunningScene:
     """Everything of a rehearsal that runs; made by `running`."""
 
-    def __init__(self, build: Build, work: Path, seed: int) -> None:
+    def __init__(
+        self, build: Build, work: Path, seed: int, stack: contextlib.AsyncExitStack
+    ) -> None:
         self.build, self.work, self.rng = build, work, random.Random(seed)
         self.clock = Clock.start()
         self.scenario = search_scenario(seed)
@@ -54,16 +57,14 @@ class RunningScene:
         self.hand: Hand
         self.link: GroundLink
         self._path = DemoPaths(directory=work, flights=work / "flights")
-        self._stack = contextlib.AsyncExitStack()
+        self._stack = stack
         self._programs: list[Program] = []
 
-    def program(self, name: str, arguments: Sequence[str], **values: object) -> Program:
+    def _start(self, name: str, arguments: Sequence[str], **values: Any) -> None:
         """Start a program that ends with the scene."""
-        log = self.work / f"{name}.log"
-        made = Program(name, arguments, log, **values)  # type: ignore[arg-type]
+        made = Program(name, arguments, self.work / f"{name}.log", **values)
         self._stack.push_async_callback(asyncio.to_thread, made.stop)
         self._programs.append(made)
-        return made
 
     def check(self) -> None:
         """Raise `UavrtError` when a program has ended by itself."""
@@ -88,12 +89,10 @@ class RunningScene:
             tap.open()
             self._stack.callback(tap.close)
         self.hand = Hand(ground, self.build.flavour)
+        self.hand.check = self.check
         self._serve(self.hand.live())
-        self.program(
-            "autopilot",
-            started.command,
-            interpreter=(),
-            environment=started.environment,
+        self._start(
+            "autopilot", started.command, interpreter=(), environment=started.environment
         )
         writer, last = PathWriter(self._path.flown), [0.0]
 
@@ -118,8 +117,7 @@ class RunningScene:
                 fence_m=FENCE_M,
             ),
         )
-        words = ("uavrt.supervisor", msgspec.json.encode(settings).decode())
-        self.program("supervisor", words)
+        self._start("supervisor", ("uavrt.supervisor", msgspec.json.encode(settings).decode()))
         self.link = GroundLink(self.clock.now_ns, on_event=self._event, key=read_key(key))
         self._serve(self.link.run(f"udpin://127.0.0.1:{ports[0]}"))
         await self.hand.boot(READY_S)
@@ -133,10 +131,6 @@ class RunningScene:
             await asyncio.gather(task, return_exceptions=True)
 
         self._stack.push_async_callback(end)
-
-    async def stop(self) -> None:
-        """End all that runs."""
-        await self._stack.aclose()
 
     def _event(self, event: object) -> None:
         if isinstance(event, MotionState):
@@ -174,13 +168,11 @@ async def running(
     build: Build, work: Path, seed: int, say: Callable[[str], None]
 ) -> AsyncIterator[RunningScene]:
     """Serve a scene while the block runs."""
-    scene = RunningScene(build, work, seed)
     say(f"{build.name} starts")
-    try:
+    async with contextlib.AsyncExitStack() as stack:
+        scene = RunningScene(build, work, seed, stack)
         await scene.start()
         yield scene
-    finally:
-        await scene.stop()
 
 
 def _pose(time_s: float, told: dialect.GlobalPositionInt) -> Pose:
