@@ -35,7 +35,7 @@ RATES_HZ = {
 }
 CENTRED_US = (1500, 1500, 1500, 1500)
 FORCED = 21_196.0
-"""Magic number of a disarming in the air."""
+"""Second parameter of a disarming that is also done in flight."""
 VELOCITY_ONLY = 0b0000_1101_1100_0111
 
 
@@ -77,12 +77,12 @@ class Hand:
         self.position: dialect.GlobalPositionInt | None = None
         self.target: dialect.PositionTargetGlobalInt | None = None
         self.heading: list[tuple[float, float]] = []
-        """Time and heading [deg], of each attitude that was told."""
+        """Time [s] and heading [deg] of each attitude that arrived."""
         self.on_ground = True
         self.acks: dict[int, int] = {}
         self.texts: list[str] = []
         self.channels_us: tuple[int, ...] = ()
-        """Sticks of the remote control; none: it is switched off."""
+        """Sticks of the remote control [us]; empty: it is switched off."""
         self.moved: Callable[[float, dialect.GlobalPositionInt], None] = lambda _t, _p: None
         self.check: Callable[[], None] = lambda: None
         """Raises an error when waiting has no use: a program has ended."""
@@ -140,12 +140,12 @@ class Hand:
 
     @property
     def height_m(self) -> float:
-        """Above home."""
+        """Height above home."""
         return 0.0 if self.position is None else self.position.relative_alt / 1e3
 
     @property
     def speed_m_s(self) -> float:
-        """In all directions."""
+        """Speed in three dimensions."""
         p = self.position
         return 0.0 if p is None else math.hypot(p.vx, p.vy, p.vz) / 100.0
 

@@ -13,23 +13,23 @@ from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.tap import Kept
 
 LONG_M = 8.0
-"""A shorter leg shows no overshoot."""
+"""Shortest leg of which overshoot and settling are measured [m]."""
 ARRIVED_M, NEAR_M, SETTLED_M = 1.5, 3.0, 0.5
 NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
-"""Change by which a step has begun, as `uavrt.guidance.progress` has it."""
+"""Change after which a command counts as begun, as in `uavrt.guidance.progress`."""
 HIGH_M, LOOKS_DEG = 2.0, 8.0
-"""What must be left of height and heading for that."""
+"""Least error in height and heading at the command for that change to count."""
 TURN_DEG = 60.0
-"""A smaller turn shows no rate."""
+"""Smallest turn of which a rate is measured [deg]."""
 RATE_S = 0.3
-"""Over which a rate of turning is taken."""
+"""Time over which a turning rate is averaged [s]."""
 AFTER_S = 4.0
-"""So much must follow an arrival for its settling to show."""
+"""Shortest time after an arrival for measuring how it settles [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the drone was."""
+    """Where the drone was, in metres from its first reported position."""
 
     time_s: float
     north_m: float
@@ -40,16 +40,16 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flying:
-    """How one flight's legs were flown; a list has a figure for each that shows one."""
+    """How a flight's legs were flown: each tuple has one figure for each leg that shows it."""
 
     begins_s: tuple[float, ...]
-    """From a command until the drone comes nearer in anything."""
+    """From a command until the drone comes nearer in place, height or heading [s]."""
     overshoot_m: tuple[float, ...]
     settling_s: tuple[float, ...]
-    """From 3 m before the target until it stays within 0.5 m."""
+    """From 3 m before the target until the drone stays within 0.5 m of it [s]."""
     turn_rate_deg_s: tuple[float, ...]
     height_error_m: tuple[float, ...]
-    """Of the altitude commanded, at each arrival."""
+    """Altitude at each arrival minus the commanded altitude [m]."""
 
 
 Command = dialect.CommandInt | dialect.CommandLong
@@ -156,7 +156,7 @@ def _begins(
     bearing: Callable[[Place], float],
     message: dialect.CommandInt,
 ) -> float | None:
-    """When it came nearer in anything of which much was left; a turn to the target counts."""
+    """When the drone came nearer in place, height or heading; a turn to the target counts."""
 
     def off_deg(one: Place) -> float:
         asked = math.isfinite(message.param4)
@@ -175,7 +175,7 @@ def _begins(
 
 
 def _turning(leg: Sequence[Place]) -> tuple[float, float]:
-    """How far its heading moved in all, and how fast at most [deg/s]."""
+    """Range of the heading [deg] and its largest rate [deg/s]."""
     turned, total = [(leg[0].time_s, 0.0)], 0.0
     for before, one in pairwise(leg):
         total += wrap_degrees_180(one.yaw_deg - before.yaw_deg)
@@ -191,7 +191,7 @@ def _turning(leg: Sequence[Place]) -> tuple[float, float]:
 
 
 def heading_at(heading: Sequence[tuple[float, float]], time_s: float) -> float | None:
-    """Heading at a time, between two that were told at most 0.2 s apart."""
+    """Interpolate the heading between two samples at most 0.2 s apart; else None."""
     number = bisect.bisect(heading, (time_s, 0.0))
     if not 0 < number < len(heading):
         return None

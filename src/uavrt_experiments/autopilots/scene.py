@@ -29,7 +29,7 @@ from uavrt_experiments.autopilots.hand import Hand
 from uavrt_experiments.autopilots.tap import Tap
 
 SAMPLE_RATE_HZ = 375_000.0
-"""The detectors take the same of it as of 3 MS/s, for an eighth of the work."""
+"""Sample rate: the detectors see the same pulses as at 3 MS/s, for an eighth of the work."""
 START_LEAD_S = 1.0
 READY_S = 60.0
 PATH_S = 0.04
@@ -145,11 +145,11 @@ class RunningScene:
 
     @property
     def standing(self) -> str:
-        """As the drone last told it."""
+        """Standing of the order, as the drone last reported it."""
         return self.states[-1][1].standing if self.states else "out"
 
     def pid_of(self, process: str) -> int:
-        """Process id of one of the drone's processes, as its supervisor tells it."""
+        """Process id of one of the drone's processes, from its supervisor's status."""
         reader = StatusReader(self._path.status_socket, READY_S, self.check)
         try:
             for _ in range(20):

@@ -1,4 +1,4 @@
-"""What came out of a rehearsal, as a table. Pure."""
+"""Tables and faults of a rehearsal's outcomes. Pure."""
 
 import math
 import statistics
@@ -11,9 +11,9 @@ from uavrt_experiments.statistics import rms
 from uavrt_experiments.tables import markdown, number
 
 OUT_WITHIN_S = 4.0
-"""Of a takeover that no message reveals, or of the stop that reveals it."""
+"""Bar: time to the order's end after a takeover that no message reveals, or its stop [s]."""
 SHARE = 0.20
-"""Bar: how far a simulated autopilot's median may be from the real one's."""
+"""Bar: relative difference of a simulated autopilot's median from the real one's."""
 FIGURES = {
     "begins_s": "begins, s",
     "overshoot_m": "overshoot, m",
@@ -108,7 +108,7 @@ def figure_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def values_of(outcomes: Iterable[Outcome], key: str) -> list[float]:
-    """All figures of a kind."""
+    """All flights' figures of one kind, a key of `FIGURES`."""
     return [v for one in outcomes for v in one.get("flying", {}).get(key, ())]
 
 
@@ -137,7 +137,7 @@ def compared(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def faults_in(outcomes: Sequence[Outcome]) -> list[str]:
-    """What an integrator must look at."""
+    """One line for each flight that does not meet what is asked of it."""
     whats = [(one, _fault_in(one)) for one in outcomes]
     return [
         f"{one['build']}, {one['takeover'] or one['order']}: {what}"

@@ -21,7 +21,7 @@ CUT_S = 7.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Takeover:
-    """One of them."""
+    """One way to take the drone over, and what shows it."""
 
     name: str
     act: Callable[[Scene], None]
@@ -119,7 +119,7 @@ def _go(scene: Scene, away_m: float) -> None:
 
 
 def _go_nearby(scene: Scene) -> None:
-    """A metre beside the target."""
+    """Send the drone to a metre beside its target."""
     latitude, longitude, altitude_m = _goal(scene.hand)
     scene.hand.reposition(latitude + 90, longitude, altitude_m)
 
@@ -130,7 +130,7 @@ def _go_higher(scene: Scene) -> None:
 
 
 def _turn(scene: Scene) -> None:
-    """At our target, by 12° from the heading that was commanded."""
+    """Turn the drone at its target by 12° from the commanded heading."""
     assert scene.hand.target is not None
     yaw_rad = (scene.hand.target.yaw + math.radians(12.0)) % math.tau
     scene.hand.reposition(*_goal(scene.hand), yaw_rad=yaw_rad)
@@ -162,7 +162,7 @@ def _kill(process: str) -> Callable[[Scene], None]:
 
 
 def _cut(scene: Scene) -> None:
-    """For so long that the drone must notice; until then its words do not arrive."""
+    """Cut the companion link for long enough that the drone must notice."""
     scene.companion.cut = True
     time.sleep(CUT_S)
     scene.companion.cut = False
