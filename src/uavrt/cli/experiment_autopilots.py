@@ -61,8 +61,8 @@ def autopilots(
     seed
         Seed of places and instants.
     output
-        Directory for the table, the outcomes and every frame of each flight's companion link
-        (.tlog).
+        Directory for the table, the outcomes, the programs' logs and every frame of each
+        flight's companion link (.tlog).
     json_summary
         Print one JSON object as the last line.
     """

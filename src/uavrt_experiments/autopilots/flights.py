@@ -165,7 +165,8 @@ async def _session(
     say: Callable[[str], None],
 ) -> list[Flight]:
     """Fly until the autopilot must be started again; return the flights that are left."""
-    async with running(build, work, flights[0].seed, say) as scene:
+    first = flights[0]
+    async with running(build, work, first.seed, frames / first.name, say) as scene:
         while flights:
             flight = flights.pop(0)
             begun_s = monotonic_s()

@@ -40,7 +40,7 @@ class RunningScene:
     """Everything of a rehearsal that runs; made by `running`."""
 
     def __init__(
-        self, build: Build, work: Path, seed: int, stack: contextlib.AsyncExitStack
+        self, build: Build, work: Path, seed: int, logs: Path, stack: contextlib.AsyncExitStack
     ) -> None:
         self.build, self.work, self.rng = build, work, random.Random(seed)
         self.clock = Clock.start()
@@ -57,12 +57,12 @@ class RunningScene:
         self.hand: Hand
         self.link: GroundLink
         self._path = DemoPaths(directory=work, flights=work / "flights")
-        self._stack = stack
+        self._logs, self._stack = logs, stack
         self._programs: list[Program] = []
 
     def _start(self, name: str, arguments: Sequence[str], **values: Any) -> None:
         """Start a program that ends with the scene."""
-        made = Program(name, arguments, self.work / f"{name}.log", **values)
+        made = Program(name, arguments, Path(f"{self._logs}, {name}.log"), **values)
         self._stack.push_async_callback(asyncio.to_thread, made.stop)
         self._programs.append(made)
 
@@ -92,7 +92,10 @@ class RunningScene:
         self.hand.check = self.check
         self._serve(self.hand.live())
         self._start(
-            "autopilot", started.command, interpreter=(), environment=started.environment
+            "autopilot",
+            started.command,
+            interpreter=("env", "-C", str(directory)),
+            environment=started.environment,
         )
         writer, last = PathWriter(self._path.flown), [0.0]
 
@@ -165,12 +168,12 @@ class RunningScene:
 
 @contextlib.asynccontextmanager
 async def running(
-    build: Build, work: Path, seed: int, say: Callable[[str], None]
+    build: Build, work: Path, seed: int, logs: Path, say: Callable[[str], None]
 ) -> AsyncIterator[RunningScene]:
-    """Serve a scene while the block runs."""
+    """Run a scene inside the block; the names of its programs' logs begin with `logs`."""
     say(f"{build.name} starts")
     async with contextlib.AsyncExitStack() as stack:
-        scene = RunningScene(build, work, seed, stack)
+        scene = RunningScene(build, work, seed, logs, stack)
         await scene.start()
         yield scene
 
