@@ -33,6 +33,8 @@ RATES_HZ = {
     dialect.ExtendedSysState.ID: 2.0,
     dialect.PositionTargetGlobalInt.ID: 5.0,
 }
+ARMS_S = 90.0
+"""Longest wait for the autopilot to arm."""
 CENTRED_US = (1500, 1500, 1500, 1500)
 FORCED = 21_196.0
 """Second parameter of a disarming that is also done in flight."""
@@ -79,7 +81,6 @@ class Hand:
         self.heading: list[tuple[float, float]] = []
         """Time [s] and heading [deg] of each attitude that arrived."""
         self.on_ground = True
-        self.acks: dict[int, int] = {}
         self.texts: list[str] = []
         self.channels_us: tuple[int, ...] = ()
         """Sticks of the remote control [us]; empty: it is switched off."""
@@ -124,8 +125,6 @@ class Hand:
                 self.target = message
             case dialect.ExtendedSysState():
                 self.on_ground = message.landed_state == dialect.MavLandedState.ON_GROUND
-            case dialect.CommandAck():
-                self.acks[message.command] = message.result
             case dialect.Statustext():
                 self.texts = [*self.texts[-19:], message.text]
 
@@ -155,16 +154,20 @@ class Hand:
         while not condition():
             self.check()
             if monotonic_s() > deadline_s:
-                words = "; ".join(self.texts[-3:])
-                raise UavrtError(f"{what} did not come within {timeout_s:.0f} s: {words}")
+                raise self._error(f"{what} did not come within {timeout_s:.0f} s")
             await asyncio.sleep(0.05)
+
+    def _error(self, what: str) -> UavrtError:
+        return UavrtError(
+            "; ".join((what, *self.texts[-3:])),
+            remedy="Read the autopilot's log in the output directory",
+        )
 
     # ------------------------------------------------------------------ what is done
 
     def command(self, number: int, *params: float) -> None:
         """Send a COMMAND_LONG."""
         values = (*params, *(0.0,) * 7)[:7]
-        self.acks.pop(number, None)
         self.send(
             dialect.CommandLong(
                 target_system=self.system_id,
@@ -235,30 +238,29 @@ class Hand:
             await asyncio.sleep(0.05)
         await self.until(lambda: self.position is not None, timeout_s, "a position")
 
-    async def arm(self, timeout_s: float = 90.0) -> None:
-        """Arm, again and again until the estimator is ready."""
-        deadline_s = monotonic_s() + timeout_s
+    async def arm(self) -> None:
+        """Try to arm once a second, until the estimator is ready."""
+        deadline_s = monotonic_s() + ARMS_S
         while not self.armed:
             self.check()
             if monotonic_s() > deadline_s:
-                raise UavrtError(f"the autopilot does not arm: {'; '.join(self.texts[-3:])}")
+                raise self._error(f"the autopilot did not arm within {ARMS_S:.0f} s")
             if self.flavour == "ardupilot":
                 self.name_mode("hold")
                 await asyncio.sleep(0.3)
             self.command(MavCmd.COMPONENT_ARM_DISARM, 1.0)
             await asyncio.sleep(1.0)
 
-    async def hover(self, height_m: float = HEIGHT_M) -> None:
+    async def hover(self) -> None:
         """Arm and take off by hand where it stands; then hover over home."""
-        self.acks.clear()
         if not self.armed or self.on_ground:
             await self.arm()
             p = self.position
             assert p is not None
-            up_m = height_m if self.flavour == "ardupilot" else p.alt / 1e3 + height_m
+            up_m = HEIGHT_M if self.flavour == "ardupilot" else p.alt / 1e3 + HEIGHT_M
             nothing = math.nan if self.flavour == "px4" else 0.0
             self.command(MavCmd.NAV_TAKEOFF, -1.0, 0, 0, nothing, nothing, nothing, up_m)
-            await self.until(lambda: self.height_m > height_m - 3.0, 60.0, "its height")
+            await self.until(lambda: self.height_m > HEIGHT_M - 3.0, 60.0, "its height")
             await asyncio.sleep(2.0)
 
     async def stand(self) -> None:
