@@ -96,6 +96,7 @@ def planned(builds: list[Build], asked: Asked) -> Iterator[Flight]:
         everything += [
             ("", one, number)
             for one in takeovers_of(build.flavour)
+            if not (build.simulated and one.real_only)
             for number in range(asked.phases)
         ]
         for order, takeover, number in sorted(everything, key=lambda one: one[2]):

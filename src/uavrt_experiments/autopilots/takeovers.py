@@ -33,6 +33,8 @@ class Takeover:
     undo: Callable[[Scene], None] = lambda _: None
     restarts: bool = False
     """The autopilot is started again afterwards."""
+    real_only: bool = False
+    """uavrt's simulated autopilot does not read the message that takes over."""
     sticks: bool = False
     """A remote control is switched on before."""
 
@@ -224,6 +226,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         name="velocity",
         act=lambda scene: scene.hand.ask_velocity(1.5, 1.0),
         flavours=("ardupilot",),
+        real_only=True,
     ),
     Takeover(
         name="stick",
@@ -232,6 +235,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         undo=_centred,
         sticks=True,
         flavours=("ardupilot",),
+        real_only=True,
     ),
     Takeover(
         name="fence",

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -220,6 +221,15 @@ def test_one_of_each_is_flown_before_others() -> None:
     assert [one.order for one in first[: len(ORDERS)]] == list(ORDERS)
     assert all(one.number == 0 for one in first)
     assert sum(one.order == "survey" and one.takeover is None for one in flights) == 3
+
+
+def test_the_simulated_autopilot_is_not_asked_for_takeovers_that_it_cannot_read() -> None:
+    simulated = simulated_build("ardupilot")
+    names = [
+        {one.takeover.name for one in planned([build], Asked(phases=1)) if one.takeover}
+        for build in (replace(simulated, simulated=False), simulated)
+    ]
+    assert names[0] - names[1] == {"velocity", "stick"}
 
 
 def test_a_part_of_a_name_chooses_flights() -> None:
