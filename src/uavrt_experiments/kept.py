@@ -44,7 +44,7 @@ class KeptOutcomes:
             self.close()
             raise RecordingError(
                 f"cannot keep outcomes in {path}: {error.strerror}",
-                remedy="Give --kept another place",
+                remedy="Choose another place for the outcomes",
             ) from error
         except UsageError:
             self.close()
@@ -106,12 +106,12 @@ class KeptOutcomes:
         except (ValueError, KeyError, TypeError) as error:
             raise FormatError(
                 f"{path} does not hold outcomes of an experiment",
-                remedy="Give --kept another name",
+                remedy="Choose another place for the outcomes",
             ) from error
         if made != made_with:
             raise UsageError(
                 f"the outcomes in {path} were made with {made}, and this is {made_with}",
-                remedy="Give --kept another name",
+                remedy="Choose another place for the outcomes",
             )
         self._file.truncate(sum(len(line) + 1 for line in lines))
         if not lines:

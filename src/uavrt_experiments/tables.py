@@ -38,6 +38,12 @@ def aligned(lines: Sequence[Sequence[str]], *, numbers_from: int | None = None) 
     )
 
 
+def markdown(lines: Sequence[Sequence[str]]) -> str:
+    """Write headings and rows as a table in Markdown; a bar in a cell becomes a slash."""
+    heads, *rows = ("| " + " | ".join(c.replace("|", "/") for c in one) + " |" for one in lines)
+    return "\n".join((heads, "|---" * len(lines[0]) + "|", *rows))
+
+
 def drawn(rows: Sequence[Row], title: str = "") -> str:
     """Draw rows as plain text; columns in which nothing stands are left out."""
     several = len({row.experiment for row in rows}) > 1

@@ -1,6 +1,7 @@
 """``uavrt experiment autopilots``."""
 
 import json
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,7 +13,7 @@ from uavrt.cli.kinds import Seed, Tally
 from uavrt.errors import UsageError
 from uavrt.recording import require_writable
 
-QUICK = {"surveys": 1, "searches": 1, "takeoffs": 1, "others": 1, "phases": 1}
+COUNTS = ("surveys", "searches", "takeoffs", "others", "phases")
 
 
 def autopilots(
@@ -60,7 +61,8 @@ def autopilots(
     seed
         Random seed of the places and instants.
     output
-        Directory for the table, the outcomes and each flight's companion-link frames (.tlog).
+        Directory for the table, the outcomes, the programs' logs and each flight's
+        companion-link frames (.tlog).
     json_summary
         Print one JSON object as the last line.
     """
@@ -73,7 +75,6 @@ def autopilots(
         rehearse,
         simulated_build,
     )
-    from uavrt_experiments.autopilots.flights import flavour_of
     from uavrt_experiments.kept import KeptOutcomes
 
     builds = [] if px4 is None else [px4_build(px4)]
@@ -83,16 +84,12 @@ def autopilots(
         raise UsageError("no autopilot is given", remedy="Give --px4 or --arducopter")
     require_writable(output)
     output.mkdir(parents=True, exist_ok=True)
-    counts = {
-        "surveys": surveys,
-        "searches": searches,
-        "takeoffs": takeoffs,
-        "others": others,
-        "phases": phases,
-    }
-    asked = Asked(**(QUICK if quick else counts), only=only, seed=seed)
+    counts = (surveys, searches, takeoffs, others, phases)
+    many = dict(zip(COUNTS, (1,) * 5 if quick else counts, strict=True))
+    asked = Asked(**many, only=only, seed=seed)
     console = Console(stderr=True)
     stopped, failed = False, list[dict[str, Any]]()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     with KeptOutcomes(output / "outcomes.jsonl", made_with=f"seed {seed}") as kept:
         try:
             rehearse(
@@ -106,9 +103,9 @@ def autopilots(
         except KeyboardInterrupt:
             stopped = True
         outcomes = [*kept.of(""), *failed]
-    page = as_page(outcomes, flavour_of)
+    page = as_page(outcomes)
     (output / "table.md").write_text(page)
-    summary = as_json(outcomes, flavour_of)
+    summary = as_json(outcomes)
     (output / "table.json").write_text(json.dumps(summary, indent=1) + "\n")
     print(json.dumps(summary) if json_summary else page)
     if stopped:

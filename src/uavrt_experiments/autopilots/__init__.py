@@ -11,23 +11,18 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt_experiments.autopilots.builds import (
-        Build,
         arducopter_build,
         px4_build,
         simulated_build,
     )
     from uavrt_experiments.autopilots.flights import Asked, planned, rehearse
-    from uavrt_experiments.autopilots.table import as_json, as_page, compared
-    from uavrt_experiments.autopilots.takeovers import TAKEOVERS
+    from uavrt_experiments.autopilots.table import as_json, as_page
 
 __all__ = [
-    "TAKEOVERS",
     "Asked",
-    "Build",
     "arducopter_build",
     "as_json",
     "as_page",
-    "compared",
     "planned",
     "px4_build",
     "rehearse",
@@ -36,13 +31,10 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "TAKEOVERS": "takeovers",
         "Asked": "flights",
-        "Build": "builds",
         "arducopter_build": "builds",
         "as_json": "table",
         "as_page": "table",
-        "compared": "table",
         "planned": "flights",
         "px4_build": "builds",
         "rehearse": "flights",

@@ -1,5 +1,6 @@
 """The builds that are given, and how each is started with ports of its own."""
 
+import hashlib
 import os
 import socket
 import sys
@@ -13,17 +14,17 @@ from uavrt.simulation.flying import Flavour
 
 PX4_BUILD = Path("build/px4_sitl_default")
 PX4_GROUND_PORT, PX4_COMPANION_PORT, PX4_SENDS_TO = 18_570, 14_580, 14_540
-"""Of instance 0: both of its links, and where the companion is expected. A ground station that
-speaks first is answered."""
+"""UDP ports of PX4's instance 0: of its link to ground stations, of its link to the companion,
+and the one that it sends to the companion."""
 PX4_PORTS = (PX4_GROUND_PORT, PX4_COMPANION_PORT, PX4_SENDS_TO, 14_280, 13_030, 19_450)
-"""All that an instance needs, by its number above these."""
+"""UDP ports that instance 0 binds; instance n binds each of them plus n."""
 PX4_PARAMETERS = {
     "SIM_BAT_MIN_PCT": 99,
     "NAV_DLL_ACT": 0,
     "COM_DISARM_PRFLT": 30,
     "SDLOG_MODE": -1,
 }
-"""The simulated battery stays full: SIH's is empty by half after a minute."""
+"""Parameters of the simulation; SIH's battery would be half empty after a minute."""
 ARDUCOPTER_PARAMETERS: dict[str, float] = {
     "DISARM_DELAY": 30,
     "SIM_BATT_CAP_AH": 0,
@@ -43,37 +44,37 @@ ARDUCOPTER_PARAMETERS: dict[str, float] = {
         for axis in "XYZ"
     },
 }
-"""A quadrotor whose simulated sensors count as calibrated, with a battery that stays full."""
+"""Parameters of a quadrotor with calibrated simulated sensors and a battery that stays full."""
 Place = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Started:
-    """What starts an autopilot, and where its two links are."""
+    """How an autopilot is started, and the addresses of its two links."""
 
     command: tuple[str, ...]
     environment: Mapping[str, str] = field(default_factory=dict)
     ground: Place
-    """Where the autopilot's link to a ground station listens; port 0: it speaks first."""
+    """Address at which the autopilot's link to a ground station listens."""
     companion: Place
     ground_port: int = 0
-    """Where we listen for that link; 0: any port."""
+    """Port at which our side of that link listens; 0: any."""
     companion_port: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
-    """One autopilot's build.
+    """One autopilot that is rehearsed on.
 
     Parameters
     ----------
     name : str
-        In tables.
+        Shown in tables, and the beginning of its flights' names.
     flavour : {"px4", "ardupilot"}
     program : Path
-        What is run.
+        The autopilot's executable.
     simulated : bool
-        It is our own simulated autopilot.
+        Whether it is uavrt's own simulated autopilot.
     """
 
     name: str
@@ -160,7 +161,7 @@ def px4_build(directory: Path) -> Build:
                     f"{top} has no airframe sihsim_quadx",
                     remedy="Build the target px4_sitl_default, with the SIH simulator",
                 )
-            return Build(name="PX4 SIH", flavour="px4", program=program.resolve())
+            return _build("PX4 SIH", "px4", program)
     raise UsageError(
         f"{directory} holds no build of PX4: no bin/px4, there or in {PX4_BUILD}",
         remedy="Build the target px4_sitl_default, and give its directory",
@@ -180,7 +181,14 @@ def arducopter_build(program: Path) -> Build:
             f"{program} is not a program",
             remedy="Give ArduCopter's program for the board sitl, build/sitl/bin/arducopter",
         )
-    return Build(name="ArduCopter SITL", flavour="ardupilot", program=program.resolve())
+    return _build("ArduCopter SITL", "ardupilot", program)
+
+
+def _build(kind: str, flavour: Flavour, program: Path) -> Build:
+    """Name a build after its program's content: what another build flew is not its own."""
+    with program.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return Build(name=f"{kind} {digest[:8]}", flavour=flavour, program=program.resolve())
 
 
 def simulated_build(flavour: Flavour) -> Build:

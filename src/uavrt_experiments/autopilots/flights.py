@@ -13,23 +13,22 @@ from typing import Any
 
 from uavrt.attitude import yaw_deg
 from uavrt.clock import monotonic_s
-from uavrt.errors import LinkError, UavrtError
+from uavrt.errors import LinkError, UavrtError, UsageError
 from uavrt.geodesy import moved
 from uavrt.ground.link import ask, confirm, motion_request, stop
 from uavrt.messages import PulsePose
 from uavrt.recording import read_flight
-from uavrt.simulation.flying import Flavour
 from uavrt.units import s_from_ns, wrap_degrees_180
 from uavrt_experiments.autopilots.builds import Build
 from uavrt_experiments.autopilots.hand import CENTRED_US, HEIGHT_M
-from uavrt_experiments.autopilots.measures import Flying, flying_of, heading_at, reaction
+from uavrt_experiments.autopilots.measures import flying_of, heading_at, reaction
 from uavrt_experiments.autopilots.scene import RunningScene, running
 from uavrt_experiments.autopilots.takeovers import Takeover, takeovers_of
 from uavrt_experiments.autopilots.tap import write_frames
 from uavrt_experiments.kept import KeptOutcomes
 
 WELL = ("done", "returning: the autopilot flies home")
-"""How an order ends that nobody took over."""
+"""How an order without a takeover must end."""
 ORDERS = ("takeoff", "survey", "goto", "rotate", "hold", "search", "return")
 TAKEN = ("survey", "rotate", "goto")
 """Orders that are taken over."""
@@ -39,16 +38,16 @@ LONGEST_S = {"search": 600.0, "survey": 420.0}
 SEARCH_S = 120.0
 FAR_M = 250.0
 ASKS_S = 45.0
-"""How long an order is asked for until the drone has a position and a home."""
+"""Longest wait for the drone to offer an order: it needs a position and a home [s]."""
 UNDER_WAY_S, TAKEN_AFTER_S, MOVES_M_S = 60.0, (1.5, 10.0), 1.0
-"""How long an order to be taken over may take to begin; when it is taken over then; how fast it
-flies then, where it is the stop that shows."""
+"""Longest wait for an order to begin [s]; time from there to its takeover, at random [s]; least
+speed at a takeover that only the stop reveals [m/s]."""
 TRIES = 4
-"""Of a takeover whose order ended before."""
+"""Attempts at a takeover whose order ends by itself first."""
 
 
 class _NotTakenError(UavrtError):
-    """There was nothing to take over any more."""
+    """The order had ended before it was taken over."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +88,7 @@ class Flight:
 
 
 def planned(builds: list[Build], asked: Asked) -> Iterator[Flight]:
-    """Say what is to be flown: of each kind one, then of each another."""
+    """List the flights: one of each kind, then the second of each kind, and so on."""
     for build in builds:
         everything: list[tuple[str, Takeover | None, int]] = [
             (order, None, number) for order in ORDERS for number in range(asked.times(order))
@@ -97,6 +96,7 @@ def planned(builds: list[Build], asked: Asked) -> Iterator[Flight]:
         everything += [
             ("", one, number)
             for one in takeovers_of(build.flavour)
+            if not (build.simulated and one.real_only)
             for number in range(asked.phases)
         ]
         for order, takeover, number in sorted(everything, key=lambda one: one[2]):
@@ -121,7 +121,7 @@ def rehearse(
     failed: list[dict[str, Any]],
     say: Callable[[str], None],
 ) -> None:
-    """Fly all that is not kept yet; what is there stays at Ctrl-C.
+    """Fly what `kept` does not have yet; it keeps each flight at once, so Ctrl-C is safe.
 
     Parameters
     ----------
@@ -134,7 +134,19 @@ def rehearse(
         Gets the flights that were not flown to their end, which are flown again next time.
     say : callable
         Takes a line of progress.
+
+    Raises
+    ------
+    UsageError
+        No flight is asked for.
+    UavrtError
+        An autopilot does not start.
     """
+    if not any(planned(builds, asked)):
+        raise UsageError(
+            f'no flight with "{asked.only}" in its name is asked for',
+            remedy='Ask for others, as --only survey or --only "mode: land"',
+        )
     for build in builds:
         flights = [one for one in planned([build], asked) if one.name not in kept]
         while flights:
@@ -153,8 +165,9 @@ async def _session(
     failed: list[dict[str, Any]],
     say: Callable[[str], None],
 ) -> list[Flight]:
-    """Fly until the autopilot is to be started again; get what is left."""
-    async with running(build, work, flights[0].seed, say) as scene:
+    """Fly until the autopilot must be started again; return the flights that are left."""
+    first = flights[0]
+    async with running(build, work, first.seed, frames / first.name, say) as scene:
         while flights:
             flight = flights.pop(0)
             begun_s = monotonic_s()
@@ -181,7 +194,7 @@ async def _tried(scene: RunningScene, flight: Flight, frames: Path) -> dict[str,
         try:
             return await _Rehearsed(scene, flight, frames, attempt).flown()
         except _NotTakenError:
-            if attempt == TRIES - 1:
+            if attempt == TRIES - 1 or (flight.takeover and flight.takeover.restarts):
                 raise
     raise AssertionError
 
@@ -222,6 +235,8 @@ class _Rehearsed:
         if order == "search":
             outcome |= await self._listened()
         await self._left()
+        if flight.takeover is not None and outcome["ended"] in WELL:
+            raise _NotTakenError("the order came to its own end after its takeover")
         return outcome
 
     async def _ordered(self) -> dict[str, Any]:
@@ -235,13 +250,8 @@ class _Rehearsed:
         if takeover is not None:
             taken_s, shows = await self._taken_over(takeover)
         out_s = await self._out(confirmed_s, taken_s)
-        stood_s = None
-        if takeover is None:
-            await asyncio.sleep(SETTLES_S)
-        elif takeover.stops:
-            stood_s = self._stood_s
+        await asyncio.sleep(SETTLES_S if takeover is None else AFTERWARDS_S)
         if takeover is not None:
-            await asyncio.sleep(AFTERWARDS_S)
             takeover.undo(scene)
         kept = list(scene.companion.kept)
         told = next((one.text for at, one in scene.states if at == out_s), "not ended")
@@ -252,8 +262,8 @@ class _Rehearsed:
             "flying": asdict(flying_of(kept, taken_s or math.inf)),
         }
         if takeover is not None and taken_s is not None:
-            since = taken_s if stood_s is None else stood_s
-            outcome["out_s"] = None if out_s is None else out_s - since
+            stood_s = self._stood_s if takeover.stops else None
+            outcome["out_s"] = None if out_s is None else out_s - (stood_s or taken_s)
             outcome["reaction"] = asdict(reaction(kept, taken_s, out_s, shows))
         return outcome
 
@@ -270,9 +280,7 @@ class _Rehearsed:
 
     def _request(self) -> Any:
         rng, scene, order = self._rng, self._scene, self._flight.order
-        position = scene.hand.position
-        assert position is not None
-        here = (position.lat / 1e7, position.lon / 1e7)
+        here = scene.hand.place
         if order == "takeoff":
             return motion_request("takeoff", height_m=rng.uniform(25.0, 45.0))
         if order == "goto":
@@ -318,7 +326,7 @@ class _Rehearsed:
 
     @property
     def _ended(self) -> float | None:
-        """When the drone told that the order has ended."""
+        """When the drone reported the end of the order."""
         states = list(dropwhile(lambda one: one[1].standing == "out", self._scene.states))
         return next((at for at, one in states if one.standing == "out"), None)
 
@@ -354,7 +362,7 @@ class _Rehearsed:
         return {"pulses": [arrived, len(sent)], "yaw_errors_deg": errors}
 
     async def _left(self) -> None:
-        """Leave a drone that hovers and that nobody commands."""
+        """Leave the drone hovering, without an order."""
         scene, takeover = self._scene, self._flight.takeover
         if takeover is not None and takeover.restarts:
             return
@@ -384,14 +392,3 @@ def _away(place: tuple[float, float], distance_m: float, way_deg: float) -> tupl
         north_m=distance_m * math.cos(math.radians(way_deg)),
         east_m=distance_m * math.sin(math.radians(way_deg)),
     )
-
-
-def flavour_of(name: str) -> Flavour:
-    """Kind of the build of this name."""
-    return "px4" if "px4" in name.lower() else "ardupilot"
-
-
-def flying_in(outcome: dict[str, Any]) -> Flying | None:
-    """How its legs were flown."""
-    flying = outcome.get("flying")
-    return None if flying is None else Flying(**flying)

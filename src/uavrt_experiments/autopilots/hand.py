@@ -7,13 +7,22 @@ import asyncio
 import math
 import struct
 from collections.abc import Callable
-from typing import Any
 
+from uavrt.attitude import yaw_deg
 from uavrt.clock import monotonic_s
 from uavrt.errors import UavrtError
-from uavrt.mavlink import FrameWriter, Message, dialect, station_heartbeat
-from uavrt.mavlink.dialect import MavCmd, MavFrame, MavModeFlag
-from uavrt.simulation.flying import MODES, NOWHERE, Flavour
+from uavrt.geodesy import distance_m, moved
+from uavrt.guidance import VehicleCommand
+from uavrt.mavlink import (
+    FrameWriter,
+    Message,
+    attitude_sample,
+    command_message,
+    dialect,
+    station_heartbeat,
+)
+from uavrt.mavlink.dialect import MavCmd, MavModeFlag
+from uavrt.simulation.flying import FULL_SCALE_DEG, MODES, NOWHERE, Flavour
 from uavrt_experiments.autopilots.tap import Kept, Tap
 
 GROUND_STATION = (255, 190)
@@ -24,9 +33,11 @@ RATES_HZ = {
     dialect.ExtendedSysState.ID: 2.0,
     dialect.PositionTargetGlobalInt.ID: 5.0,
 }
+ARMS_S = 90.0
+"""Longest wait for the autopilot to arm."""
 CENTRED_US = (1500, 1500, 1500, 1500)
 FORCED = 21_196.0
-"""Magic number of a disarming in the air."""
+"""Second parameter of a disarming that is also done in flight."""
 VELOCITY_ONLY = 0b0000_1101_1100_0111
 
 
@@ -68,13 +79,14 @@ class Hand:
         self.position: dialect.GlobalPositionInt | None = None
         self.target: dialect.PositionTargetGlobalInt | None = None
         self.heading: list[tuple[float, float]] = []
-        """Time and heading [deg], of each attitude that was told."""
+        """Time [s] and heading [deg] of each attitude that arrived."""
         self.on_ground = True
-        self.acks: dict[int, int] = {}
         self.texts: list[str] = []
         self.channels_us: tuple[int, ...] = ()
-        """Sticks of the remote control; none: it is switched off."""
+        """Sticks of the remote control [us]; empty: it is switched off."""
         self.moved: Callable[[float, dialect.GlobalPositionInt], None] = lambda _t, _p: None
+        self.check: Callable[[], None] = lambda: None
+        """Raises an error when waiting has no use: a program has ended."""
 
     async def live(self) -> None:
         """Send heartbeats and sticks until cancelled."""
@@ -106,28 +118,33 @@ class Hand:
                 self.position = message
                 self.moved(kept.time_s, message)
             case dialect.AttitudeQuaternion():
-                w, x, y, z = message.q1, message.q2, message.q3, message.q4
-                yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-                self.heading.append((kept.time_s, math.degrees(yaw)))
+                sample = attitude_sample(message, 0)
+                if sample is not None:
+                    self.heading.append((kept.time_s, yaw_deg(sample.quaternion_wxyz)))
             case dialect.PositionTargetGlobalInt():
                 self.target = message
             case dialect.ExtendedSysState():
                 self.on_ground = message.landed_state == dialect.MavLandedState.ON_GROUND
-            case dialect.CommandAck():
-                self.acks[message.command] = message.result
             case dialect.Statustext():
                 self.texts = [*self.texts[-19:], message.text]
 
     # ------------------------------------------------------------------ what is seen
 
     @property
+    def place(self) -> tuple[float, float]:
+        """Latitude and longitude [deg], once there is a position."""
+        p = self.position
+        assert p is not None
+        return p.lat / FULL_SCALE_DEG, p.lon / FULL_SCALE_DEG
+
+    @property
     def height_m(self) -> float:
-        """Above home."""
+        """Height above home."""
         return 0.0 if self.position is None else self.position.relative_alt / 1e3
 
     @property
     def speed_m_s(self) -> float:
-        """In all directions."""
+        """Speed in three dimensions."""
         p = self.position
         return 0.0 if p is None else math.hypot(p.vx, p.vy, p.vz) / 100.0
 
@@ -135,17 +152,22 @@ class Hand:
         """Wait; raises `UavrtError` with the autopilot's last words."""
         deadline_s = monotonic_s() + timeout_s
         while not condition():
+            self.check()
             if monotonic_s() > deadline_s:
-                words = "; ".join(self.texts[-3:])
-                raise UavrtError(f"{what} did not come within {timeout_s:.0f} s: {words}")
+                raise self._error(f"{what} did not come within {timeout_s:.0f} s")
             await asyncio.sleep(0.05)
+
+    def _error(self, what: str) -> UavrtError:
+        return UavrtError(
+            "; ".join((what, *self.texts[-3:])),
+            remedy="Read the autopilot's log in the output directory",
+        )
 
     # ------------------------------------------------------------------ what is done
 
     def command(self, number: int, *params: float) -> None:
         """Send a COMMAND_LONG."""
         values = (*params, *(0.0,) * 7)[:7]
-        self.acks.pop(number, None)
         self.send(
             dialect.CommandLong(
                 target_system=self.system_id,
@@ -156,15 +178,11 @@ class Hand:
             )
         )
 
-    def set_mode(self, number: int) -> None:
-        """Change the mode."""
-        px4 = self.flavour == "px4"
-        words = (number >> 16 & 0xFF, number >> 24) if px4 else (number, 0)
-        self.command(MavCmd.DO_SET_MODE, 1.0, *map(float, words))
-
     def name_mode(self, name: str) -> None:
         """Change to a mode of `uavrt.simulation.flying.MODES`."""
-        self.set_mode(MODES[self.flavour][name])
+        number, px4 = MODES[self.flavour][name], self.flavour == "px4"
+        words = (number >> 16 & 0xFF, number >> 24) if px4 else (number, 0)
+        self.command(MavCmd.DO_SET_MODE, 1.0, *map(float, words))
 
     def set_parameter(self, name: str, value: float, *, whole: bool = False) -> None:
         """Set a parameter; PX4 takes the bytes of a whole number."""
@@ -181,34 +199,30 @@ class Hand:
             )
         )
 
-    def reposition(self, **values: Any) -> None:
+    def reposition(
+        self,
+        x: int = NOWHERE,
+        y: int = NOWHERE,
+        z_m: float = math.nan,
+        *,
+        yaw_rad: float = math.nan,
+    ) -> None:
         """Send a DO_REPOSITION as ground stations do; without a place it is PX4's pause."""
-        message = {
-            "target_system": self.system_id,
-            "target_component": 1,
-            "frame": MavFrame.GLOBAL_INT,
-            "command": MavCmd.DO_REPOSITION,
-            "current": 0,
-            "autocontinue": 0,
-            "param1": -1.0,
-            "param2": 1.0,
-            "param3": 0.0,
-            "param4": math.nan,
-            "x": NOWHERE,
-            "y": NOWHERE,
-            "z": math.nan,
-        }
-        self.send(dialect.CommandInt(**(message | values)))
+        command = VehicleCommand(
+            name="DO_REPOSITION", param1=-1.0, param2=1.0, param4=yaw_rad, x=x, y=y, z_m=z_m
+        )
+        self.send(command_message(command, self.system_id))
 
-    def go_to(self, north_m: float, east_m: float, *, up_m: float = 0.0) -> None:
-        """Fly to a place, by metres from where the drone is."""
+    def fly_to(self, place: tuple[float, float], altitude_amsl_m: float) -> None:
+        """Fly to a latitude and longitude [deg]."""
+        x, y = (round(one * FULL_SCALE_DEG) for one in place)
+        self.reposition(x, y, altitude_amsl_m)
+
+    def go_to(self, north_m: float, east_m: float) -> None:
+        """Fly to a place at this height, by metres from where the drone is."""
         p = self.position
         assert p is not None
-        self.reposition(
-            x=p.lat + round(north_m * 90.0),
-            y=p.lon + round(east_m * 90.0 / math.cos(math.radians(p.lat / 1e7))),
-            z=p.alt / 1e3 + up_m,
-        )
+        self.fly_to(moved(*self.place, self.height_m, north_m, east_m), p.alt / 1e3)
 
     def ask_velocity(self, north_m_s: float, east_m_s: float) -> None:
         """Send a velocity setpoint."""
@@ -224,29 +238,29 @@ class Hand:
             await asyncio.sleep(0.05)
         await self.until(lambda: self.position is not None, timeout_s, "a position")
 
-    async def arm(self, timeout_s: float = 90.0) -> None:
-        """Arm, again and again until the estimator is ready."""
-        deadline_s = monotonic_s() + timeout_s
+    async def arm(self) -> None:
+        """Try to arm once a second, until the estimator is ready."""
+        deadline_s = monotonic_s() + ARMS_S
         while not self.armed:
+            self.check()
             if monotonic_s() > deadline_s:
-                raise UavrtError(f"the autopilot does not arm: {'; '.join(self.texts[-3:])}")
+                raise self._error(f"the autopilot did not arm within {ARMS_S:.0f} s")
             if self.flavour == "ardupilot":
                 self.name_mode("hold")
                 await asyncio.sleep(0.3)
             self.command(MavCmd.COMPONENT_ARM_DISARM, 1.0)
             await asyncio.sleep(1.0)
 
-    async def hover(self, height_m: float = HEIGHT_M) -> None:
+    async def hover(self) -> None:
         """Arm and take off by hand where it stands; then hover over home."""
-        self.acks.clear()
         if not self.armed or self.on_ground:
             await self.arm()
             p = self.position
             assert p is not None
-            up_m = height_m if self.flavour == "ardupilot" else p.alt / 1e3 + height_m
+            up_m = HEIGHT_M if self.flavour == "ardupilot" else p.alt / 1e3 + HEIGHT_M
             nothing = math.nan if self.flavour == "px4" else 0.0
             self.command(MavCmd.NAV_TAKEOFF, -1.0, 0, 0, nothing, nothing, nothing, up_m)
-            await self.until(lambda: self.height_m > height_m - 3.0, 60.0, "its height")
+            await self.until(lambda: self.height_m > HEIGHT_M - 3.0, 60.0, "its height")
             await asyncio.sleep(2.0)
 
     async def stand(self) -> None:
@@ -261,11 +275,7 @@ class Hand:
         """Fly to some metres over home, where orders begin."""
         p = self.position
         assert p is not None
-        self.reposition(
-            x=round(home[0] * 1e7),
-            y=round(home[1] * 1e7),
-            z=p.alt / 1e3 - self.height_m + HEIGHT_M,
-        )
+        self.fly_to(home, p.alt / 1e3 - self.height_m + HEIGHT_M)
         await asyncio.sleep(1.0)
         await self.until(
             lambda: self.away_m(home) < 3.0 and self.speed_m_s < 0.3, 150.0, "the way back"
@@ -273,9 +283,4 @@ class Hand:
 
     def away_m(self, place: tuple[float, float]) -> float:
         """Distance over ground from a place."""
-        p = self.position
-        if p is None:
-            return math.inf
-        north = (p.lat / 1e7 - place[0]) * 111_195.0
-        east = (p.lon / 1e7 - place[1]) * 111_195.0 * math.cos(math.radians(place[0]))
-        return math.hypot(north, east)
+        return distance_m(*self.place, *place)

@@ -7,29 +7,29 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from uavrt.mavlink import Message, dialect
-from uavrt.simulation.flying import is_motion
+from uavrt.simulation.flying import FULL_SCALE_DEG, is_motion
+from uavrt.simulation.geometry import TangentPlane
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.tap import Kept
 
-METRES_PER_UNIT = 111_195.0 / 1e7
 LONG_M = 8.0
-"""A shorter leg shows no overshoot."""
+"""Shortest leg of which overshoot and settling are measured [m]."""
 ARRIVED_M, NEAR_M, SETTLED_M = 1.5, 3.0, 0.5
 NEARER_M, HIGHER_M, TURNED_DEG = 0.5, 0.3, 3.0
-"""Change by which a step has begun, as `uavrt.guidance.progress` has it."""
+"""Change after which a command counts as begun, as in `uavrt.guidance.progress`."""
 HIGH_M, LOOKS_DEG = 2.0, 8.0
-"""What must be left of height and heading for that."""
+"""Least error in height and heading at the command for that change to count."""
 TURN_DEG = 60.0
-"""A smaller turn shows no rate."""
+"""Smallest turn of which a rate is measured [deg]."""
 RATE_S = 0.3
-"""Over which a rate of turning is taken."""
+"""Time over which a turning rate is averaged [s]."""
 AFTER_S = 4.0
-"""So much must follow an arrival for its settling to show."""
+"""Shortest time after an arrival for measuring how it settles [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the drone was."""
+    """Where the drone was, in metres from its first reported position."""
 
     time_s: float
     north_m: float
@@ -40,16 +40,16 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flying:
-    """How one flight's legs were flown; a list has a figure for each that shows one."""
+    """How a flight's legs were flown: each tuple has one figure for each leg that shows it."""
 
     begins_s: tuple[float, ...]
-    """From a command until the drone comes nearer in anything."""
+    """From a command until the drone comes nearer in place, height or heading [s]."""
     overshoot_m: tuple[float, ...]
     settling_s: tuple[float, ...]
-    """From 3 m before the target until it stays within 0.5 m."""
+    """From 3 m before the target until the drone stays within 0.5 m of it [s]."""
     turn_rate_deg_s: tuple[float, ...]
     height_error_m: tuple[float, ...]
-    """Of the altitude commanded, at each arrival."""
+    """Altitude at each arrival minus the commanded altitude [m]."""
 
 
 Command = dialect.CommandInt | dialect.CommandLong
@@ -64,32 +64,6 @@ def commands_of(kept: Iterable[Kept]) -> list[tuple[float, Command]]:
     ]
 
 
-def places_of(kept: Iterable[Kept]) -> list[Place]:
-    """Where the drone was, by its own reports, in metres around the first."""
-    places: list[Place] = []
-    first: dialect.GlobalPositionInt | None = None
-    for one in kept:
-        message = one.message
-        if one.ours or not isinstance(message, dialect.GlobalPositionInt):
-            continue
-        first = first or message
-        north, east = metres(first, message.lat, message.lon)
-        yaw = message.hdg / 100.0
-        places.append(Place(one.time_s, north, east, message.alt / 1e3, yaw))
-    return places
-
-
-def metres(
-    first: dialect.GlobalPositionInt, latitude: int, longitude: int
-) -> tuple[float, float]:
-    """North and east of a place [m]."""
-    shrinks = math.cos(math.radians(first.lat / 1e7))
-    return (
-        (latitude - first.lat) * METRES_PER_UNIT,
-        (longitude - first.lon) * METRES_PER_UNIT * shrinks,
-    )
-
-
 def flying_of(kept: Sequence[Kept], out_s: float = math.inf) -> Flying:
     """Measure each leg up to the next command, or to the end of the frames.
 
@@ -102,19 +76,36 @@ def flying_of(kept: Sequence[Kept], out_s: float = math.inf) -> Flying:
     """
     found: dict[str, list[float]] = {name: [] for name in Flying.__slots__}
     commands = [one for one in commands_of(kept) if one[0] < out_s]
-    first = next(
-        (m for one in kept if isinstance(m := one.message, dialect.GlobalPositionInt)), None
+    told = [
+        (one.time_s, message)
+        for one in kept
+        if not one.ours and isinstance(message := one.message, dialect.GlobalPositionInt)
+    ]
+    if not told:
+        return Flying(**dict.fromkeys(found, ()))
+    first = told[0][1]
+    plane = TangentPlane(
+        latitude_deg=first.lat / FULL_SCALE_DEG,
+        longitude_deg=first.lon / FULL_SCALE_DEG,
+        altitude_amsl_m=first.alt / 1e3,
     )
-    places = [one for one in places_of(kept) if one.time_s < out_s]
+
+    def metres(latitude: int, longitude: int) -> tuple[float, float]:
+        return plane.to_local(latitude / FULL_SCALE_DEG, longitude / FULL_SCALE_DEG)
+
+    places = [
+        Place(time_s, *metres(one.lat, one.lon), one.alt / 1e3, one.hdg / 100.0)
+        for time_s, one in told
+        if time_s < out_s
+    ]
     times = [one.time_s for one in places]
     for number, (sent_s, message) in enumerate(commands):
-        if not isinstance(message, dialect.CommandInt) or first is None:
+        if not isinstance(message, dialect.CommandInt):
             continue
         until_s = commands[number + 1][0] if number + 1 < len(commands) else out_s
         leg = places[bisect.bisect(times, sent_s) : bisect.bisect(times, until_s)]
         if len(leg) > 1:
-            target = metres(first, message.x, message.y)
-            _measure(found, leg, sent_s, target, message)
+            _measure(found, leg, sent_s, metres(message.x, message.y), message)
     return Flying(**{name: tuple(values) for name, values in found.items()})
 
 
@@ -165,7 +156,7 @@ def _begins(
     bearing: Callable[[Place], float],
     message: dialect.CommandInt,
 ) -> float | None:
-    """When it came nearer in anything of which much was left; a turn to the target counts."""
+    """When the drone came nearer in place, height or heading; a turn to the target counts."""
 
     def off_deg(one: Place) -> float:
         asked = math.isfinite(message.param4)
@@ -184,7 +175,7 @@ def _begins(
 
 
 def _turning(leg: Sequence[Place]) -> tuple[float, float]:
-    """How far its heading moved in all, and how fast at most [deg/s]."""
+    """Range of the heading [deg] and its largest rate [deg/s]."""
     turned, total = [(leg[0].time_s, 0.0)], 0.0
     for before, one in pairwise(leg):
         total += wrap_degrees_180(one.yaw_deg - before.yaw_deg)
@@ -200,7 +191,7 @@ def _turning(leg: Sequence[Place]) -> tuple[float, float]:
 
 
 def heading_at(heading: Sequence[tuple[float, float]], time_s: float) -> float | None:
-    """Heading at a time, between two that were told at most 0.2 s apart."""
+    """Interpolate the heading between two samples at most 0.2 s apart; else None."""
     number = bisect.bisect(heading, (time_s, 0.0))
     if not 0 < number < len(heading):
         return None
@@ -217,9 +208,9 @@ class Reaction:
     shown_s: float | None
     """From the takeover to the message that reveals it; None: no message does."""
     last_command_s: float | None
-    """From that message, or else from the end, to the last command; negative: before it."""
+    """From that message, or from the end, to the last command; negative: before it."""
     commands_after: int
-    """Commands after that message, or else after the end of the order."""
+    """Commands after that message, or after the end of the order if that came first."""
     crossed: int
     """Commands between the takeover and that message: nothing could have been known yet."""
 
@@ -242,25 +233,23 @@ def reaction(
     shows : callable, optional
         Whether a message of the autopilot reveals the takeover.
     """
-    shown = None
-    if shows is not None:
-        shown = next(
-            (
-                one.time_s
-                for one in kept
-                if one.time_s >= taken_s
-                and not one.ours
-                and (message := one.message) is not None
-                and shows(message)
-            ),
-            None,
-        )
-    since = out_s if shown is None else shown
+    shown = next(
+        (
+            one.time_s
+            for one in kept
+            if shows is not None
+            and one.time_s >= taken_s
+            and not one.ours
+            and (message := one.message) is not None
+            and shows(message)
+        ),
+        math.inf,
+    )
+    since = min(shown, math.inf if out_s is None else out_s)
     times = [time_s for time_s, _ in commands_of(kept)]
-    last = times[-1] if times and since is not None else None
     return Reaction(
-        shown_s=None if shown is None else shown - taken_s,
-        last_command_s=None if last is None or since is None else last - since,
-        commands_after=sum(since is not None and one > since for one in times),
-        crossed=sum(taken_s <= one <= (since or math.inf) for one in times),
+        shown_s=shown - taken_s if math.isfinite(shown) else None,
+        last_command_s=times[-1] - since if times and math.isfinite(since) else None,
+        commands_after=sum(one > since for one in times),
+        crossed=sum(taken_s <= one <= since for one in times),
     )

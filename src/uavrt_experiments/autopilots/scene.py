@@ -7,6 +7,7 @@ import secrets
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -28,7 +29,7 @@ from uavrt_experiments.autopilots.hand import Hand
 from uavrt_experiments.autopilots.tap import Tap
 
 SAMPLE_RATE_HZ = 375_000.0
-"""The detectors take the same of it as of 3 MS/s, for an eighth of the work."""
+"""Sample rate: the detectors see the same pulses as at 3 MS/s, for an eighth of the work."""
 START_LEAD_S = 1.0
 READY_S = 60.0
 PATH_S = 0.04
@@ -38,7 +39,9 @@ BATTERY_WH, SPEED_M_S, FENCE_M = 3000.0, 5.0, 900.0
 class RunningScene:
     """Everything of a rehearsal that runs; made by `running`."""
 
-    def __init__(self, build: Build, work: Path, seed: int) -> None:
+    def __init__(
+        self, build: Build, work: Path, seed: int, logs: Path, stack: contextlib.AsyncExitStack
+    ) -> None:
         self.build, self.work, self.rng = build, work, random.Random(seed)
         self.clock = Clock.start()
         self.scenario = search_scenario(seed)
@@ -54,16 +57,14 @@ class RunningScene:
         self.hand: Hand
         self.link: GroundLink
         self._path = DemoPaths(directory=work, flights=work / "flights")
-        self._stack = contextlib.AsyncExitStack()
+        self._logs, self._stack = logs, stack
         self._programs: list[Program] = []
 
-    def program(self, name: str, arguments: Sequence[str], **values: object) -> Program:
+    def _start(self, name: str, arguments: Sequence[str], **values: Any) -> None:
         """Start a program that ends with the scene."""
-        log = self.work / f"{name}.log"
-        made = Program(name, arguments, log, **values)  # type: ignore[arg-type]
+        made = Program(name, arguments, Path(f"{self._logs}, {name}.log"), **values)
         self._stack.push_async_callback(asyncio.to_thread, made.stop)
         self._programs.append(made)
-        return made
 
     def check(self) -> None:
         """Raise `UavrtError` when a program has ended by itself."""
@@ -88,11 +89,12 @@ class RunningScene:
             tap.open()
             self._stack.callback(tap.close)
         self.hand = Hand(ground, self.build.flavour)
+        self.hand.check = self.check
         self._serve(self.hand.live())
-        self.program(
+        self._start(
             "autopilot",
             started.command,
-            interpreter=(),
+            interpreter=("env", "-C", str(directory)),
             environment=started.environment,
         )
         writer, last = PathWriter(self._path.flown), [0.0]
@@ -118,8 +120,7 @@ class RunningScene:
                 fence_m=FENCE_M,
             ),
         )
-        words = ("uavrt.supervisor", msgspec.json.encode(settings).decode())
-        self.program("supervisor", words)
+        self._start("supervisor", ("uavrt.supervisor", msgspec.json.encode(settings).decode()))
         self.link = GroundLink(self.clock.now_ns, on_event=self._event, key=read_key(key))
         self._serve(self.link.run(f"udpin://127.0.0.1:{ports[0]}"))
         await self.hand.boot(READY_S)
@@ -134,10 +135,6 @@ class RunningScene:
 
         self._stack.push_async_callback(end)
 
-    async def stop(self) -> None:
-        """End all that runs."""
-        await self._stack.aclose()
-
     def _event(self, event: object) -> None:
         if isinstance(event, MotionState):
             self.states.append((s_from_ns(self.clock.now_ns()), event))
@@ -151,11 +148,11 @@ class RunningScene:
 
     @property
     def standing(self) -> str:
-        """As the drone last told it."""
+        """Standing of the order, as the drone last reported it."""
         return self.states[-1][1].standing if self.states else "out"
 
     def pid_of(self, process: str) -> int:
-        """Process id of one of the drone's processes, as its supervisor tells it."""
+        """Process id of one of the drone's processes, from its supervisor's status."""
         reader = StatusReader(self._path.status_socket, READY_S, self.check)
         try:
             for _ in range(20):
@@ -171,16 +168,14 @@ class RunningScene:
 
 @contextlib.asynccontextmanager
 async def running(
-    build: Build, work: Path, seed: int, say: Callable[[str], None]
+    build: Build, work: Path, seed: int, logs: Path, say: Callable[[str], None]
 ) -> AsyncIterator[RunningScene]:
-    """Serve a scene while the block runs."""
-    scene = RunningScene(build, work, seed)
+    """Run a scene inside the block; the names of its programs' logs begin with `logs`."""
     say(f"{build.name} starts")
-    try:
+    async with contextlib.AsyncExitStack() as stack:
+        scene = RunningScene(build, work, seed, logs, stack)
         await scene.start()
         yield scene
-    finally:
-        await scene.stop()
 
 
 def _pose(time_s: float, told: dialect.GlobalPositionInt) -> Pose:

@@ -1,16 +1,19 @@
-"""What came out of a rehearsal, as a table. Pure."""
+"""Tables and faults of a rehearsal's outcomes. Pure."""
 
 import math
+import statistics
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from uavrt_experiments.tables import number
+from uavrt.simulation.flying import Flavour
+from uavrt_experiments.statistics import rms
+from uavrt_experiments.tables import markdown, number
 
 OUT_WITHIN_S = 4.0
-"""Of a takeover that no message reveals, or of the stop that reveals it."""
+"""Bar: time to the order's end after a takeover that no message reveals, or its stop [s]."""
 SHARE = 0.20
-"""Bar: how far a simulated autopilot's median may be from the real one's."""
+"""Bar: relative difference of a simulated autopilot's median from the real one's."""
 FIGURES = {
     "begins_s": "begins, s",
     "overshoot_m": "overshoot, m",
@@ -22,17 +25,13 @@ Lines = list[list[str]]
 
 
 def median(values: Sequence[float]) -> float:
-    """Middle of what there is; NaN of nothing."""
-    ordered = sorted(values)
-    half = len(ordered) // 2
-    if not ordered:
-        return math.nan
-    return ordered[half] if len(ordered) % 2 else 0.5 * (ordered[half - 1] + ordered[half])
+    """Median; NaN of no values."""
+    return statistics.median(values or (math.nan,))
 
 
-def rms(values: Sequence[float]) -> float:
-    """Root of the mean square; NaN of nothing."""
-    return math.sqrt(sum(v * v for v in values) / len(values)) if values else math.nan
+def flavour_of(name: str) -> Flavour:
+    """Kind of the build of this name."""
+    return "px4" if "px4" in name.lower() else "ardupilot"
 
 
 def names_of(outcomes: Iterable[Outcome]) -> list[str]:
@@ -40,53 +39,44 @@ def names_of(outcomes: Iterable[Outcome]) -> list[str]:
     return list(dict.fromkeys(one["build"] for one in outcomes))
 
 
+def counted(words: Iterable[str]) -> str:
+    """Say how often each text came, as "2 × done"."""
+    return "; ".join(f"{count} × {what}" for what, count in Counter(words).items())
+
+
 def order_lines(outcomes: Sequence[Outcome]) -> Lines:
-    """Orders that nobody took over: how many ended by arrival, and how the others did."""
+    """Orders without a takeover: how many ended by arrival, and how the others did."""
     lines = [["autopilot", "order", "ended by arrival", "otherwise"]]
     for name in names_of(outcomes):
         mine = [one for one in outcomes if one["build"] == name and one["takeover"] is None]
         for order in dict.fromkeys(one["order"] for one in mine):
             flown = [one for one in mine if one["order"] == order]
-            ended = Counter(one.get("failed") or one["ended"] for one in flown)
-            well = sum(bool(one.get("arrived")) for one in flown)
             bad = [one for one in flown if not one.get("arrived")]
-            words = Counter(one.get("failed") or one["ended"] for one in bad)
-            text = "; ".join(f"{count} × {what}" for what, count in words.items())
-            lines.append([name, order, f"{well} of {sum(ended.values())}", text])
+            well = f"{len(flown) - len(bad)} of {len(flown)}"
+            text = counted(one.get("failed") or one["ended"] for one in bad)
+            lines.append([name, order, well, text])
     return lines
 
 
 def takeover_lines(outcomes: Sequence[Outcome]) -> Lines:
     """Takeovers: commands afterwards, and how fast uavrt was out."""
-    heads = [
-        "autopilot",
-        "takeover",
-        "flown",
-        "commands after",
-        "last command, s",
-        "out, s",
-        "",
+    lines = [
+        ["autopilot", "takeover", "flown", "commands after", "last command, s", "out, s", ""]
     ]
-    lines = [heads]
     for name in names_of(outcomes):
         mine = [one for one in outcomes if one["build"] == name and one["takeover"]]
         for takeover in dict.fromkeys(one["takeover"] for one in mine):
             flown = [one for one in mine if one["takeover"] == takeover]
-            judged = [one for one in flown if "reaction" in one]
-            after = sum(one["reaction"]["commands_after"] for one in judged)
-            last = [
-                one["reaction"]["last_command_s"]
-                for one in judged
-                if one["reaction"]["last_command_s"] is not None
-            ]
-            outs = [one["out_s"] for one in judged]
+            reactions = [one["reaction"] for one in flown if "reaction" in one]
+            after = sum(one["commands_after"] for one in reactions)
+            last = [t for one in reactions if (t := one["last_command_s"]) is not None]
+            outs = [one["out_s"] for one in flown if "reaction" in one]
             longest = "never" if None in outs else number(max(outs)) if outs else "–"
-            faults = Counter(one["failed"] for one in flown if "failed" in one)
-            words = [f"{count} × {what}" for what, count in faults.items()]
+            text = counted(one["failed"] for one in flown if "failed" in one)
             lines.append(
                 [
-                    *(name, takeover, str(len(judged)), str(after)),
-                    *(number(max(last)) if last else "–", longest, "; ".join(words)),
+                    *(name, takeover, str(len(reactions)), str(after)),
+                    *(number(max(last)) if last else "–", longest, text),
                 ]
             )
     return lines
@@ -107,7 +97,9 @@ def figure_lines(outcomes: Sequence[Outcome]) -> Lines:
         for words, errors in (("height error, m rms", heights), ("yaw of pulses, ° rms", yaws)):
             if errors:
                 most = max(map(abs, errors))
-                lines.append([name, words, number(rms(errors)), number(most), str(len(errors))])
+                lines.append(
+                    [name, words, number(rms(errors)[0]), number(most), str(len(errors))]
+                )
         pulses = [one["pulses"] for one in mine if "pulses" in one]
         if pulses:
             got, sent = (sum(column) for column in zip(*pulses, strict=True))
@@ -116,14 +108,13 @@ def figure_lines(outcomes: Sequence[Outcome]) -> Lines:
 
 
 def values_of(outcomes: Iterable[Outcome], key: str) -> list[float]:
-    """All figures of a kind."""
+    """All flights' figures of one kind, a key of `FIGURES`."""
     return [v for one in outcomes for v in one.get("flying", {}).get(key, ())]
 
 
-def compared(outcomes: Sequence[Outcome], flavour_of: Callable[[str], str]) -> Lines:
+def compared(outcomes: Sequence[Outcome]) -> Lines:
     """Compare our simulated autopilots with the real ones of their kind."""
     lines = [["kind", "figure", "real", "simulated", "ratio", ""]]
-    names = names_of(outcomes)
     for kind in ("px4", "ardupilot"):
         groups = [
             [
@@ -134,7 +125,7 @@ def compared(outcomes: Sequence[Outcome], flavour_of: Callable[[str], str]) -> L
             ]
             for simulated in (False, True)
         ]
-        if not names or not all(groups):
+        if not all(groups):
             continue
         for key, words in FIGURES.items():
             real, ours = (median(values_of(group, key)) for group in groups)
@@ -146,51 +137,53 @@ def compared(outcomes: Sequence[Outcome], flavour_of: Callable[[str], str]) -> L
 
 
 def faults_in(outcomes: Sequence[Outcome]) -> list[str]:
-    """What an integrator must look at."""
-    found = []
-    for one in outcomes:
-        what = one["takeover"] or one["order"]
-        if "failed" in one:
-            found.append(f"{one['build']}, {what}: {one['failed']}")
-        elif one["takeover"] is None and not one["arrived"]:
-            found.append(f'{one["build"]}, {what}: ended by "{one["ended"]}"')
-        elif one["takeover"] is not None and one["reaction"]["commands_after"]:
-            count = one["reaction"]["commands_after"]
-            found.append(f"{one['build']}, {what}: {count} commands after it")
-        elif one["takeover"] is not None and one["out_s"] is None:
-            found.append(f"{one['build']}, {what}: the order did not end")
-    return found
+    """One line for each flight that does not meet what is asked of it."""
+    whats = [(one, _fault_in(one)) for one in outcomes]
+    return [
+        f"{one['build']}, {one['takeover'] or one['order']}: {what}"
+        for one, what in whats
+        if what
+    ]
 
 
-def as_page(outcomes: Sequence[Outcome], flavour_of: Callable[[str], str]) -> str:
-    """Write all tables as Markdown."""
-    parts = []
-    for title, lines in (
-        ("Orders", order_lines(outcomes)),
-        ("Takeovers", takeover_lines(outcomes)),
-        ("Flying", figure_lines(outcomes)),
-        ("Simulated and real", compared(outcomes, flavour_of)),
-    ):
-        if len(lines) > 1:
-            cells = [[one.replace("|", "/") for one in line] for line in lines]
-            rows = ["| " + " | ".join(line) + " |" for line in cells]
-            rows.insert(1, "|---" * len(lines[0]) + "|")
-            parts.append("\n".join([f"## {title}", "", *rows]))
-    return "\n\n".join(parts) + "\n"
+def _fault_in(one: Outcome) -> str | None:
+    if "failed" in one:
+        return str(one["failed"])
+    if one["takeover"] is None:
+        return None if one["arrived"] else f'ended by "{one["ended"]}"'
+    reaction, out_s = one["reaction"], one["out_s"]
+    if reaction["commands_after"]:
+        return f"{reaction['commands_after']} commands after it"
+    if out_s is None:
+        return "the order did not end"
+    if reaction["shown_s"] is None and out_s > OUT_WITHIN_S:
+        return f"no message shows it, and the order ended only {out_s:.1f} s after it"
+    return None
 
 
-def as_json(outcomes: Sequence[Outcome], flavour_of: Callable[[str], str]) -> dict[str, Any]:
-    """Get the tables' lines by their headings, and the faults."""
-    tables = {
+def tables_of(outcomes: Sequence[Outcome]) -> dict[str, Lines]:
+    """All tables, each with its headings first."""
+    return {
         "orders": order_lines(outcomes),
         "takeovers": takeover_lines(outcomes),
         "flying": figure_lines(outcomes),
-        "compared": compared(outcomes, flavour_of),
+        "compared": compared(outcomes),
     }
-    return {
-        **{
-            name: [dict(zip(lines[0], line, strict=True)) for line in lines[1:]]
-            for name, lines in tables.items()
-        },
-        "faults": faults_in(outcomes),
+
+
+def as_page(outcomes: Sequence[Outcome]) -> str:
+    """Write all tables as Markdown."""
+    return "\n".join(
+        f"## {name.capitalize()}\n\n{markdown(lines)}\n"
+        for name, lines in tables_of(outcomes).items()
+        if len(lines) > 1
+    )
+
+
+def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Get the tables' lines by their headings, and the faults."""
+    lines_by_heading = {
+        name: [dict(zip(lines[0], line, strict=True)) for line in lines[1:]]
+        for name, lines in tables_of(outcomes).items()
     }
+    return lines_by_heading | {"faults": faults_in(outcomes)}

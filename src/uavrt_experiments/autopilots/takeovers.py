@@ -2,39 +2,26 @@
 
 import math
 import os
-import random
 import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from uavrt.guidance import FailsafeSeen
 from uavrt.mavlink import Message, dialect, observations
 from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.hand import CENTRED_US, FORCED, Hand
-from uavrt_experiments.autopilots.tap import Tap
+from uavrt_experiments.autopilots.scene import RunningScene as Scene
 
 BOTH: tuple[Flavour, ...] = ("px4", "ardupilot")
 Shows = Callable[[Message], bool]
 CUT_S = 7.0
 
 
-class Scene(Protocol):
-    """What a takeover acts on."""
-
-    hand: Hand
-    companion: Tap
-    rng: random.Random
-
-    def pid_of(self, process: str) -> int:
-        """Process id of one of the drone's processes."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Takeover:
-    """One of them."""
+    """One way to take the drone over, and what shows it."""
 
     name: str
     act: Callable[[Scene], None]
@@ -46,6 +33,8 @@ class Takeover:
     undo: Callable[[Scene], None] = lambda _: None
     restarts: bool = False
     """The autopilot is started again afterwards."""
+    real_only: bool = False
+    """uavrt's simulated autopilot does not read the message that takes over."""
     sticks: bool = False
     """A remote control is switched on before."""
 
@@ -78,28 +67,34 @@ def _failing(hand: Hand) -> Shows:
     return shows
 
 
+def _goal(hand: Hand) -> tuple[int, int, float]:
+    """Where it flies to; where it is while it has no target."""
+    target, position = hand.target, hand.position
+    if target is not None:
+        return target.lat_int, target.lon_int, target.alt
+    assert position is not None
+    return position.lat, position.lon, position.alt / 1e3
+
+
 def _other_target(hand: Hand) -> Shows:
-    before = hand.target
+    latitude, longitude, altitude_m = _goal(hand)
 
     def shows(message: Message) -> bool:
-        if before is None or not isinstance(message, dialect.PositionTargetGlobalInt):
+        if not isinstance(message, dialect.PositionTargetGlobalInt):
             return False
-        off = max(abs(message.lat_int - before.lat_int), abs(message.lon_int - before.lon_int))
-        return off > 5 or abs(message.alt - before.alt) > 0.05
+        off = max(abs(message.lat_int - latitude), abs(message.lon_int - longitude))
+        return off > 5 or abs(message.alt - altitude_m) > 0.05
 
     return shows
 
 
 def _other_heading(hand: Hand) -> Shows:
-    before = hand.target
-
-    def shows(message: Message) -> bool:
-        if before is None or not isinstance(message, dialect.PositionTargetGlobalInt):
-            return False
-        off_deg = math.degrees(message.yaw - before.yaw)
-        return abs(wrap_degrees_180(off_deg)) > 2.0
-
-    return shows
+    assert hand.target is not None
+    before_rad = hand.target.yaw
+    return lambda m: (
+        isinstance(m, dialect.PositionTargetGlobalInt)
+        and abs(wrap_degrees_180(math.degrees(m.yaw - before_rad))) > 2.0
+    )
 
 
 def _other_sticks(_: Hand) -> Shows:
@@ -126,24 +121,21 @@ def _go(scene: Scene, away_m: float) -> None:
 
 
 def _go_nearby(scene: Scene) -> None:
-    """A metre beside the target."""
-    target = scene.hand.target
-    assert target is not None
-    scene.hand.reposition(x=target.lat_int + 90, y=target.lon_int, z=target.alt)
+    """Send the drone to a metre beside its target."""
+    latitude, longitude, altitude_m = _goal(scene.hand)
+    scene.hand.reposition(latitude + 90, longitude, altitude_m)
 
 
 def _go_higher(scene: Scene) -> None:
-    target = scene.hand.target
-    assert target is not None
-    scene.hand.reposition(x=target.lat_int, y=target.lon_int, z=target.alt + 8.0)
+    latitude, longitude, altitude_m = _goal(scene.hand)
+    scene.hand.reposition(latitude, longitude, altitude_m + 8.0)
 
 
 def _turn(scene: Scene) -> None:
-    """At our target, by 12° from the heading that was commanded."""
-    target = scene.hand.target
-    assert target is not None
-    yaw = (target.yaw + math.radians(12.0)) % math.tau
-    scene.hand.reposition(x=target.lat_int, y=target.lon_int, z=target.alt, param4=yaw)
+    """Turn the drone at its target by 12° from the commanded heading."""
+    assert scene.hand.target is not None
+    yaw_rad = (scene.hand.target.yaw + math.radians(12.0)) % math.tau
+    scene.hand.reposition(*_goal(scene.hand), yaw_rad=yaw_rad)
 
 
 def _condition_yaw(scene: Scene) -> None:
@@ -172,7 +164,7 @@ def _kill(process: str) -> Callable[[Scene], None]:
 
 
 def _cut(scene: Scene) -> None:
-    """For so long that the drone must notice; until then its words do not arrive."""
+    """Cut the companion link for long enough that the drone must notice."""
     scene.companion.cut = True
     time.sleep(CUT_S)
     scene.companion.cut = False
@@ -234,6 +226,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         name="velocity",
         act=lambda scene: scene.hand.ask_velocity(1.5, 1.0),
         flavours=("ardupilot",),
+        real_only=True,
     ),
     Takeover(
         name="stick",
@@ -242,6 +235,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         undo=_centred,
         sticks=True,
         flavours=("ardupilot",),
+        real_only=True,
     ),
     Takeover(
         name="fence",

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt.analysis.tracks.tlog import stamped_frames
 from uavrt.clock import Clock
 from uavrt.mavlink import Frame, FrameParser, FrameWriter, Message
 from uavrt.simulation.datagrams import DatagramPort
@@ -104,15 +105,6 @@ def write_frames(path: Path, kept: Iterable[Kept]) -> None:
 
 
 def read_frames(path: Path) -> list[Kept]:
-    """Read what `write_frames` wrote; what a crash left of the last frame is not given."""
-    data, place = path.read_bytes(), 0
-    kept: list[Kept] = []
-    while place + _STAMP.size < len(data):
-        (stamp,) = _STAMP.unpack_from(data, place)
-        place += _STAMP.size
-        length = 12 + data[place + 1] if place + 1 < len(data) else 0
-        length += 13 if place + 2 < len(data) and data[place + 2] & 1 else 0
-        frames = FrameParser().feed(data[place : place + length])
-        kept += [Kept(stamp / 1e6, frame) for frame in frames]
-        place += length
-    return kept
+    """Read the whole frames of a .tlog, also where a crash cut its end off."""
+    frames = stamped_frames(path.read_bytes())
+    return [Kept(stamp_us / 1e6, frame) for stamp_us, frame in frames]

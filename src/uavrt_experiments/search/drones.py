@@ -1,4 +1,4 @@
-"""Runs as drones fly them: the guide's `Seeker`, `Pilot` and `Company` on simulated autopilots.
+"""Search flights with the guide's own `Seeker`, `Pilot` and `Company` on simulated autopilots.
 
 The drone's own objects decide, with the arguments that the guide gives them. A table adds what
 is known of its animals before the flight. One drone flies alone; several share their ways
@@ -7,7 +7,7 @@ through the ground station's `GivenWays`.
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
@@ -22,11 +22,11 @@ from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.seeker import Choice, Equipment, Seeker
 from uavrt.guidance.wishes import FlyThere, TurnInPlace, VehicleCommand, Wish
-from uavrt.localization import TagPrior
 from uavrt.mavlink import dialect
 from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.messages import Pose, Pulse, PulsePose, SearchReport, Tag
 from uavrt.planning import VehicleState
+from uavrt.processes.guide import ASKING_S, COURSE_S
 from uavrt.processes.thinker import Thinker
 from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
@@ -49,15 +49,14 @@ FLAVOURS: tuple[Flavour, ...] = ("px4", "ardupilot")
 STEP_S = 0.05
 _STEPS = round(1.0 / STEP_S)
 _START_GAP_M = 30.0
-"""Between drones that start at one corner."""
+"""Distance between drones that start at one corner [m]."""
 _HEARD_DB = 11.4
 """SNR from which a drone expects single pulses; a table's threshold is put there."""
 _ALL_HEARD_DB = 200.0
 """Added to a table's levels where every pulse is heard, however weak."""
 _FENCE_M, _BATTERY_WH = 5000.0, 1e6
 _GREETING_S = 3.0
-"""Time in which several drones learn of each other before they begin."""
-_COURSE_S, _ASKING_S = 1.0, 0.4
+"""Time in which several drones receive each other's courses before they begin [s]."""
 _BETWEEN = np.linspace(0.0, 1.0, 11)
 
 
@@ -72,7 +71,7 @@ class Aircraft(Protocol):
         """Return what the guide sees of it."""
 
     def step(self) -> None:
-        """Let `STEP_S` pass."""
+        """Advance by `STEP_S`."""
 
     def confirm(self, order: Order) -> None:
         """Let the operator confirm an order."""
@@ -208,13 +207,13 @@ def limits_of(scenario: Scenario) -> Limits:
 
 
 def raised_db(scenario: Scenario) -> float:
-    """Return what turns a table's levels into SNR as the drone's detectors find it [dB]."""
+    """Return what to add to a table's levels for the SNR that a drone's detector finds [dB]."""
     threshold = scenario.truth.threshold_db
     return _HEARD_DB - threshold if threshold > -_ALL_HEARD_DB else _ALL_HEARD_DB
 
 
 class _AtOnce(Thinker):
-    """Thinks when it is asked, in no time."""
+    """Runs each job of the search at once, without a thread."""
 
     def _start(self) -> None:
         pass
@@ -338,7 +337,7 @@ class Drone:
                 raise TypeError(f"the search failed: {choice}")
             self._note_found(choice)
             if choice.way is None or self.company.choose(choice, now):
-                self._take_up(choice, now)
+                self._redirect(choice, now)
             else:
                 self._course_s = -math.inf
 
@@ -348,12 +347,12 @@ class Drone:
             return
         choice, given = answer
         if given:
-            self._take_up(choice, now)
+            self._redirect(choice, now)
         else:
             thinker.withdraw(now)
         self._course_s = -math.inf
 
-    def _take_up(self, choice: Choice, now: VehicleNow) -> None:
+    def _redirect(self, choice: Choice, now: VehicleNow) -> None:
         assert self._pilot is not None
         if choice.steps is not None:
             self._pilot.redirect(choice.steps, now)
@@ -366,11 +365,11 @@ class Drone:
                     self.found[sought.tag_id] = place
 
     def tell(self, ways: GivenWays) -> bool:
-        """Send the station where it goes when that is due; True if others must learn of it."""
+        """Send the drone's course to the station when due; True if others need it now."""
         now, company = self.aircraft.now(), self.company
         if now is None or not company.speaks(now.time_s):
             return False
-        every_s = _ASKING_S if company.waits else _COURSE_S
+        every_s = ASKING_S if company.waits else COURSE_S
         if now.time_s - self._course_s < every_s:
             return False
         self._course_s = now.time_s
@@ -420,11 +419,8 @@ class FlightOfDrones:
         self.least = LeastErrors(scenario, self.world)
         self._raised_db = raised_db(scenario)
         flavour, limits = FLAVOURS[seed % 2], limits_of(scenario)
-        vehicle = scenario.vehicle
         frame = Frame(
-            speed_m_s=vehicle.speed_m_s,
-            battery_wh=_BATTERY_WH,
-            fence_m=_FENCE_M,
+            speed_m_s=limits.speed_m_s, battery_wh=_BATTERY_WH, fence_m=limits.fence_m
         )
         self._tags = tuple(
             Tag(
@@ -438,10 +434,14 @@ class FlightOfDrones:
             )
             for tag_id in self.world.tag_ids
         )
+        priors = priors_of(scenario, self.world)
         equipment = Equipment(
             pattern=pattern_of(scenario.truth),
             hills=map_of(scenario),
-            known=self._known(),
+            known={
+                tag.tag_id: replace(prior, level_db=prior.level_db + self._raised_db)
+                for tag, prior in zip(self._tags, priors, strict=True)
+            },
         )
         self.drones = []
         for number, start in starts_of(scenario, contender).items():
@@ -453,16 +453,9 @@ class FlightOfDrones:
         self.second = 0
         self.judged: list[Judged] = []
         self.paths = [[(one.state.east_m, one.state.north_m)] for one in self.drones]
-        self.nearest_m = self.apart_m = float("inf")
+        self.nearest_m = self.apart_m = math.inf
         self.too_near_s = 0
         self._clear: set[int] = set()
-
-    def _known(self) -> Mapping[int, TagPrior]:
-        priors = priors_of(self.scenario, self.world)
-        return {
-            tag.tag_id: replace(prior, level_db=prior.level_db + self._raised_db)
-            for tag, prior in zip(self._tags, priors, strict=True)
-        }
 
     def _order(self, plane: TangentPlane, height_m: float) -> Order:
         scenario = self.scenario
@@ -523,7 +516,7 @@ class FlightOfDrones:
             if len(self.drones) > 1:
                 news |= one.tell(self._ways)
         time_s = self.drones[0].aircraft.time_s
-        if len(self.drones) > 1 and (news or time_s >= self._told_s + _COURSE_S):
+        if len(self.drones) > 1 and (news or time_s >= self._told_s + COURSE_S):
             self._told_s = time_s
             for one in self.drones:
                 for told in self._ways.told_to(one.number + 1, time_s):

@@ -9,6 +9,7 @@ from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.processes import PROCESSES
 from uavrt_experiments.search.scenario import Scenario
 from uavrt_experiments.search.table import asked_and_reached, figure_text
+from uavrt_experiments.tables import markdown
 
 _SECTION = re.compile(r"<!-- begin ([\w-]+) -->\n.*?<!-- end \1 -->\n", re.DOTALL)
 
@@ -32,10 +33,8 @@ def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured
         return text if one.met else f"**{text}**"
 
     heads, lines = asked_and_reached(scenario, rows, cell)
-    table = ["| " + " | ".join(one) + " |" for one in (heads, *lines)]
-    table.insert(1, "|---" * len(heads) + "|")
     parts = [f"## {scenario.name}: {scenario.title}", f"`{command}`", measured]
-    return "\n\n".join([*parts, "\n".join(table)])
+    return "\n\n".join([*parts, markdown((heads, *lines))])
 
 
 def put_section(page: Path, name: str, text: str) -> None:

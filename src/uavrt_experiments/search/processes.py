@@ -25,7 +25,7 @@ from uavrt_experiments.figures import mean, measured, share
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.result import Row
 from uavrt_experiments.search.table import figure_text
-from uavrt_experiments.tables import aligned
+from uavrt_experiments.tables import aligned, markdown
 
 PROCESSES = "processes"
 """Name of the table."""
@@ -257,7 +257,5 @@ def process_page(
     parts = [f"## {PROCESSES}: A handful of searches through the real processes"]
     parts += [f"`{command}`", code]
     for names, cells in (flight_lines(flights), (heads, lines)):
-        table = ["| " + " | ".join(cell.replace("|", "/") for cell in c) + " |" for c in cells]
-        head = "| " + " | ".join(names) + " |"
-        parts.append("\n".join([head, "|---" * len(names) + "|", *table]))
+        parts.append(markdown((names, *cells)))
     return "\n\n".join(parts)

@@ -1,13 +1,17 @@
 """A rehearsal on the simulated autopilot, in real time."""
 
 import json
+import os
+import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from uavrt.supervisor.tree import descendants_of
 from uavrt_experiments.autopilots.builds import PX4_PORTS, free_instance
 from uavrt_experiments.autopilots.measures import commands_of
 from uavrt_experiments.autopilots.tap import read_frames
@@ -33,6 +37,59 @@ def test_an_order_is_flown_taken_over_and_kept_frame_by_frame(tmp_path: Path) ->
     assert {one.frame.component_id for one in kept} >= {1, 191}
     assert commands_of(kept)
     assert "mode: land" in (place / "table.md").read_text()
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_every_program_and_keeps_the_table(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    words = ("experiment", "autopilots", "--simulated", "px4", "--quick", "--only", "goto")
+    with subprocess.Popen(
+        [sys.executable, "-m", "uavrt.cli", *words, "--output", str(tmp_path / "rehearsal")],
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as run:
+        deadline_s = time.monotonic() + 60.0
+        while len(started := descendants_of(run.pid)) < 4 and time.monotonic() < deadline_s:
+            time.sleep(0.1)
+        run.send_signal(number)
+        _, said = run.communicate(timeout=60.0)
+    assert run.returncode == 130
+    assert "repeat it to go on" in said
+    assert len(started) >= 4
+    assert not any(_runs(pid) for pid in started)
+    assert not list(tmp_path.glob("uavrt-autopilots-*"))
+    assert (tmp_path / "rehearsal/table.md").exists()
+
+
+def _runs(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+@pytest.mark.timeout(60)
+def test_an_autopilot_that_ends_at_its_start_is_named_at_once(tmp_path: Path) -> None:
+    program = tmp_path / "arducopter"
+    program.write_text("#!/bin/sh\necho no such model\nexit 3\n")
+    program.chmod(0o755)
+    words = ("experiment", "autopilots", "--arducopter", str(program), "--quick")
+    done = subprocess.run(
+        [sys.executable, "-m", "uavrt.cli", *words, "--output", str(tmp_path / "rehearsal")],
+        capture_output=True,
+        text=True,
+        timeout=50,
+    )
+    assert done.returncode == 2
+    assert "autopilot ended (exit 3): no such model" in done.stderr
+    (log,) = (tmp_path / "rehearsal").glob("*autopilot.log")
+    assert str(log) in done.stderr
+    assert log.read_text() == "no such model\n"
 
 
 def test_an_instance_of_px4_whose_port_is_taken_is_passed_over() -> None:

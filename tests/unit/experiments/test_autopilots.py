@@ -2,24 +2,26 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from uavrt.errors import UsageError
+from uavrt.errors import UavrtError, UsageError
 from uavrt.guidance import VehicleCommand
 from uavrt.mavlink import FrameParser, FrameWriter, Message, command_message, dialect
 from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
-from uavrt_experiments.autopilots import Asked, arducopter_build, planned, px4_build
+from uavrt_experiments.autopilots import Asked, arducopter_build, planned, px4_build, rehearse
 from uavrt_experiments.autopilots.builds import simulated_build
-from uavrt_experiments.autopilots.flights import ORDERS, flavour_of
-from uavrt_experiments.autopilots.hand import Foreign
+from uavrt_experiments.autopilots.flights import ORDERS
+from uavrt_experiments.autopilots.hand import Foreign, Hand
 from uavrt_experiments.autopilots.measures import flying_of, heading_at, reaction
-from uavrt_experiments.autopilots.table import as_json, as_page, compared
+from uavrt_experiments.autopilots.table import as_json, as_page, compared, flavour_of
 from uavrt_experiments.autopilots.takeovers import takeovers_of
 from uavrt_experiments.autopilots.tap import Kept, read_frames, write_frames
+from uavrt_experiments.kept import KeptOutcomes
 
 HOME = TangentPlane(latitude_deg=47.1, longitude_deg=8.5, altitude_amsl_m=430.0)
 STEP_S = 0.02
@@ -189,6 +191,12 @@ def test_without_a_revealing_message_the_end_of_the_order_counts() -> None:
     assert reaction(kept, taken_s, taken_s + 3.0, None).commands_after == 0
 
 
+def test_a_command_between_the_end_and_the_revealing_message_counts() -> None:
+    kept, taken_s = taken_over(0.05, 0.09)
+    found = reaction(kept, taken_s, taken_s + 0.07, shows_land)
+    assert (found.commands_after, found.crossed) == (1, 1)
+
+
 def test_every_takeover_is_one_of_an_autopilot_and_has_its_own_name() -> None:
     for flavour in ("px4", "ardupilot"):
         names = [one.name for one in takeovers_of(flavour)]
@@ -215,9 +223,54 @@ def test_one_of_each_is_flown_before_others() -> None:
     assert sum(one.order == "survey" and one.takeover is None for one in flights) == 3
 
 
+def test_the_simulated_autopilot_is_not_asked_for_takeovers_that_it_cannot_read() -> None:
+    simulated = simulated_build("ardupilot")
+    names = [
+        {one.takeover.name for one in planned([build], Asked(phases=1)) if one.takeover}
+        for build in (replace(simulated, simulated=False), simulated)
+    ]
+    assert names[0] - names[1] == {"velocity", "stick"}
+
+
 def test_a_part_of_a_name_chooses_flights() -> None:
     flights = list(planned([simulated_build("ardupilot")], Asked(only="pause by 193")))
     assert [one.number for one in flights] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("only", "phases", "orders"), [("nonsense", 5, 5), ("", 0, 0), ("pause by 193", 5, 5)]
+)
+def test_a_rehearsal_of_no_flight_is_refused(
+    only: str, phases: int, orders: int, tmp_path: Path
+) -> None:
+    counts = dict.fromkeys(("surveys", "searches", "takeoffs", "others"), orders)
+    asked = Asked(**counts, phases=phases, only=only)
+    with pytest.raises(UsageError, match=r"no flight .*is asked for\. Ask for others"):
+        rehearse([simulated_build("px4")], asked, tmp_path, KeptOutcomes(), [], print)
+
+
+async def test_waiting_for_an_autopilot_ends_with_its_program() -> None:
+    class Deaf:
+        heard = None
+
+    def ended() -> None:
+        raise UavrtError("autopilot ended (exit 3)")
+
+    hand = Hand(Deaf(), "px4")  # type: ignore[arg-type]
+    hand.check = ended
+    with pytest.raises(UavrtError, match=r"autopilot ended \(exit 3\)"):
+        await hand.boot(60.0)
+
+
+def test_a_build_that_has_changed_is_another(tmp_path: Path) -> None:
+    program = tmp_path / "arducopter"
+    names = []
+    for words in ("one", "two", "one"):
+        program.write_text(words)
+        program.chmod(0o755)
+        names.append(arducopter_build(program).name)
+    assert names[0] == names[2] != names[1]
+    assert names[0].startswith("ArduCopter SITL ")
 
 
 def px4_directory(top: Path, *airframes: str) -> Path:
@@ -277,13 +330,13 @@ WELL = [
 
 
 def test_a_table_of_a_good_rehearsal_has_no_fault() -> None:
-    page = as_page(WELL, flavour_of)
+    page = as_page(WELL)
     assert "| PX4 SIH | survey | 1 of 1 |  |" in page
     assert "| PX4 SIH | pause | 1 | 0 | -2.000 | 0.200 |  |" in page
     assert "| PX4 SIH | overshoot, m | 2.000 | 3.000 | 3 |" in page
     assert "| PX4 SIH | yaw of pulses, ° rms | 0.354 | 0.400 | 2 |" in page
     assert "| PX4 SIH | pulses delivered | 9 of 9 |  | 1 |" in page
-    summary = as_json(WELL, flavour_of)
+    summary = as_json(WELL)
     assert summary["faults"] == []
     assert json.loads(json.dumps(summary))["orders"][0]["ended by arrival"] == "1 of 1"
 
@@ -310,15 +363,21 @@ def test_a_table_of_a_good_rehearsal_has_no_fault() -> None:
             "PX4 SIH, pause: the order did not end",
         ),
         (
+            outcome(
+                "PX4 SIH", "goto", "pause", reaction=REACTION | {"shown_s": None}, out_s=4.2
+            ),
+            "PX4 SIH, pause: no message shows it, and the order ended only 4.2 s after it",
+        ),
+        (
             {"build": "PX4 SIH", "order": "goto", "takeover": None, "failed": "no position"},
             "PX4 SIH, goto: no position",
         ),
     ],
 )
 def test_what_an_integrator_must_look_at_is_named(bad: Any, fault: str) -> None:
-    summary = as_json([*WELL, bad], flavour_of)
+    summary = as_json([*WELL, bad])
     assert summary["faults"] == [fault]
-    assert as_page([*WELL, bad], flavour_of) != as_page(WELL, flavour_of)
+    assert as_page([*WELL, bad]) != as_page(WELL)
 
 
 @pytest.mark.parametrize(
@@ -326,6 +385,6 @@ def test_what_an_integrator_must_look_at_is_named(bad: Any, fault: str) -> None:
 )
 def test_a_simulated_autopilot_is_compared_with_the_real_one(ours: float, verdict: str) -> None:
     simulated = outcome("simulated px4", "survey", flying={"overshoot_m": [ours]})
-    _, *lines = compared([*WELL, simulated], flavour_of)
+    _, *lines = compared([*WELL, simulated])
     assert [line[-1] for line in lines if line[1] == "overshoot, m"] == [verdict]
-    assert compared(WELL, flavour_of)[1:] == []
+    assert compared(WELL)[1:] == []

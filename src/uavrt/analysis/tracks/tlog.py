@@ -10,6 +10,7 @@ there, else from the ground station's clock by the messages that came fastest.
 
 import math
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
@@ -110,22 +111,11 @@ def read_tlog(path: Path) -> VehicleTrack:
         content = read_file(path, TRACK)
     except OSError as error:
         raise FormatError(f"cannot read {path}: {error.strerror}") from error
-    log = _Log()
-    parser = FrameParser()
-    place = wrong = 0
-    while place + 11 <= len(content) and wrong < _MOST_WRONG:
-        length = _length(content, place + 8)
-        if length is None:
-            place += 1  # damaged: look for the next stamp and marker
-            continue
-        frames = parser.feed(content[place + 8 : place + 8 + length])
-        parser.reset()
-        if frames:
-            log.take(frames[0], struct.unpack_from(">Q", content, place)[0])
-            place += 8 + length
-        else:
-            place, wrong = place + 1, wrong + 1
-    if not parser.received:
+    log, empty = _Log(), True
+    for stamp_us, frame in stamped_frames(content):
+        log.take(frame, stamp_us)
+        empty = False
+    if empty:
         raise FormatError(f"{path} holds no MAVLink frame", remedy="Give a .tlog")
     offset_ns = log.gps_offset_ns or log.ground_offset_ns or 0
     attitudes = log.attitudes["quaternion"] or log.attitudes["euler"]
@@ -136,6 +126,24 @@ def read_tlog(path: Path) -> VehicleTrack:
         on_ground_ns=spans_on_ground(log.armed, log.landed),
     )
     return track.shifted(offset_ns)
+
+
+def stamped_frames(content: bytes) -> Iterator[tuple[int, Frame]]:
+    """Find the whole frames of a telemetry log, each with its time [microseconds]."""
+    parser = FrameParser()
+    place = wrong = 0
+    while place + 11 <= len(content) and wrong < _MOST_WRONG:
+        length = _length(content, place + 8)
+        if length is None:
+            place += 1  # damaged: look for the next stamp and marker
+            continue
+        frames = parser.feed(content[place + 8 : place + 8 + length])
+        parser.reset()
+        if frames:
+            yield struct.unpack_from(">Q", content, place)[0], frames[0]
+            place += 8 + length
+        else:
+            place, wrong = place + 1, wrong + 1
 
 
 def _length(content: bytes, place: int) -> int | None:
