@@ -107,24 +107,30 @@ class _Braking:
 
     share: float
     """Braking acceleration as a share of the greatest acceleration."""
-    beyond_s: float
-    """Overshoot as flying time at the present speed [s], at most `BEYOND_M`."""
+    beyond_share: float
+    """Overshoot as a share of the way on which it brakes."""
+    beyond_m: float
+    """Largest overshoot [m]."""
+    back_s: float
+    """Time constant of the return to the target [s]."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {
-    "px4": _Braking(0.45, 0.2),
-    "ardupilot": _Braking(0.8, 0.0),
+    "px4": _Braking(0.45, 0.1, 0.95, 6.0),
+    "ardupilot": _Braking(0.87, 0.045, 0.8, 1.5),
 }
+"""PX4 1.17 in SIH overshoots by 0.4 to 1.5 m at 5 m/s (median of 8: 0.83 m) and settles within
+0.5 m, 7 s after it was 3 m before the target. ArduCopter 4.7-dev in SITL brakes with 2.6 m/s²,
+overshoots by 0.64 m from 9 m/s and by 0.25 m from 5.7 m/s, and settles after 2.3 and 0.7 s."""
+BACK_BELOW_M_S = 0.4
+"""Highest speed of the return to the target [m/s]."""
 SETTLED_DEG = 0.3
 """Within this angle of the commanded heading, PX4's setpoint equals it exactly."""
-BEYOND_M, BACK_S, BACK_BELOW_M_S = 0.95, 6.0, 0.4
-"""Largest overshoot, time constant and highest speed of the return. PX4 1.17 in SIH overshoots
-by 0.4 to 1.5 m at 5 m/s (median of 8: 0.83 m) and settles within 0.5 m, 7 s after it was 3 m
-before the target."""
 _TURNING: dict[Flavour, _Turning] = {
     "px4": _Turning(65.0, 90.0, _Turning(58.0, 32.0)),
-    "ardupilot": _Turning(60.0, 120.0),
+    "ardupilot": _Turning(200.0, 185.0),
 }
+"""ArduCopter 4.7-dev turns by 107° with up to 129°/s and by 180° with up to 165°/s."""
 
 
 @dataclass(slots=True)
@@ -532,9 +538,11 @@ class FlyingVehicle:
     def _pass_by(self, step_s: float) -> None:
         """Aim behind the target, farther at higher speed, then come back to it."""
         speed = math.hypot(*self.velocity_m_s[:2])
-        beyond_m = min(BEYOND_M, _BRAKING[self.flavour].beyond_s * speed)
+        brakes = _BRAKING[self.flavour]
+        way_m = speed**2 / (2.0 * brakes.share * self.frame.acceleration_m_s2)
+        beyond_m = min(brakes.beyond_m, brakes.beyond_share * way_m)
         if speed < BACK_BELOW_M_S:
-            self._beyond_m *= 1.0 - step_s / BACK_S
+            self._beyond_m *= 1.0 - step_s / brakes.back_s
         self._beyond_m = max(self._beyond_m, beyond_m)
 
     def _towards(self, target: Target) -> geometry.Vector:
