@@ -9,6 +9,7 @@ import random
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
+import made
 from desked import Desked
 from flown import Flown
 from searched import Animal, Searched
@@ -17,8 +18,10 @@ from some import some
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
 from uavrt.mavlink import FrameParser, FrameWriter
+from uavrt.mavlink.dialect import MavCmd
 from uavrt.mavlink.message import Message
 from uavrt.simulation.flying import MODES, Flavour, Frame
+from uavrt.units import wrap_degrees_180
 
 LONGEST_S = 1500.0
 WELL = ("done", "returning: the autopilot flies home")
@@ -226,6 +229,14 @@ def turn_at_our_target(flown: Framed, rng: random.Random) -> None:
     flown._reposition(x=last.x, y=last.y, z=last.z + 0.01, param4=yaw)
 
 
+def turn_away(flown: Framed, rng: random.Random) -> None:
+    """Ask for another heading, as a ground station's "rotate" does on ArduCopter."""
+    by_deg, way = rng.uniform(60.0, 180.0), rng.choice((-1.0, 1.0))
+    rate_deg_s = rng.uniform(30.0, 90.0)
+    turn = made.command_long(MavCmd.CONDITION_YAW, by_deg, rate_deg_s, way, 1.0)
+    flown.vehicle.command(turn)
+
+
 def ask_velocity(flown: Framed, rng: random.Random) -> None:
     still = rng.random() < 0.5
     flown.vehicle.ask_velocity(*((0.0, 0.0) if still else (rng.uniform(-2, 2), 1.0)), 0.0)
@@ -265,6 +276,7 @@ TAKEOVERS: dict[str, Takeover] = {
     "go elsewhere": (go_elsewhere, 0.1, 0.1),
     "go nearby": (go_nearby, 0.1, 0.1),
     "turn at our target": (turn_at_our_target, 0.6, 0.0),
+    "turn": (turn_away, 0.0, 2.0),
     "velocity": (ask_velocity, 0.0, 0.3),
     "mode": (other_mode, 0.5, 0.1),
     "stick": (move_stick, 0.2, 0.2),
@@ -332,11 +344,30 @@ def is_same(before: Any, after: Any) -> bool:
 
 def is_clear(flown: Framed, last: Any) -> bool:
     """Whether it is at our target or far from it: in between, bearings change."""
-    target = flown.vehicle.target
+    vehicle, target = flown.vehicle, flown.vehicle.target
     if target is None or getattr(last, "x", None) is None:
         return False
-    north, east = flown.vehicle.place_m
-    return not 0.5 < math.hypot(target.north_m - north, target.east_m - east) < 30.0
+    north, east = vehicle.place_m
+    away_m = math.hypot(target.north_m - north, target.east_m - east)
+    setpoint_deg = wanted_deg = some(vehicle.yaw_setpoint_deg)
+    if vehicle.wanted_yaw_deg is not None:
+        wanted_deg = vehicle.wanted_yaw_deg
+    elif away_m > 2.0:
+        wanted_deg = math.degrees(math.atan2(target.east_m - east, target.north_m - north))
+    # In a turn, the pilot may by chance ask for the heading to which it turns.
+    turns = abs(wrap_degrees_180(wanted_deg - setpoint_deg)) > 1.0
+    return not turns and not 0.5 < away_m < 30.0
+
+
+def looks_ahead(flown: Framed) -> bool:
+    """Whether it looks and flies to its target, and is not there within half a second."""
+    vehicle, target = flown.vehicle, flown.vehicle.target
+    if target is None:
+        return False
+    north, east = target.north_m - vehicle.north_m, target.east_m - vehicle.east_m
+    off_deg = wrap_degrees_180(math.degrees(math.atan2(east, north)) - vehicle.yaw_deg)
+    speed_m_s = math.hypot(*vehicle.velocity_m_s)
+    return abs(off_deg) < 3.0 and math.hypot(north, east) > 0.5 * speed_m_s > 0.5
 
 
 def flying(flavour: Flavour, rng: random.Random, name: str) -> Framed:
@@ -351,5 +382,6 @@ def flying(flavour: Flavour, rng: random.Random, name: str) -> Framed:
         fits = not (name == "pause by 193" and not moves)
         fits &= not (name in NEED_REMOTE and not flown.channels)
         fits &= not (name == "turn at our target" and not is_clear(flown, last))
+        fits &= not (name == "turn" and not looks_ahead(flown))
         if wishes and fits:
             return flown

@@ -11,6 +11,10 @@ NEAR_M = 0.7
 """Nearer to the target the heading stays; PX4 looks along the bearing until 1 to 2 m."""
 BESIDE_M = 1.0
 """Error of the place by which a bearing is reckoned, against the autopilot's own [m]."""
+ALIGNED_DEG, ALIGNED_S = 12.0, 1.0
+"""Tolerance of a measured heading that has looked to its target for this long. On 68 legs of
+PX4 1.17 and ArduCopter 4.7 it then stayed within 4.2° of the bearing farther than 3 m from the
+target, and within 2.2° of itself nearer than `NEAR_M`."""
 SETTLES_DEG = 0.3
 """A heading that changes less from report to report has come to its end."""
 FROZEN_M, STOPPED_S = 2.5, 1.0
@@ -63,6 +67,9 @@ class YawWatch:
     _first_deg: float = 0.0
     _best_deg: float = 0.0
     _near: bool = False
+    _looks_since_s: float | None = None
+    _aligned: bool = False
+    """The heading has looked to the target for a while: its turn is over."""
     _moved_s: float = 0.0
     _turns: bool = False
     _settles: bool = False
@@ -109,12 +116,13 @@ class YawWatch:
             self._first_deg = self._best_deg = off
         self._aim_deg = aim
         # Also where the aim moves away from the heading that is not another's turn.
-        most = self._best_deg + moved + slack + self.tolerance_deg
+        self._align(time_s, off)
+        most = self._best_deg + moved + slack + self._tolerance_deg
         if off < self._best_deg + moved - 1.0 or moved > 1.0 or not self._moved_s:
             self._moved_s = time_s
         self._best_deg = min(self._best_deg + moved, off)
         frozen = self.wanted_deg is None and away_m < FROZEN_M
-        there = off <= slack + self.tolerance_deg or frozen
+        there = off <= slack + self._tolerance_deg or frozen
         self._turns |= not there and off < self._first_deg - BEGUN_DEG
         if time_s - self.start_s < TURNS_ON_S:
             most += self._turned_on_deg(time_s, step, off)
@@ -122,6 +130,21 @@ class YawWatch:
         if self.exact and self._turns and not there and stands and not self._turns_on:
             return OTHERS_TURN  # a setpoint that began to turn continues to its aim
         return OTHERS_TURN if off > most else None
+
+    @property
+    def _tolerance_deg(self) -> float:
+        return min(ALIGNED_DEG, self.tolerance_deg) if self._aligned else self.tolerance_deg
+
+    def _align(self, time_s: float, off_deg: float) -> None:
+        """Note since when a measured heading looks to the target."""
+        if self.exact or self._near or self._aligned:
+            return
+        if off_deg > THERE_DEG:
+            self._looks_since_s = None
+        elif self._looks_since_s is None:
+            self._looks_since_s = time_s
+        else:
+            self._aligned = time_s - self._looks_since_s >= ALIGNED_S
 
     @property
     def _turns_on(self) -> bool:
@@ -157,8 +180,11 @@ class YawWatch:
         was_near, self._near = self._near, bearing_deg is None or away_m < NEAR_M
         if not self._near and bearing_deg is not None:
             return bearing_deg, degrees(atan(BESIDE_M / away_m))
-        # It comes to the end of its turn first.
-        self._settles = not was_near or (self._settles and abs(step_deg) > SETTLES_DEG)
+        # A turn that is not over yet comes to its end first.
+        settles = not was_near or (self._settles and abs(step_deg) > SETTLES_DEG)
+        self._settles = settles and not self._aligned
+        if not was_near and self._aligned:
+            return yaw_deg, 0.0
         if self._aim_deg is None or self._settles:
             return yaw_deg, 0.0
         return self._aim_deg, 0.0
