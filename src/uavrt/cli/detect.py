@@ -25,9 +25,9 @@ from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
 from uavrt.config import DetectionSettings, OperatingModeName
 from uavrt.detection import OperatingMode
+from uavrt.detection.search_costs import search_cost
 from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Pulse, Tag
-from uavrt.processes import search_cost
 from uavrt.radio import (
     SampleSource,
     is_udp_address,

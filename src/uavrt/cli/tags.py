@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from uavrt.cli.examples import examples
 from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
+from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, TagFileError, UavrtError, UsageError
 from uavrt.foreign import TAGS, read_file
@@ -29,19 +30,46 @@ IN_HERTZ = "Give --center-frequency in hertz, 148.7e6"
 
 
 @tags.command(help_epilogue=examples("tags check"))
-def check(file: Path) -> None:
+def check(
+    file: Path, *, config: Annotated[Path, Parameter(alias="-c")] = DEFAULT_CONFIG
+) -> None:
     """Show the contents of a tag file, or everything that is wrong with it.
+
+    A list that a flight could not search for is refused with the reason and the remedy.
 
     Parameters
     ----------
     file
         A TagInfo.txt, tags.toml, the original's detectorConfig.txt, or TagTracker's TagInfo.db
         with its TagManufacturer.db beside it.
+    config
+        The drone's settings: sample rate, radio frequency and search window.
     """
+    from uavrt.config import tags_with_overrides, warnings_of_band
+    from uavrt.detection.search_plan import plan_search
+
     found = _read(file).tags
     for tag in found:
         print(_sentence(tag))
     _tell_unselected(file)
+    if found:
+        settings = settings_from(config)
+        radio, detection = settings.radio, settings.detection
+        rate_hz, center_hz = radio.sample_rate_hz, radio.center_frequency_hz
+        warnings = () if center_hz is None else warnings_of_band(found, center_hz, rate_hz)
+        plan = plan_search(
+            tags_with_overrides(settings, found),
+            sample_rate_hz=rate_hz,
+            detection=detection,
+            center_frequency_hz=center_hz,
+        )
+        for warning in (*warnings, *plan.warnings):
+            print(f"warning: {warning}")
+        if plan.cores > detection.worker_count:
+            print(
+                f"warning: the search needs {plan.cores:.1f} cores of a computer like this "
+                f"one, and {detection.worker_count} can be spared"
+            )
     for warning in _likenesses(found):
         print(f"warning: {warning}")
     print(f"{file}: {len(found)} tag(s), no fault")

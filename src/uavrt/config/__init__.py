@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         parameter_values,
         run_wanted,
         tags_with_overrides,
+        warnings_of_band,
         with_parameter,
     )
     from uavrt.config.radios import RADIOS, RadioRow
@@ -139,6 +140,7 @@ __all__ = [
     "tags_by_band",
     "tags_from_drafts",
     "tags_with_overrides",
+    "warnings_of_band",
     "with_parameter",
     "words_of_near_codes",
     "write_default_settings",
@@ -205,6 +207,7 @@ __getattr__ = lazily(
         "tags_by_band": "tag_bands",
         "tags_from_drafts": "tag_rules",
         "tags_with_overrides": "parameters",
+        "warnings_of_band": "parameters",
         "with_parameter": "parameters",
         "same_codes": "code_rules",
         "words_of_near_codes": "code_rules",

@@ -6,7 +6,7 @@ metadata for ground stations and the manual derive from it. Names have at most 1
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -300,6 +300,26 @@ def check_start(
         return None
     settings = settings or Settings(radio=RadioSettings(kind="soapy"))
     return with_parameter(settings, "RADIO_GAIN", gain).radio.gain
+
+
+def warnings_of_band(
+    tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
+) -> tuple[str, ...]:
+    """Name tags outside of the received band.
+
+    Raises
+    ------
+    ConfigError
+        All of them are.
+    """
+    half_hz = sample_rate_hz / 2.0
+    beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]
+    if not beyond:
+        return ()
+    band = f"{(center_hz - half_hz) / 1e6:.10g} to {(center_hz + half_hz) / 1e6:.10g} MHz"
+    if len(beyond) == len(tags):
+        raise ConfigError(f"no tag is received at {center_hz / 1e6:.10g} MHz ({band})")
+    return (f"Not received ({band}): tags {', '.join(beyond[:10])}",)
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:

@@ -3,6 +3,7 @@
 Each class is one table of the file; each default is what a first flight needs.
 """
 
+import os
 import re
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
@@ -188,13 +189,18 @@ class DetectionSettings:
     shape: Shape = "workers"
     """Which stage runs in which process: ``workers`` (a receiver and several detectors),
     ``one`` (all in one process, for a single core), ``stages`` (each on its own)."""
-    maximum_tags: Annotated[int, Interval(ge=1, le=1000)] = 100
-    """Most tags that are taken: as many as the computer is known to carry. 100 were measured on
-    two cores of a small companion computer; a slower one carries fewer."""
+    maximum_tags: Annotated[int, Interval(ge=0, le=1000)] = 0
+    """Most tags that are taken; 0: as many as this computer's cores carry, which is measured at
+    the start of a flight with more than 100 tags."""
     k: Annotated[int, Interval(ge=0, le=100)] = 0
     """Pulses summed for one decision, for all tags; 0: as each tag says."""
     false_alarm_probability: Annotated[float, Interval(ge=0.0, le=0.5)] = 0.0
     """Expected false groups for each decision interval, for all tags; 0: as each tag says."""
+
+    @property
+    def worker_count(self) -> int:
+        """Detector processes: as set, or one for each core but one."""
+        return self.workers or max(1, (os.cpu_count() or 2) - 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,12 +2,13 @@
 
 import math
 
+from uavrt.dsp.plan import widest_window_hz
 from uavrt.errors import ConfigError
 from uavrt.messages import Tag
 
 
 def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: float) -> None:
-    """Refuse what cannot be searched."""
+    """Refuse what cannot be searched; an infinite window is the whole channel."""
     if not rate_hz > 0.0 or not math.isfinite(rate_hz):
         raise ConfigError(f"a sample rate of {rate_hz} Hz", remedy="Give a positive rate")
     if not window_hz > 0.0:
@@ -19,6 +20,13 @@ def check_searchable(tag: Tag, rate_hz: float, center_hz: float, window_hz: floa
             f"tag {tag.tag_id} at {tag.frequency_hz:.0f} Hz is not in the channel of "
             f"{rate_hz:.0f} Hz around {center_hz:.0f} Hz",
             remedy="Choose the channel that contains the tag",
+        )
+    widest_hz = widest_window_hz(tag.frequency_hz - center_hz, rate_hz)
+    if math.isfinite(window_hz) and window_hz > widest_hz:
+        raise ConfigError(
+            f"a frequency window of {window_hz:g} Hz around tag {tag.tag_id} reaches beyond "
+            f"its channel: {math.floor(widest_hz)} Hz is the widest there",
+            remedy="Use a narrower --frequency-window (frequency_window_hz, DET_WINDOW_HZ)",
         )
     if tag.k < 1 or not 0.0 < tag.false_alarm_probability < 1.0:
         raise ConfigError(

@@ -22,10 +22,8 @@ from uavrt.dsp.plan import (
     FrontEndPlan,
     channel_center_hz,
     check_rate,
-    choose_channel_count,
-    choose_decimation,
     outside_span,
-    usable_half_span_hz,
+    plan_band,
 )
 from uavrt.errors import UsageError
 from uavrt.messages import ChannelBlock, IQBlock
@@ -238,17 +236,14 @@ def _set_up(
             raise UsageError(f"frequency {frequency} Hz", remedy="Give frequencies in hertz")
     reach = max((abs(f - center_frequency_hz) for f in frequencies), default=0.0)
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
-    factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=reach, mode=mode)
-    band_rate = sample_rate_hz / factor
-    half_span = usable_half_span_hz(band_rate_hz=band_rate, decimated=factor > 1, mode=mode)
-    if one_channel:
-        half_span = sample_rate_hz / 2
+    layout = plan_band(sample_rate_hz, reach_hz=reach, mode=mode)
+    factor, band_rate = layout.decimation_factor, layout.band_rate_hz
+    half_span = sample_rate_hz / 2 if one_channel else layout.usable_half_span_hz
     outside = [f for f in frequencies if abs(f - center_frequency_hz) > half_span]
     if outside:
         raise outside_span(outside, center_frequency_hz, half_span)
 
-    count = 1 if one_channel else choose_channel_count(band_rate)
-    spacing = band_rate / count
+    count, spacing = layout.channel_count, layout.channel_spacing_hz
     channels = tuple(
         round((frequency - center_frequency_hz) / spacing) % count for frequency in frequencies
     )

@@ -23,6 +23,77 @@ UNDECIMATED_FRACTION = 0.45
 """Half the usable span over the rate where the radio's own filter is the only one."""
 
 
+DEFAULT_WINDOW_HZ = 500.0
+"""Half-width of the search that every channel has room for."""
+SEARCHED_FRACTION = 0.4
+"""Frequencies to search, from a channel's centre, over the channel's rate: 3000 Hz of 7500.
+There the bank attenuates by 0.3 dB, and what folds in from beyond its channel by 30 dB."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandPlan:
+    """Decimation and channels for a sample rate."""
+
+    decimation_factor: int
+    band_rate_hz: float
+    channel_count: int
+    channel_spacing_hz: float
+    usable_half_span_hz: float
+
+    def offset_hz(self, from_center_hz: float) -> float:
+        """Distance from its channel's centre, of a frequency given from the radio's centre."""
+        half, spacing = self.channel_count // 2, self.channel_spacing_hz
+        highest = half - 1 if self.channel_count > 1 else 0
+        return from_center_hz - spacing * min(
+            max(round(from_center_hz / spacing), -half), highest
+        )
+
+    @property
+    def channel_rate_hz(self) -> float:
+        """Rate of a channel of the oversampled bank; of the band if it is one channel."""
+        return self.channel_spacing_hz * (2.0 if self.channel_count > 1 else 1.0)
+
+
+def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default") -> BandPlan:
+    """Choose decimation and channels so that the usable span reaches `reach_hz` if it can.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Rate of the radio [Hz].
+    reach_hz : float
+        Greatest distance of a frequency from the radio's centre [Hz].
+    mode : {"default", "compatible"}
+    """
+    factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=reach_hz, mode=mode)
+    one = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
+    band_rate_hz = sample_rate_hz / factor
+    count = 1 if one else choose_channel_count(band_rate_hz)
+    half_span_hz = usable_half_span_hz(
+        band_rate_hz=band_rate_hz, decimated=factor > 1, mode=mode
+    )
+    return BandPlan(
+        decimation_factor=factor,
+        band_rate_hz=band_rate_hz,
+        channel_count=count,
+        channel_spacing_hz=band_rate_hz / count,
+        usable_half_span_hz=half_span_hz,
+    )
+
+
+def widest_window_hz(offset_hz: float, channel_rate_hz: float) -> float:
+    """Widest half-width of the search around a frequency in a channel [Hz].
+
+    Parameters
+    ----------
+    offset_hz : float
+        Of the frequency, from the channel's centre [Hz].
+    channel_rate_hz : float
+        Rate of the channel [Hz].
+    """
+    return max(DEFAULT_WINDOW_HZ, SEARCHED_FRACTION * channel_rate_hz - abs(offset_hz))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontEndPlan:
     """How the front end is set up."""

@@ -1,9 +1,9 @@
 """Choose the radio frequency that serves all tags.
 
-The default keeps every tag within the decimator's clean span and away from the radio's own
-centre, where a zero-IF receiver has its DC spur; then avoids mirror images (an IQ imbalance
-shows a tag at +f also at -f), and sits the tags near channel centres. The compatible mode is
-the original's search.
+The default keeps every tag within the clean span of the decimator, which it widens as far as
+the tags need, and away from the radio's own centre, where a zero-IF receiver has its DC spur;
+then avoids mirror images (an IQ imbalance shows a tag at +f also at -f), and sits the tags near
+channel centres. The compatible mode is the original's search.
 
 Among frequencies that keep these guards, those come first that the original's own cost (tags
 per channel, nearness to channel edges) rates no worse than its choice, so that the same plan
@@ -20,13 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.dsp.decimator import Mode
-from uavrt.dsp.plan import (
-    ONE_CHANNEL_RATE_HZ,
-    check_rate,
-    choose_channel_count,
-    choose_decimation,
-    usable_half_span_hz,
-)
+from uavrt.dsp.plan import BandPlan, check_rate, plan_band
 from uavrt.errors import TunerError, UsageError
 
 TieBreak = Literal["mean", "offset"]
@@ -116,22 +110,25 @@ def tune(
     """
     check_rate(sample_rate_hz)
     tags = _checked(frequencies_hz)
-    factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=0.0, mode=mode)
-    band_rate = sample_rate_hz / factor
-    if channel_count is None:
-        one = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
-        channel_count = 1 if one else choose_channel_count(band_rate)
-    elif channel_count % 2:
+    if channel_count is not None and channel_count % 2:
         raise UsageError(f"{channel_count} channels", remedy="Use an even number of channels")
-    spacing = band_rate / channel_count
+    band = plan_band(sample_rate_hz, reach_hz=float(np.ptp(tags)) / 2.0, mode=mode)
     if mode == "compatible":
-        center = _compatible_center(tags, spacing, channel_count, tie_break)
-        return _plan(tags, center, spacing, channel_count, 0.0)
-    half_span = usable_half_span_hz(band_rate_hz=band_rate, decimated=factor > 1, mode=mode)
-    center = _default_center(
-        tags, spacing, channel_count, half_span, dc_guard_hz, image_guard_hz
-    )
-    return _plan(tags, center, spacing, channel_count, image_guard_hz)
+        count = channel_count or band.channel_count
+        spacing = band.band_rate_hz / count
+        center = _compatible_center(tags, spacing, count, tie_break)
+        return _plan(tags, center, spacing, count, 0.0)
+    while True:
+        count = channel_count or band.channel_count
+        try:
+            center = _default_center(tags, band, count, dc_guard_hz, image_guard_hz)
+        except TunerError:
+            if band.decimation_factor == 1:
+                raise
+            wider_hz = band.usable_half_span_hz + 1.0
+            band = plan_band(sample_rate_hz, reach_hz=wider_hz, mode=mode)
+        else:
+            return _plan(tags, center, band.band_rate_hz / count, count, image_guard_hz)
 
 
 def compatible_cost(
@@ -253,13 +250,9 @@ def _middles(tags: Floats) -> Floats:
 
 
 def _default_center(
-    tags: Floats,
-    spacing: float,
-    channel_count: int,
-    half_span: float,
-    dc_guard: float,
-    image_guard: float,
+    tags: Floats, band: BandPlan, channel_count: int, dc_guard: float, image_guard: float
 ) -> float:
+    spacing, half_span = band.band_rate_hz / channel_count, band.usable_half_span_hz
     low, high = np.ceil(tags.max() - half_span), np.floor(tags.min() + half_span)
     if low > high:
         raise _too_wide(tags, 2 * half_span)
@@ -350,8 +343,8 @@ def _too_wide(tags: Floats, span_hz: float) -> TunerError:
     return TunerError(
         f"the tags span {(high - low) / 1e3:.1f} kHz, from {_mhz(low)} to {_mhz(high)} MHz, "
         f"but the radio serves {span_hz / 1e3:.1f} kHz at a time",
-        remedy="Search them in two flights, leave the outermost tag out, or set the radio's "
-        "frequency by hand (center_frequency_hz), which widens the band at a higher CPU cost",
+        remedy="Search them in two flights, leave the outermost tag out, or use a radio with a "
+        "higher sample rate",
     )
 
 

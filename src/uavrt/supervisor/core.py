@@ -124,7 +124,7 @@ class Supervisor:
             self._rows,
             self.mission,
             launcher=self._launcher,
-            workers=settings.detection.workers or max(1, (os.cpu_count() or 2) - 1),
+            workers=settings.detection.worker_count,
             tell=self._tell,
             on_line=self._on_line,
             on_output=self._on_output,

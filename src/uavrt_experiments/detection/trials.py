@@ -25,7 +25,7 @@ BLOCK_SAMPLES = 653
 """About 87 ms of a 7.5 kS/s channel: how samples arrive in a flight."""
 RATE_HZ = 3750.0
 """Rate of the original's channels, of all trials unless said."""
-WHOLE_CHANNEL_HZ = 1e6
+WHOLE_CHANNEL_HZ = math.inf
 _RICIAN = 10.0**0.6
 """Power of the steady part over that of the fading one: 6 dB."""
 _RAMP_DB_PER_PULSE = 3.0

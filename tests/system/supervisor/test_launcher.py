@@ -8,14 +8,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import made
 import pytest
 from some import some
 from until import until
 
+from uavrt.config import DetectionSettings
+from uavrt.errors import TunerError
 from uavrt.ipc.parent import adopt_orphans
-from uavrt.supervisor.mission.tuning import ask_tuner
+from uavrt.supervisor.mission.tuning import TuningQuestion, ask_tuner
 from uavrt.supervisor.tree.launcher import Launcher
 
 PR_SET_CHILD_SUBREAPER = 36
@@ -197,7 +201,16 @@ def test_what_is_forked_dies_with_the_supervisor() -> None:
 
 
 def test_the_tuner_answers_from_the_nursery_as_without_it(launcher: Launcher) -> None:
-    tags_hz = [148.61e6, 148.7e6, 148.73e6]
-    executed = ask_tuner(tags_hz, 3e6)
+    tags = tuple(
+        made.tag(2 * n, hz, 1.3) for n, hz in enumerate((148.61e6, 148.7e6, 148.73e6), 1)
+    )
+    question = TuningQuestion(
+        tags=tags, sample_rate_hz=3e6, detection=DetectionSettings(), spare_cores=1
+    )
+    executed = ask_tuner(question)
     ready(launcher)
-    assert ask_tuner(tags_hz, 3e6, launcher) == executed
+    assert ask_tuner(question, launcher) == executed
+    with pytest.raises(TunerError, match="Hz is the widest"):
+        ask_tuner(
+            replace(question, detection=DetectionSettings(frequency_window_hz=5e3)), launcher
+        )

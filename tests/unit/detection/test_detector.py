@@ -258,7 +258,9 @@ def test_a_stranger_at_the_edge_of_the_channel_is_reported_where_it_is(
         rng = np.random.default_rng(seed)
         truth = made.train(rng, 60.0, 16.0, offset_hz=offset_hz)
         samples = make_samples(rng, truth, duration_s=60.0)
-        pulses, _ = detect(samples, THESIS_TAG, frequency_window_hz=1e6, operating_mode=mode)
+        pulses, _ = detect(
+            samples, THESIS_TAG, frequency_window_hz=math.inf, operating_mode=mode
+        )
         result = compare(pulses, truth, THESIS_TAG)
         assert result.matched == len(truth)
         assert result.false_confirmed == 0
@@ -279,7 +281,7 @@ def test_a_hard_lock_holds_a_tag_at_the_edge_of_the_channel() -> None:
     pulses, detector = detect(
         samples,
         THESIS_TAG,
-        frequency_window_hz=1e6,
+        frequency_window_hz=math.inf,
         operating_mode=OperatingMode.SEARCH_HARD_LOCK,
     )
     result = compare(pulses, truth, THESIS_TAG)

@@ -1,6 +1,6 @@
 import pytest
 
-from uavrt.dsp import tune
+from uavrt.dsp import FrontEnd, tune
 from uavrt.errors import TunerError, UsageError
 
 Golden = tuple[list[float], list[tuple[float, list[int], list[float]]]]
@@ -65,8 +65,29 @@ def test_the_compatible_mode_marks_edges_and_shared_channels() -> None:
 
 @pytest.mark.parametrize("mode", ["default", "compatible"])
 def test_tags_too_far_apart_are_refused_with_what_to_do(mode: str) -> None:
-    with pytest.raises(TunerError, match=r"148\.0.*149\.0.*two flights"):
-        tune([148e6, 149e6], mode="compatible" if mode == "compatible" else "default")
+    with pytest.raises(TunerError, match=r"148\.0.*151\.0.*two flights"):
+        tune([148e6, 151e6], mode="compatible" if mode == "compatible" else "default")
+    with pytest.raises(TunerError, match=r"375\.0 kHz|337\.5 kHz"):
+        tune(
+            [148e6, 148.4e6],
+            sample_rate_hz=375e3,
+            mode="compatible" if mode == "compatible" else "default",
+        )
+
+
+@pytest.mark.parametrize(
+    ("span_hz", "factor"),
+    [(0.0, 8), (260e3, 7), (330e3, 6), (999e3, 2), (1.2e6, 1), (2.69e6, 1)],
+)
+def test_the_band_is_widened_as_far_as_the_tags_need(span_hz: float, factor: int) -> None:
+    tags = [148e6, 148e6 + span_hz / 3.0, 148e6 + span_hz]
+    plan = tune(tags)
+    assert plan.band_rate_hz == 3e6 / factor
+    front_end = FrontEnd(
+        sample_rate_hz=3e6, center_frequency_hz=plan.center_frequency_hz, frequencies_hz=tags
+    )
+    assert front_end.plan.frequency_channels == plan.channels
+    assert front_end.plan.decimation_factor == factor
 
 
 def test_no_tags_and_an_odd_number_of_channels_are_refused() -> None:
@@ -108,9 +129,10 @@ def test_unavoidable_mirror_images_are_reported() -> None:
 
 
 def test_tags_that_leave_no_room_for_dc_are_refused_with_what_to_do() -> None:
-    tags = [148.5e6 + 1500 * k for k in range(160)]
+    tags = [148.5e6 + 1500 * k for k in range(223)]
     with pytest.raises(TunerError, match="Leave out a tag near the middle"):
-        tune(tags)
+        tune(tags, sample_rate_hz=375e3)
+    assert tune(tags).band_rate_hz == 3e6 / 3  # room beyond the tags
 
 
 def test_a_hundred_tags_are_served() -> None:

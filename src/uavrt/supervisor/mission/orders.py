@@ -20,6 +20,7 @@ from uavrt.config import (
     run_wanted,
     same_codes,
     tags_with_overrides,
+    warnings_of_band,
     with_parameter,
 )
 from uavrt.errors import UavrtError
@@ -30,7 +31,12 @@ from uavrt.supervisor.mission.kept_parameters import KeptParameters
 from uavrt.supervisor.mission.last_tags import LastTags
 from uavrt.supervisor.mission.operations import Operations
 from uavrt.supervisor.mission.saved_state import SavedState, StateStore, boot_id
-from uavrt.supervisor.mission.tuning import Tuning, ask_tuner
+from uavrt.supervisor.mission.tuning import (
+    UNMEASURED_TAGS,
+    Tuning,
+    TuningQuestion,
+    ask_tuner,
+)
 from uavrt.supervisor.mission.who_commands import Commander
 from uavrt.tunnel import searched_text
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -47,7 +53,11 @@ RESUME_WITHIN_S = 900.0
 to so lately: a battery change or a brown-out in the air, but not last week's flight."""
 
 Tell = Callable[[int, str], None]
-Tuner = Callable[[Sequence[float], float], Tuning]
+Tuner = Callable[[TuningQuestion], Tuning]
+_MOST_TAGS = 1000
+"""That a list may have, if `detection.maximum_tags` names no number."""
+_USUAL_WINDOW_HZ = 500.0
+"""Half-width of the search for which every channel has room."""
 
 
 class Mission:
@@ -306,7 +316,7 @@ class Mission:
         if self.tags.get(tag.tag_id, tag) != tag:
             raise UavrtError(f"tag {tag.tag_id} was already sent with other values")
         _check_tag(tag)
-        most = self.settings.detection.maximum_tags
+        most = self.settings.detection.maximum_tags or _MOST_TAGS
         if tag.tag_id not in self.tags and len(self.tags) >= most:
             raise UavrtError(f"{most} tags are the most: see detection.maximum_tags")
         self.tags[tag.tag_id] = tag
@@ -396,13 +406,13 @@ class Mission:
         radio = self.settings.radio
         warnings: tuple[str, ...] = ()
         center_hz = center_frequency_hz or radio.center_frequency_hz
-        if center_hz is None:
-            tuning = self._ask_tuner(
-                [tag.frequency_hz for tag in self.tags.values()], radio.sample_rate_hz
-            )
-            center_hz, warnings = tuning.center_frequency_hz, tuning.warnings
-        else:
-            warnings = self._warnings_of_band(tags, center_hz)
+        if center_hz is not None:
+            warnings = warnings_of_band(tags, center_hz, radio.sample_rate_hz)
+        detection = self.settings.detection
+        plain = detection.frequency_window_hz <= _USUAL_WINDOW_HZ
+        if center_hz is None or not plain or len(tags) > UNMEASURED_TAGS:
+            tuning = self._ask_tuner(self._question(tags, center_hz))
+            center_hz, warnings = tuning.center_frequency_hz, warnings + tuning.warnings
         self.clock = Clock.start()
         self.flight = new_flight(
             self.settings,
@@ -417,19 +427,6 @@ class Mission:
         for warning in (*warnings, *self._words_of_near_codes(tags)):
             self._tell(5, warning)
         return self.flight
-
-    def _warnings_of_band(self, tags: Sequence[Tag], center_hz: float) -> tuple[str, ...]:
-        """Name tags outside of the received band; refuse if all are."""
-        half_hz = self.settings.radio.sample_rate_hz / 2.0
-        beyond = [
-            str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz
-        ]
-        if not beyond:
-            return ()
-        band = f"{(center_hz - half_hz) / 1e6:.10g} to {(center_hz + half_hz) / 1e6:.10g} MHz"
-        if len(beyond) == len(tags):
-            raise UavrtError(f"no tag is received at {center_hz / 1e6:.10g} MHz ({band})")
-        return (f"Not received ({band}): tags {', '.join(beyond[:10])}",)
 
     def _words_of_near_codes(self, tags: Sequence[Tag]) -> list[str]:
         """Name codes that a burst may be taken for each other's, in words for a radio link."""
@@ -454,8 +451,8 @@ class Mission:
         if center_hz is None and not self.tags:
             raise UavrtError("no frequency: send tags first, or set RADIO_FREQ_KHZ")
         if center_hz is None:
-            frequencies = [tag.frequency_hz for tag in self.tags.values()]
-            center_hz = self._ask_tuner(frequencies, radio.sample_rate_hz).center_frequency_hz
+            question = self._question(tuple(self.tags.values()), None)
+            center_hz = self._ask_tuner(question).center_frequency_hz
         with suppress(OSError):
             free_mb = shutil.disk_usage(recording.directory).free / 1e6
             if free_mb < recording.minimum_free_mb:
@@ -471,6 +468,17 @@ class Mission:
         self._on_start(self.flight)
         self._tell(6, f"Capturing {recording.capture_s:g} s at {center_hz:.0f} Hz")
         return self.flight
+
+    def _question(self, tags: tuple[Tag, ...], center_hz: float | None) -> TuningQuestion:
+        detection = self.settings.detection
+        measured = len(tags) > UNMEASURED_TAGS and not detection.maximum_tags
+        return TuningQuestion(
+            tags=tags,
+            sample_rate_hz=self.settings.radio.sample_rate_hz,
+            detection=detection,
+            center_frequency_hz=center_hz,
+            spare_cores=detection.worker_count if measured else None,
+        )
 
     def _check_free(self) -> None:
         if self._operations is not None:

@@ -1,68 +1,96 @@
-"""Ask the tuner, in a short-lived process: ``python -m uavrt.supervisor.mission.tuning``.
+"""Plan a search in a short-lived process: ``python -m uavrt.supervisor.mission.tuning``.
 
-The tuner needs NumPy and SciPy, which would double the supervisor's memory for a calculation
-of 10 ms at each start of a flight. The nursery has them: from there it takes 20 ms.
+The plan needs NumPy, which would double the supervisor's memory for a calculation of 10 ms at
+each start of a flight. The nursery has it: from there it takes 20 ms.
 """
 
-import json
+import math
 import os
 import select
 import signal
 import sys
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+import msgspec
+
+from uavrt.config import DetectionSettings
 from uavrt.errors import TunerError, UavrtError
+from uavrt.messages import Tag
 from uavrt.supervisor.tree import Launcher
 
-TIMEOUT_S = 10.0
-"""The calculation takes 10 ms, the imports 0.3 s; on a busy small computer ten times that."""
+TIMEOUT_S = 15.0
+"""The calculation takes 10 ms, the imports 0.3 s, measuring a long list 2 s; on a busy small
+computer several times that."""
+UNMEASURED_TAGS = 100
+"""Up to this number of tags, two cores of a small companion computer carry the search."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningQuestion:
+    """What is to be searched for, and how."""
+
+    tags: tuple[Tag, ...]
+    sample_rate_hz: float
+    detection: DetectionSettings
+    center_frequency_hz: float | None = None
+    """Set by the operator; None: the tuner's choice."""
+    spare_cores: int | None = None
+    """Processor cores for the detectors; None: the cost is of no interest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """The tuner's answer."""
+    """The radio's frequency, or why there is none."""
 
-    center_frequency_hz: float
-    warnings: tuple[str, ...]
+    center_frequency_hz: float = 0.0
+    warnings: tuple[str, ...] = ()
+    error: str = ""
 
 
-def ask_tuner(
-    frequencies_hz: Sequence[float], sample_rate_hz: float, launcher: Launcher | None = None
-) -> Tuning:
+def ask_tuner(question: TuningQuestion, launcher: Launcher | None = None) -> Tuning:
     """Get the radio frequency that serves all the tags.
 
     Raises
     ------
     TunerError
-        There is none, or the tuner did not answer; the text says why.
+        There is none, the search cannot be done, or there was no answer; the text says why.
     """
-    question = json.dumps([list(frequencies_hz), sample_rate_hz])
     try:
-        answer = json.loads(_answer(question, launcher or Launcher()))
+        answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)
     except (OSError, ValueError) as error:
         raise TunerError(
             f"the tuner did not answer ({type(error).__name__})",
             remedy="Set radio.center_frequency_hz",
         ) from error
-    if "error" in answer:
-        raise TunerError(answer["error"])
-    return Tuning(float(answer["center_frequency_hz"]), tuple(answer["warnings"]))
+    if answer.error:
+        raise TunerError(answer.error)
+    return answer
 
 
-def _answer(question: str, launcher: Launcher) -> bytes:
+def _answer(question: TuningQuestion, launcher: Launcher) -> bytes:
     """Run this module as a program; get what it prints."""
+    asked = os.memfd_create("question")  # a command line holds 128 kB
+    try:
+        with open(asked, "wb", closefd=False) as file:
+            file.write(msgspec.json.encode(question))
+        os.lseek(asked, 0, os.SEEK_SET)
+        return _run(asked, launcher)
+    finally:
+        os.close(asked)
+
+
+def _run(asked: int, launcher: Launcher) -> bytes:
     reader, writer = os.pipe()
     try:
         pid = launcher.start(
             __name__,
             name="tuner",
             output=writer,
-            fds=(),
+            fds=(asked,),
             environment={},
-            arguments=(question,),
+            arguments=(str(asked),),
         )
     except OSError:
         os.close(reader)
@@ -93,22 +121,27 @@ def _read_all(descriptor: int) -> bytes:
 
 
 def main() -> None:
-    """Answer the question of the command line on standard output."""
-    from uavrt.dsp import tune
+    """Answer the question in the descriptor of the command line on standard output."""
+    from uavrt.detection.search_plan import plan_search
     from uavrt.ipc import die_with_parent
 
     die_with_parent()
-    frequencies_hz, sample_rate_hz = json.loads(sys.argv[1])
+    with open(int(sys.argv[1]), "rb") as file:
+        question = msgspec.json.decode(file.read(), type=TuningQuestion)
+    cores = math.inf if question.spare_cores is None else question.spare_cores
     try:
-        plan = tune(frequencies_hz, sample_rate_hz=sample_rate_hz)
+        plan = plan_search(
+            question.tags,
+            sample_rate_hz=question.sample_rate_hz,
+            detection=question.detection,
+            center_frequency_hz=question.center_frequency_hz,
+            spare_cores=cores,
+        )
     except UavrtError as error:
-        answer: dict[str, object] = {"error": str(error)}
+        answer = Tuning(error=str(error))
     else:
-        answer = {
-            "center_frequency_hz": plan.center_frequency_hz,
-            "warnings": plan.warnings,
-        }
-    sys.stdout.write(json.dumps(answer))
+        answer = Tuning(center_frequency_hz=plan.center_frequency_hz, warnings=plan.warnings)
+    sys.stdout.write(msgspec.json.encode(answer).decode())
 
 
 if __name__ == "__main__":

@@ -1,13 +1,14 @@
 """The cost of a tag list is known before it is searched for; ratios, not times."""
 
+import math
 from dataclasses import replace
 
 import pytest
 
 from uavrt.cli import detect
 from uavrt.config import DetectionSettings
+from uavrt.detection.search_costs import search_cost
 from uavrt.messages import Tag
-from uavrt.processes.search_costs import search_cost
 from uavrt_experiments.detection.signals import THESIS_TAG
 
 pytestmark = pytest.mark.slow
@@ -36,7 +37,7 @@ def test_few_tags_of_long_groups_or_over_the_whole_channel_are_dear() -> None:
     usual = search_cost(tags(60)) / 60.0
     long = search_cost(tags(3, k=40, interval_uncertainty_s=0.025))
     assert long > 30.0 * usual
-    wide = DetectionSettings(frequency_window_hz=1e6)
+    wide = DetectionSettings(frequency_window_hz=math.inf)
     assert search_cost(tags(1, k=20), settings=wide) > 30.0 * usual
     assert search_cost(tags(1, k=20, interval_uncertainty_s=0.002)) == 0.0
 

@@ -1,0 +1,91 @@
+"""Plan the search for a list of tags: radio frequency, channels, cost; refuse what cannot be.
+
+The drone asks at the start of a flight, and `uavrt tags check` beforehand.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uavrt.config import DetectionSettings
+from uavrt.detection.checks import check_searchable
+from uavrt.detection.modes import OperatingMode
+from uavrt.detection.search_costs import search_cost
+from uavrt.dsp.plan import UNDECIMATED_FRACTION, BandPlan, plan_band
+from uavrt.dsp.tuner import tune
+from uavrt.errors import TunerError
+from uavrt.messages import Tag
+
+_SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
+"""Modes that search the whole channel, or ± 100 Hz, whatever the window."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchPlan:
+    """How a list of tags is searched for."""
+
+    center_frequency_hz: float
+    """Of the radio."""
+    warnings: tuple[str, ...]
+    """What could not be avoided, for the operator."""
+    cores: float
+    """Processor cores that the detectors need; 0.0 for lists too cheap to be measured."""
+
+
+def plan_search(
+    tags: Sequence[Tag],
+    *,
+    sample_rate_hz: float,
+    detection: DetectionSettings,
+    center_frequency_hz: float | None = None,
+    spare_cores: float = math.inf,
+) -> SearchPlan:
+    """Choose the radio's frequency for a list of tags, and refuse what cannot be searched.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+    sample_rate_hz : float
+        Rate of the radio [Hz].
+    detection : DetectionSettings
+    center_frequency_hz : float, optional
+        Frequency of the radio [Hz]; None: the tuner's choice. Tags out of its
+        reach are left out.
+    spare_cores : float
+        Processor cores for the detectors; infinite: any number.
+
+    Raises
+    ------
+    TunerError
+        No frequency serves all tags, or their search needs more than the spare cores.
+    ConfigError
+        A tag, or the search window around it, does not fit its channel.
+    """
+    warnings: tuple[str, ...] = ()
+    if center_frequency_hz is None:
+        tuned = tune([tag.frequency_hz for tag in tags], sample_rate_hz=sample_rate_hz)
+        center_frequency_hz, warnings = tuned.center_frequency_hz, tuned.warnings
+    reach_hz = UNDECIMATED_FRACTION * sample_rate_hz
+    received = [tag for tag in tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz]
+    farthest = [abs(tag.frequency_hz - center_frequency_hz) for tag in received]
+    band = plan_band(sample_rate_hz, reach_hz=max(farthest, default=0.0))
+    for tag in received:
+        _check_window(tag, center_frequency_hz, band, detection)
+    cores = search_cost(received, settings=detection)
+    if cores > spare_cores:
+        raise TunerError(
+            f"the search for these {len(received)} tags needs {cores:.1f} processor cores, and "
+            f"{spare_cores:g} can be spared",
+            remedy="Send fewer tags, or give them a smaller K or interval uncertainty",
+        )
+    return SearchPlan(center_frequency_hz=center_frequency_hz, warnings=warnings, cores=cores)
+
+
+def _check_window(
+    tag: Tag, center_hz: float, band: BandPlan, detection: DetectionSettings
+) -> None:
+    window_hz = detection.frequency_window_hz
+    if detection.operating_mode in _SPANNED:
+        window_hz = min(window_hz, 100.0)
+    offset_hz = band.offset_hz(tag.frequency_hz - center_hz)
+    check_searchable(tag, band.channel_rate_hz, tag.frequency_hz - offset_hz, window_hz)
