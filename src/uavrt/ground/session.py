@@ -120,7 +120,7 @@ class GroundSession:
     on_course : callable, optional
         Takes this session and where its drone says that it goes.
     also : callable, optional
-        Called in the disk thread with each pulse that its flight has, see `FlightKeeper`.
+        Called in the disk thread with each pulse that is stored, see `FlightKeeper`.
     """
 
     def __init__(

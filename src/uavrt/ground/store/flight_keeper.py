@@ -79,8 +79,8 @@ class FlightKeeper:
     disk : Disk, optional
         Where the writing is done; without one `commit` does it before it returns.
     also : callable, optional
-        Called where the writing is done, with each pulse and content of a burst that its
-        flight has; only then these are durable. A `RecordingError` has it called again.
+        Called where the writing is done, with each pulse and content of a burst before its
+        flight is committed. A `RecordingError` has it called again, and the flight waits.
     on_written : callable, optional
         Called after each write, whether the disk took it or not.
     begun : set of Path, optional

@@ -31,8 +31,9 @@ class FlightWriter:
     Parameters
     ----------
     also : callable
-        Called with each pulse and content of a burst once its flight has it; for a
-        `RecordingError` it is called again later.
+        Called with each pulse and content of a burst before its flight is committed: what a
+        flight has is not received again after a kill. For a `RecordingError` it is called again
+        later, and the flight waits.
     """
 
     def __init__(self, also: Callable[[Stored], object]) -> None:
@@ -94,14 +95,14 @@ class FlightWriter:
             work(self)
         fault = None
         try:
+            while self._listed:
+                self._also(self._listed[0])
+                self._listed.popleft()
             if self._flight is not None:
                 self._flight.commit()
             while self._ending:
                 self._ending[0].close()
                 del self._ending[0]
-            while self._listed:
-                self._also(self._listed[0])
-                self._listed.popleft()
         except RecordingError as error:
             fault = str(error)
         mended = ""
