@@ -41,11 +41,20 @@ def files_below(root: Path) -> dict[str, int]:
 def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
     tmp_path: Path, source: Path
 ) -> None:
-    root = tmp_path / "root"
+    root, home = tmp_path / "root", tmp_path / "home"
+    home.mkdir()
+    (home / "release.pem").write_text("a key")
+    for module in ("pip", "venv", "sysconfig", "msgspec"):
+        # Root may be in a directory of the service's user, who puts what he likes there.
+        (home / f"{module}.py").write_text("raise SystemExit('taken from where it is called')")
 
     def run() -> "subprocess.CompletedProcess[str]":
         return subprocess.run(
-            [str(source / "deploy/install.sh"), "--root", str(root), "--user", "pi"],
+            [
+                *(str(source / "deploy/install.sh"), "--root", str(root), "--user", "pi"),
+                *("--update-key", "release.pem"),
+            ],
+            cwd=home,
             capture_output=True,
             text=True,
             check=False,
@@ -65,6 +74,7 @@ def test_the_script_installs_below_a_root_and_a_second_run_changes_nothing(
     command = root / "usr/local/bin/uavrt"
     version = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
     assert version.stdout.strip()
+    assert (root / "opt/uavrt/update-keys.pem").read_text() == "a key"
     before = files_below(root)
     second = run()
     assert second.returncode == 0, second.stderr

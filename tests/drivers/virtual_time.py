@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import pytest
 
 from uavrt import clock
-from uavrt.processes.disk_thread import DiskThread
+from uavrt.recording.disk_thread import DiskThread
 from uavrt.simulation.datagrams import DatagramPort
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -129,8 +129,11 @@ def _at_once(disk: DiskThread, job: Callable[[], Any], then: Callable[[Any], Non
         result = job()
     except Exception as error:  # noqa: BLE001 - raised where `failure` is read
         disk.failure = error
-    else:
+        return True
+    try:
         asyncio.get_running_loop().call_soon(then, result)
+    except RuntimeError:  # a test without a loop
+        then(result)
     return True
 
 

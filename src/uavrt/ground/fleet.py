@@ -18,7 +18,7 @@ from uavrt.ground.session import GroundSession
 from uavrt.ground.store import GroundStore
 from uavrt.ground.web import vehicle_record
 from uavrt.mavlink import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Signing
-from uavrt.messages import Course
+from uavrt.messages import BurstInside, Course, PulsePose
 
 MOST_VEHICLES = 16
 """Heartbeats and poses of more would fill any radio."""
@@ -39,6 +39,8 @@ class Fleet:
         Called with each thing heard from any vehicle, before it is shown.
     keys : LinkKeys
         Secrets shared with the drones.
+    also : callable, optional
+        Called in the disk thread with each pulse that is stored, see `FlightKeeper`.
     """
 
     def __init__(
@@ -47,7 +49,9 @@ class Fleet:
         clock: Clock,
         on_event: Callable[[GroundEvent], None] | None = None,
         keys: LinkKeys = NO_KEYS,
+        also: Callable[[PulsePose | BurstInside], object] = lambda _item: None,
     ) -> None:
+        self._also = also
         self._store, self._clock, self._keys, self._on_event = store, clock, keys, on_event
         own = (GCS_SYSTEM_ID if keys.as_gcs else STATION_SYSTEM_ID, keys.component_id)
         signing = None if keys.signing is None else Signing(keys.signing, clock.now_ns)
@@ -62,6 +66,7 @@ class Fleet:
             companions=self._beside,
             estimating=self._estimating,
             on_course=self._take_course,
+            also=also,
         )
         self._ways = GivenWays()
         self._tell_due = False
@@ -79,9 +84,10 @@ class Fleet:
 
     async def run(self) -> None:
         """Serve until cancelled; the vehicles of the last run are served again."""
+        self._store.disk.start()
         for number in self._store.further_vehicles:
             with contextlib.suppress(UavrtError):
-                self.serve(number)
+                await self.serve(number)
         telling = asyncio.create_task(self._tell_each_second())
         try:
             await self.first.run()
@@ -91,7 +97,7 @@ class Fleet:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    def serve(self, system_id: int) -> GroundSession:
+    async def serve(self, system_id: int) -> GroundSession:
         """Serve a vehicle besides the others, on the same links.
 
         Raises
@@ -109,8 +115,11 @@ class Fleet:
             raise UsageError(f"vehicle {system_id} is served by the first page")
         if len(self.sessions) >= MOST_VEHICLES:
             raise UsageError(f"more than {MOST_VEHICLES} vehicles are not served")
+        store = await self._store.disk.run(self._store.of_vehicle, system_id)
+        if system_id in self._others:  # asked for twice meanwhile
+            return self._others[system_id]
         session = GroundSession(
-            self._store.of_vehicle(system_id),
+            store,
             self._clock,
             self._on_event,
             self._keys,
@@ -119,6 +128,7 @@ class Fleet:
             my_place=self.first.my_place,
             estimating=self._estimating,
             on_course=self._take_course,
+            also=self._also,
         )
         self._others[system_id] = session
         self.first.identity.excluded.add(system_id)

@@ -55,6 +55,7 @@ from uavrt.ground.web import (
     table_version,
 )
 from uavrt.localization import HeardInTurn
+from uavrt.log import get_logger
 from uavrt.mavlink import Frame, parse_address
 from uavrt.messages import (
     BurstInside,
@@ -69,6 +70,8 @@ from uavrt.messages import (
 from uavrt.recording import Mark, battery_note, home_note, pulse_record, vehicle_note
 from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
+
+log = get_logger()
 
 TICK_S = 0.25
 STATE_S = 1.0
@@ -87,6 +90,8 @@ FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose 
 
 BATTERY_STEP_PERCENT = 5
 """What is left in the battery is noted in the flight at its start and after each such step."""
+ENDS_WITHIN_S = 10.0
+"""How long a session that ends waits for a slow disk."""
 ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 
 
@@ -100,7 +105,8 @@ class GroundSession:
     clock : Clock
         The ground's clock.
     on_event : callable, optional
-        Called with each thing heard from the drone, before it is shown.
+        Called with each thing heard from the drone, before it is shown; with a pulse, or the
+        content of a burst, after the write that is to store it.
     keys : LinkKeys, optional
         Secrets shared with the drone.
     links : Links, optional
@@ -113,6 +119,8 @@ class GroundSession:
         Held while estimates are worked out, by one session at a time.
     on_course : callable, optional
         Takes this session and where its drone says that it goes.
+    also : callable, optional
+        Called in the disk thread with each pulse that is stored, see `FlightKeeper`.
     """
 
     def __init__(
@@ -127,8 +135,10 @@ class GroundSession:
         my_place: MyPlace | None = None,
         estimating: asyncio.Lock | None = None,
         on_course: Callable[["GroundSession", Course], None] = lambda _own, _course: None,
+        also: Callable[[PulsePose | BurstInside], object] = lambda _item: None,
     ) -> None:
         self.store = store
+        self._disk = store.disk
         self._links, self._companions = links, companions
         self._keys = keys
         self.clock = clock
@@ -142,8 +152,15 @@ class GroundSession:
         self._battery_kept: tuple[str | None, int] = (None, 0)
         self.hub = Hub()
         self.library = FlightLibrary(store.directory)
-        self.flight = FlightKeeper(store.directory, clock)
-        self.log = EventLog(store.log_path)
+        self.flight = FlightKeeper(
+            store.directory,
+            clock,
+            self._disk,
+            also=also,
+            on_written=self._written,
+            begun=store.flights_begun,
+        )
+        self.log = EventLog(store.log_path, self._disk)
         self.link: GroundLink | None = None
         self.link_error: str | None = None
         self.state: SystemState | None = None
@@ -167,7 +184,7 @@ class GroundSession:
         self._estimating: asyncio.Task[None] | None = None
         self._commit_due = False
         self._committed_s = 0.0
-        self._unshown: list[tuple[str, dict[str, Any]]] = []
+        self._unshown: list[tuple[PulsePose | BurstInside, dict[str, Any]]] = []
         self.temperature_c: float | None = None
         self.heard: dict[int, int] = {}
         self._bench = Bench()
@@ -187,7 +204,8 @@ class GroundSession:
 
     async def run(self) -> None:
         """Serve until cancelled; connect to the address that is set."""
-        self._resume()
+        self._disk.start()
+        await self._resume()
         try:
             with contextlib.suppress(UavrtError):
                 await self.connect()
@@ -209,8 +227,22 @@ class GroundSession:
             await self.disconnect()
             if self._estimating is not None:
                 self._estimating.cancel()
-            self.flight.close()
+            await self._put_away()
             self.hub.close()
+
+    async def _put_away(self) -> None:
+        """Bring what was received to the disk, and say so if it does not take all."""
+        self.flight.close()
+        await self.flight.settle(ENDS_WITHIN_S)
+        self._show_received()
+        taken, durable = self.flight.progress
+        if taken > durable:
+            reason = self.flight.fault or "the disk does not answer"
+            log.error(
+                "pulses not stored: the drone keeps them",
+                pulses=taken - durable,
+                reason=reason,
+            )
 
     async def _listen_for_place(self) -> None:
         if self._listens:
@@ -232,7 +264,7 @@ class GroundSession:
         await self.disconnect()
         settings = self.store.settings
         try:
-            receipts = open_receipts(self.store.own)
+            receipts = await self._disk.run(open_receipts, self.store.own, self._disk)
         except RecordingError as error:
             self._unconnected(error)
         link = GroundLink(
@@ -247,7 +279,7 @@ class GroundSession:
             signing_key=self._keys.signing,
             identity=self.identity,
             links=self._links,
-            stored=lambda: self.flight.stored,
+            progress=lambda: self.flight.progress,
         )
         link.protocol.tags = {tag.tag_id: tag for tag in self.sent_tags}
         self.vehicle = VehicleWatch(link.protocol.own, self.identity)
@@ -368,7 +400,7 @@ class GroundSession:
             self.hub.send("pose", pose_record(pose, now_ns))
 
     def _take(self, event: GroundEvent) -> None:
-        if self._on_event is not None:
+        if self._on_event is not None and not isinstance(event, PulsePose | BurstInside):
             self._on_event(event)
         now_ns = self.clock.now_ns()
         self._bench.take(event, now_ns)
@@ -416,19 +448,17 @@ class GroundSession:
             "received_ns": now_ns,
             "flight_id": self.flight.flight_id,
         }
-        self._show_written("pulse", record)
+        self._show_soon(event, record)
 
     def _take_inside(self, event: BurstInside) -> None:
         """Put into a burst what came after it."""
-        if self.flight.put_inside(event):
-            record = asdict(event) | {"flight_id": self.flight.flight_id}
-            self._show_written("burst", record)
-        else:
-            self.commit_soon()
+        here = self.flight.put_inside(event)
+        flight_id = self.flight.flight_id if here else None
+        self._show_soon(event, asdict(event) | {"flight_id": flight_id})
 
-    def _show_written(self, kind: str, record: dict[str, Any]) -> None:
-        """Show a record with the next commit, which writes it first."""
-        self._unshown.append((kind, record))
+    def _show_soon(self, event: PulsePose | BurstInside, record: dict[str, Any]) -> None:
+        """Show what was received after the next write, or within a second."""
+        self._unshown.append((event, record))
         self.commit_soon()
 
     def _is_of_next_flight(self, event: PulsePose) -> bool:
@@ -454,21 +484,26 @@ class GroundSession:
 
     # ------------------------------------------------------------------- flight
 
-    def _resume(self) -> None:
+    async def _resume(self) -> None:
         """Continue with the flight that a restart interrupted."""
         kept = self.store.current_flight
         if kept is None:
             return
         try:
-            columns, tags = self.library.columns(kept), self.library.summary(kept).tags
-            marks = list(self.library.places(kept).marks)
+            columns, summary, places = await self._disk.run(
+                lambda: (
+                    self.library.columns(kept),
+                    self.library.summary(kept),
+                    self.library.places(kept),
+                )
+            )
         except UavrtError as error:
             self.note(4, f"flight {kept} does not go on: {error}")
             return
-        if not self.flight.resume(kept):
+        if not await self._disk.run(self.flight.resume, kept):
             return
         self.flight.load(columns)
-        self.sent_tags, self.marks = tags, marks
+        self.sent_tags, self.marks = summary.tags, list(places.marks)
         self._estimate_due = True
         self.note(6, f"flight {kept} goes on")
 
@@ -522,11 +557,20 @@ class GroundSession:
         self._commit_due = False
         self._committed_s = monotonic_s()
         self.flight.commit()
+
+    def _written(self) -> None:
+        """Show what the disk has, or has refused."""
         if text := self.flight.mended():
             self.note(3, text)
+        self._show_received()
+
+    def _show_received(self) -> None:
         unshown, self._unshown = self._unshown, []
-        for kind, record in unshown:
-            self.hub.send(kind, record)
+        for event, record in unshown:
+            if self._on_event is not None:
+                self._on_event(event)
+            if record["flight_id"] is not None:
+                self.hub.send("pulse" if isinstance(event, PulsePose) else "burst", record)
 
     def _once_a_second(self) -> None:
         now_ns = self.clock.now_ns()
@@ -545,6 +589,9 @@ class GroundSession:
             link.send(watch.ping(now_ns))
             self._watch_presence(link.protocol.present(now_ns))
             self._tell_faults(link.faults)
+        if self._disk.failure is not None:
+            raise self._disk.failure
+        self._show_received()
         self._commit()
         self.send_state()
 

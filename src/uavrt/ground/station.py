@@ -95,7 +95,7 @@ class Station:
                 store.set_settings(store.settings.changed({name: value}))
         if settings.tags is not None:
             store.set_tags(settings.tags)
-        self.fleet = Fleet(store, Clock.start(), self._take, settings.keys)
+        self.fleet = Fleet(store, Clock.start(), self._take, settings.keys, self._list)
         self.session = self.fleet.first
 
     def stop(self) -> None:
@@ -130,7 +130,7 @@ class Station:
         """Serve the vehicles until the work, or one of the other tasks, has ended."""
         vehicles = asyncio.create_task(self.fleet.run())
         for number in self._settings.further_vehicles:
-            self.fleet.serve(number)
+            await self.fleet.serve(number)
         working = asyncio.create_task(work)
         tasks = (vehicles, working, *others)
         try:
@@ -227,18 +227,20 @@ class Station:
             await asyncio.sleep(0.1)
         self._show({"event": "stopped", "pulses": session.flight.pulses})
 
+    def _list(self, item: PulsePose | BurstInside) -> None:
+        """Write a line of what a flight has; in the disk thread."""
+        if self._lines is not None:
+            self._lines.write(item)
+
     def _take(self, event: GroundEvent) -> None:
-        """Write and show what was received, before a session stores it."""
-        lines = self._lines
+        """Show what was received."""
         match event:
             case PulsePose():
-                if lines is None or lines.write(event):
-                    self.pulses += 1
-                    self._show({"event": "pulse", **pulse_record(event)})
-            case _ if lines is None:
+                self.pulses += 1
+                self._show({"event": "pulse", **pulse_record(event)})
+            case _ if self._lines is None:
                 return  # the page shows it
             case BurstInside():
-                lines.write(event)
                 self._show({"event": "burst", **inside_record(event)})
             case SearchReport():
                 self._show({"event": "searched", "tag_id": event.tag_id})

@@ -57,7 +57,6 @@ from uavrt.messages import (
     VehicleWish,
 )
 from uavrt.processes.crowd import Crowd
-from uavrt.processes.disk_thread import DiskThread
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.heard_tags import HeardTags
 from uavrt.processes.motion_desk import MotionDesk, Outlets
@@ -66,7 +65,7 @@ from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.processes.pose_desk import PoseDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.processes.signing_memory import SigningMemory
-from uavrt.recording import heard_tags
+from uavrt.recording import DiskThread, heard_tags
 from uavrt.tunnel import (
     ALIVE_INSIDE,
     BEARING_TYPE,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         read_detector_config,
         write_detector_config,
     )
+    from uavrt.recording.disk_thread import Disk, DiskBatches, DiskThread, at_once
     from uavrt.recording.fields import fields_of
     from uavrt.recording.flight_order import (
         FETCHED_COPY,
@@ -109,6 +110,9 @@ __all__ = [
     "TAG_COLUMNS",
     "ChannelRecorder",
     "DetectorConfig",
+    "Disk",
+    "DiskBatches",
+    "DiskThread",
     "Flight",
     "FlightFold",
     "FlightLayout",
@@ -128,6 +132,7 @@ __all__ = [
     "SilentAround",
     "TableWriter",
     "WriterLock",
+    "at_once",
     "battery_note",
     "copy_beside",
     "csv_cells",
@@ -190,6 +195,10 @@ __getattr__ = lazily(
         "read_pulse_levels": "outline",
         "ChannelRecorder": "channel_recorder",
         "DetectorConfig": "detector_configs",
+        "Disk": "disk_thread",
+        "DiskBatches": "disk_thread",
+        "DiskThread": "disk_thread",
+        "at_once": "disk_thread",
         "DAMAGED": "flight_reader",
         "Flight": "flight_reader",
         "FlightLayout": "layout",

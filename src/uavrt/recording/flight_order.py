@@ -12,7 +12,7 @@ drone's own computer received it, NAME_drone as it was fetched. They are as old 
 import itertools
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 FLIGHT_ORDER = "flights_in_order.txt"
@@ -51,10 +51,10 @@ def flown_name(name: str) -> str:
     return copy[1] if copy else name
 
 
-def copy_beside(flight: Path) -> Path:
+def copy_beside(flight: Path, is_taken: Callable[[Path], bool] = Path.exists) -> Path:
     """Name a directory that does not exist yet for what the page receives of a flight."""
     path, number = flight.with_name(f"{flight.name}{GROUND_COPY}"), 2
-    while path.exists():
+    while is_taken(path):
         path = flight.with_name(f"{flight.name}{GROUND_COPY}_{number}")
         number += 1
     return path

@@ -21,6 +21,7 @@ As in the thesis, §4.5.
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -120,14 +121,16 @@ class FlightLayout:
             ) from error
 
 
-def new_flight_directory(directory: Path, start_time_ns: int) -> Path:
+def new_flight_directory(
+    directory: Path, start_time_ns: int, is_taken: Callable[[Path], bool] = Path.exists
+) -> Path:
     """Name a flight directory that does not exist yet: ``flight_log_<UTC>``.
 
     Two flights of the same second (or after the clock was set back) get ``_2``, ``_3`` …
     """
     path = directory / f"flight_log_{flight_stamp(start_time_ns)}"
     number = 2
-    while path.exists():
+    while is_taken(path):
         path = directory / f"flight_log_{flight_stamp(start_time_ns)}_{number}"
         number += 1
     return path

@@ -1,5 +1,7 @@
 """Flights fetched from the drone by the page's server: real frames, the drone's file server."""
 
+import asyncio
+import contextlib
 import shutil
 import time
 from collections.abc import Iterator
@@ -11,6 +13,7 @@ import pytest
 from file_drone import FileDrone
 
 from uavrt.clock import Clock
+from uavrt.ground.fetch import ftp_client
 from uavrt.ground.store.flight_keeper import FlightKeeper
 
 TAG = made.tag(2, 148.7e6, 1.2)
@@ -88,13 +91,25 @@ def test_a_flight_comes_over_the_page_s_own_link(
 
 
 def test_samples_come_when_they_are_asked_for(
-    served: Any, drone: FileDrone, flown: tuple[Path, str]
+    served: Any, drone: FileDrone, flown: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    in_loop: list[str] = []
+    for name in ("file_checksum", "place_for"):
+        real = getattr(ftp_client, name)
+
+        def noted(*given: Any, name: str = name, real: Any = real) -> Any:
+            with contextlib.suppress(RuntimeError):
+                asyncio.get_running_loop()
+                in_loop.append(name)
+            return real(*given)
+
+        monkeypatch.setattr(ftp_client, name, noted)
     wanted = {"flight_id": flown[1], "everything": True}
     served.ask("POST", "/api/drone/download", wanted)
     assert ended(served)["error"] is None
     samples = served.directory / f"{flown[1]}_drone" / "iq" / "band.sigmf-data"
     assert samples.stat().st_size == 200_000
+    assert in_loop == [], "whole files are read beside the loop that serves the link"
 
 
 def test_one_download_at_a_time_and_it_can_be_stopped(

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import http.client
 import json
+import math
 import os
 import resource
 import socket
@@ -111,6 +112,26 @@ def text_of(name: str) -> str:
     return content.decode()
 
 
+def mission_around(*, outlines: int, corner_count: int) -> dict[str, Any]:
+    """A survey of long lines that keeps out of outlines beside it."""
+    ring = [math.tau * number / corner_count for number in range(corner_count)]
+    return {
+        "action": "survey",
+        "places": [[46.99, 7.99], [46.99, 8.01], [47.01, 8.01], [47.01, 7.99]],
+        "spacing_m": 12,
+        "height_m": 60,
+        "keep_out": [
+            {
+                "places": [
+                    [47.02 + number / 1000 + math.sin(turn) / 1e4, 8 + math.cos(turn) / 1e4]
+                    for turn in ring
+                ]
+            }
+            for number in range(outlines)
+        ],
+    }
+
+
 @pytest.mark.parametrize(
     ("path", "body"),
     [
@@ -124,6 +145,7 @@ def text_of(name: str) -> str:
             {"action": "goto", "places": [[47, 8]], "keep_out": [{"places": corners(9000)}]},
         ),
         ("/api/motion/plan", b"[" + b"{}," * 160_000 + b"{}]"),
+        ("/api/motion/upload", mission_around(outlines=9, corner_count=1000)),
         ("/api/tags/import", {"tags.toml": ".".join("a" * 20_000) + " = 1\n"}),
         ("/api/tags/import", {"codes.yaml": "- {id: 1, gaps_ms: [1, 2, 3]}\n" * 25_000}),
         ("/api/tags/import", {"TagInfo.db": "1" + "," * 900_000}),
@@ -133,6 +155,7 @@ def text_of(name: str) -> str:
     ids=[
         *("nested placemarks", "empty lists", "corners", "brackets in a name"),
         *("plan of 3000 corners", "keep out of 9000 corners", "objects"),
+        "mission around 9000 corners",
         *("dotted key", "long YAML", "wide line", "long table", "brackets"),
     ],
 )

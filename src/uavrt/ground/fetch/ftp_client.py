@@ -403,9 +403,10 @@ async def fetch_file(
     alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
     if alike:
         wanted = await client.checksum(entry.path)
-        if any(file_checksum(there) == wanted for there in alike):
-            progress(entry.size or 0, entry.size or 0)
-            return False
+        for there in alike:  # recordings have gigabytes, and the loop serves the link, too
+            if await asyncio.to_thread(file_checksum, there) == wanted:
+                progress(entry.size or 0, entry.size or 0)
+                return False
     part = place.with_name(place.name + PART_SUFFIX)
     if part.exists() and not part.is_file():
         raise RecordingError(f"{part} is no file", remedy="Remove it")
@@ -427,8 +428,9 @@ async def fetch_file(
                 await client.read(
                     entry.path, file.write, start=start, progress=progress, allow=allow
                 )
-            if file_checksum(part) == await client.checksum(entry.path):
-                part.replace(place_for(part, place))
+            wanted = await client.checksum(entry.path)
+            if await asyncio.to_thread(file_checksum, part) == wanted:
+                part.replace(await asyncio.to_thread(place_for, part, place))
                 return True
             part.unlink()
     except OSError as error:

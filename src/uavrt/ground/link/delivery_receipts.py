@@ -28,7 +28,8 @@ class Receipts:
     known : iterable of int
         Hashes of the payloads in the store.
     keep : callable
-        Gets the hash of each payload that is new in the store, before it is acknowledged.
+        Gets the hash of each payload that is new in the store, and what to call when it is
+        kept: then the payload is acknowledged.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class Receipts:
         store: int,
         known: Iterable[int] = (),
         *,
-        keep: Callable[[int], object] = lambda number: None,
+        keep: Callable[[int, Callable[[], None]], object] = lambda _number, then: then(),
     ) -> None:
         self.store = store
         self._keep = keep
@@ -61,11 +62,10 @@ class Receipts:
     def stored(self, payload: bytes) -> None:
         """A pulse is safe in the store."""
         number = payload_hash(payload)
-        self._keep(number)
         self._known[number] = None
         if len(self._known) > REMEMBERED:
             self._known.popitem(last=False)
-        self._due.append(number)
+        self._keep(number, lambda: self._due.append(number))
 
     def wait_ns(self, now_ns: int) -> int:
         """Time until a receipt is due."""

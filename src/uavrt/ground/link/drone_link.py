@@ -112,10 +112,10 @@ class GroundLink:
     receipts : Receipts, optional
         What the station holds already, from `uavrt.ground.link.stored_pulses.open_receipts`;
         without it the drone sends all of its flight.
-    stored : callable, optional
-        Whether all that `on_event` took is on the disk: what came before that is acknowledged,
-        and nothing for which `on_event` raises `RecordingError`. Without it a pulse is
-        acknowledged when `on_event` returns.
+    progress : callable, optional
+        How many pulses `on_event` has taken, and the durable ones of these: they are
+        acknowledged, and nothing for which `on_event` raises `RecordingError`. Without it a
+        pulse is acknowledged when `on_event` returns.
     key : Key, optional
         What commands and receipts are sealed with, see `uavrt.tunnel.seal`.
     signing_key : SigningKey, optional
@@ -143,7 +143,7 @@ class GroundLink:
         signing_key: SigningKey | None = None,
         identity: VehicleIdentity | None = None,
         links: Links | None = None,
-        stored: Callable[[], bool] = lambda: True,
+        progress: Callable[[], tuple[int, int]] = lambda: (0, 0),
     ) -> None:
         if system_id is None:
             system_id = GCS_SYSTEM_ID if as_gcs else STATION_SYSTEM_ID
@@ -164,7 +164,7 @@ class GroundLink:
         self._clock_ns = clock_ns
         self._on_event = on_event
         self._on_frame = on_frame
-        self._stored = stored
+        self._progress = progress
         self._writing = Writing(generation)
         self._ack_wait_s = ack_wait_s
         self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
@@ -483,7 +483,7 @@ class GroundLink:
         try:
             for event in self.protocol.receive(frame, self._clock_ns()):
                 self._deliver(event)
-            self.protocol.taken()
+            self.protocol.taken(self._progress()[0])
             self._acknowledge()
         except RecordingError as error:  # it comes again, as it is not acknowledged
             self.protocol.counters["not_stored"] += 1
@@ -498,8 +498,7 @@ class GroundLink:
 
     def _acknowledge(self) -> None:
         """Let the next receipt name what is on the disk."""
-        if self._stored():
-            self.protocol.stored()
+        self.protocol.stored(self._progress()[1])
 
     def _deliver(self, event: GroundEvent) -> None:
         if isinstance(event, Acknowledged) and self._waiting is not None:

@@ -4,8 +4,10 @@ The drone decides, and says what it would fly; this only carries the words. What
 anything is asked comes from the same functions that the drone plans with.
 """
 
+import asyncio
 import itertools
 import sys
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from math import nan
 from typing import TYPE_CHECKING, Any
@@ -177,8 +179,13 @@ class Flying:
         self._session.note(5, f"confirmed: {offered.state.text}")
         return {"standing": state.standing, "text": state.text}
 
-    async def upload(self, wish: Any) -> dict[str, Any]:
+    async def upload(
+        self, wish: Any, call: Callable[..., Awaitable[Any]] = asyncio.to_thread
+    ) -> dict[str, Any]:
         """Give a survey to the autopilot as its mission; a pilot starts it.
+
+        The way is checked by `call`, outside of the event loop: an outline of 1000 corners
+        takes seconds.
 
         Raises
         ------
@@ -195,11 +202,11 @@ class Flying:
             pattern=request.pattern,
             keep_out=request.keep_out,
         )
-        survey_items(order)  # what is none is refused without a link, too
+        await call(survey_items, order)  # what is none is refused without a link, too
         link = self._session.link
         if link is None:
             raise LinkError("there is no link", remedy="Connect to the drone")
-        done = await link.missions.upload_survey(order, Limits())
+        done = await link.missions.upload_survey(order, Limits(), call)
         self._session.note(
             5,
             f"the vehicle holds the survey as its mission: {done.items} items; not checked: "

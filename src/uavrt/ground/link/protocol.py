@@ -1,5 +1,6 @@
 """The ground's side of the protocol with the drone, without I/O."""
 
+import itertools
 import math
 from collections import Counter, deque
 from dataclasses import dataclass
@@ -145,8 +146,9 @@ class GroundProtocol:
         self.receipts = receipts
         self._in_hand: list[bytes] = []
         """Payloads of pulses in the last frame."""
-        self._uncommitted: dict[bytes, None] = {}
-        """Payloads of pulses that were taken and are not known to be on the disk."""
+        self._uncommitted: dict[bytes, int] = {}
+        """Payloads of pulses that were taken and are not known to be on the disk, each with the
+        store's count when it was taken; in order."""
         self.drone: Peer | None = None
         self.tags: dict[int, Tag] = {}
         """Tags we uploaded: they give received pulses their width."""
@@ -170,17 +172,18 @@ class GroundProtocol:
         """Our heartbeat."""
         return station_heartbeat(as_gcs=self._as_gcs)
 
-    def taken(self) -> None:
-        """Note that what the last `receive` gave is in the store's hands."""
-        self._uncommitted.update(dict.fromkeys(self._in_hand))
+    def taken(self, count: int = 0) -> None:
+        """Note that what the last `receive` gave is the store's, which has taken `count`."""
+        self._uncommitted.update(dict.fromkeys(self._in_hand, count))
         self._in_hand.clear()
 
-    def stored(self) -> None:
-        """Acknowledge all that was taken: it is on the disk."""
-        if self.receipts is not None:
-            for payload in self._uncommitted:
+    def stored(self, count: int = 0) -> None:
+        """Acknowledge what was taken up to this count: it is on the disk."""
+        waiting = self._uncommitted.items()
+        for payload, _ in list(itertools.takewhile(lambda one: one[1] <= count, waiting)):
+            del self._uncommitted[payload]
+            if self.receipts is not None:
                 self.receipts.stored(payload)
-        self._uncommitted.clear()
 
     def receipt(self, now_ns: int) -> dialect.Tunnel | None:
         """Return the receipt that is due, if any is and the drone is known."""

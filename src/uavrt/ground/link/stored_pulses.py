@@ -8,14 +8,18 @@ it is a new store, and the drone sends it the whole flight.
 import errno
 import secrets
 import struct
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from uavrt.errors import RecordingError
 from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.recording import Disk, DiskBatches, at_once
 
 RECEIVED_NAME = "received.bin"
 _NUMBER = struct.Struct("<Q")
+_Entry = tuple[int, Callable[[], None]]
+"""A number, and what to call when it is written."""
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -24,8 +28,8 @@ def new_store() -> int:
     return 1 + secrets.randbelow(2**32 - 1)
 
 
-def open_receipts(directory: Path) -> Receipts:
-    """Get the receipts of a directory.
+def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
+    """Get the receipts of a directory, to which `disk` writes.
 
     On a full disk they are in memory until there is room. After a restart, the drone then sends
     pulses again that are stored already.
@@ -50,10 +54,16 @@ def open_receipts(directory: Path) -> Receipts:
             ) from error
     numbers = [number for (number,) in _NUMBER.iter_unpack(content[: _whole(len(content))])]
     store = numbers[0] & 0xFFFFFFFF if numbers else new_store()
-    kept = _Received(path, _whole(len(content)))
+    received = _Received(path, _whole(len(content)))
     if not numbers:
-        kept.append(store)
-    return Receipts(store, numbers[1:], keep=kept.append)
+        received.append([(store, lambda: None)])
+    batches = DiskBatches(disk, received.append, _kept)
+    return Receipts(store, numbers[1:], keep=lambda *one: batches.add(one))
+
+
+def _kept(numbers: list[_Entry], _: None) -> None:
+    for _number, then in numbers:
+        then()
 
 
 def _whole(size: int) -> int:
@@ -67,9 +77,9 @@ class _Received:
         self._path, self._size = path, size
         self._waiting = b""
 
-    def append(self, number: int) -> None:
-        """Write a number after the whole ones; half of one is written over."""
-        self._waiting += _NUMBER.pack(number)
+    def append(self, numbers: list[_Entry]) -> None:
+        """Write numbers after the whole ones; half of one is written over."""
+        self._waiting += b"".join(_NUMBER.pack(number) for number, _ in numbers)
         with suppress(OSError):
             # Not buffered: a receipt that was sent must be here after a kill.
             with open(self._path, "r+b" if self._size else "wb", buffering=0) as file:

@@ -5,8 +5,9 @@ is uploaded, for that would change its way.
 """
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
@@ -113,8 +114,15 @@ class VehicleMissions:
                 )
             await asyncio.sleep(POLL_S)
 
-    async def upload_survey(self, order: Order, limits: Limits) -> Uploaded:
+    async def upload_survey(
+        self,
+        order: Order,
+        limits: Limits,
+        call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
+    ) -> Uploaded:
         """Give the vehicle a survey that keeps to its fence and comes home within it.
+
+        The way is checked by `call`, which calls a function outside of the event loop.
 
         Raises
         ------
@@ -123,13 +131,13 @@ class VehicleMissions:
         CommandRefused, FormatError, LinkError
             As of `upload` and `fence`; or the vehicle tells of no home.
         """
-        survey_items(order, limits)  # what is none needs no vehicle to be refused
+        await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
         home, fence = await self.home(), await self.fence()
         known = replace(
             limits, stay_in=fence.within, keep_out=(*limits.keep_out, *fence.keep_out)
         )
-        return await self.upload(survey_items(order, known, home))
+        return await self.upload(await call(survey_items, order, known, home))
 
     async def home(self) -> tuple[float, float]:
         """Ask the vehicle for its home.

@@ -2,10 +2,13 @@
 
 import json
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
+
+from uavrt.recording import Disk, DiskBatches, at_once
 
 LINES = 1000
 """Lines that a page is given; the file keeps all."""
@@ -30,10 +33,13 @@ class EventLog:
     ----------
     path : Path
         The file; lines of earlier runs are read from it.
+    disk : Disk, optional
+        Where the file is written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, disk: Disk = at_once) -> None:
         self._path = path
+        self._unwritten: DiskBatches[str, None] = DiskBatches(disk, self._write)
         self._lines: deque[dict[str, Any]] = deque(maxlen=LINES)
         self._number = 0
         self._read()
@@ -61,13 +67,14 @@ class EventLog:
             "source": source,
         }
         self._lines.append(line)
-        try:
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
-        except OSError:
-            # A full disk shows in the flight's fault; the line is still on the screen.
-            pass
+        if len(self._unwritten.waiting) < LINES:
+            self._unwritten.add(json.dumps(line) + "\n")
         return line
+
+    def _write(self, lines: list[str]) -> None:
+        # A disk that is full or hangs shows in the flight's fault; lines are on the screen.
+        with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
+            file.write("".join(lines))
 
     def lines(self) -> list[dict[str, Any]]:
         """Get the last lines, oldest first."""

@@ -1,9 +1,10 @@
 """The ground's own flight recording: start, resume after a restart, end."""
 
+import asyncio
 import math
 import sqlite3
 from array import array
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import RecordingError
 from uavrt.ground.store.beside_drone import is_the_drones
+from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
 from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
 from uavrt.log import get_logger
 from uavrt.messages import (
@@ -27,12 +29,13 @@ from uavrt.messages import (
 )
 from uavrt.on_ground import ARMED, GROUND_STATION, LANDED, ToldStates
 from uavrt.recording import (
-    GROUND_NOTE,
+    Disk,
+    DiskBatches,
     FlightLayout,
     FlightRecorder,
+    at_once,
     copy_beside,
     new_flight_directory,
-    note_flight,
     open_plain,
     told_in,
 )
@@ -44,8 +47,14 @@ POSE_STEP_NS = 190_000_000
 MOST_WAITING = 10_000
 """Pulses that wait in memory for a disk that fails. More stay with the drone, which sends again
 what is not acknowledged."""
+MOST_OTHERS = 20_000
+"""Poses, notes and the like that wait while the disk does not answer."""
 RETRY_S = 1.0
 """Between two tries of a disk that fails."""
+SLOW_S = 2.0
+"""A write that takes longer is reported [s]; a sound card or SSD takes some milliseconds."""
+TURN_S = 0.01
+"""Between two looks at whether the disk has written."""
 BURST_COMES_WITHIN_S = 60.0
 """Longest wait for a burst whose content came first [s]; each is sent until acknowledged. A
 burst that does not come belongs to a flight that this ground station does not have."""
@@ -58,21 +67,53 @@ POSE_WIDTH = 8
 class FlightKeeper:
     """Writes everything that is received into a flight directory of the ground's own.
 
+    Nothing here waits for the disk: `commit` hands over what was taken, and `progress` says
+    how much of it is durable.
+
     Parameters
     ----------
     directory : Path
         Where flights are made.
     clock : Clock
         The ground's clock.
+    disk : Disk, optional
+        Where the writing is done; without one `commit` does it before it returns.
+    also : callable, optional
+        Called where the writing is done, with each pulse and content of a burst before its
+        flight is committed. A `RecordingError` has it called again, and the flight waits.
+    on_written : callable, optional
+        Called after each write, whether the disk took it or not.
+    begun : set of Path, optional
+        Flights that were begun, also by other keepers; the disk may not have them yet.
     """
 
-    def __init__(self, directory: Path, clock: Clock) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        clock: Clock,
+        disk: Disk = at_once,
+        *,
+        also: Callable[[Stored], object] = lambda _item: None,
+        on_written: Callable[[], None] = lambda: None,
+        begun: set[Path] | None = None,
+    ) -> None:
         self._directory = directory
         self._clock = clock
-        self._recorder: FlightRecorder | None = None
-        self._ending: list[FlightRecorder] = []
-        """Of flights that are over, and that the disk has not taken whole."""
+        self._writer = FlightWriter(also)
+        self._works: DiskBatches[tuple[bool, Callable[[FlightWriter], None]], Written] = (
+            DiskBatches(disk, self._writer.write, self._written)
+        )
+        """What the writer is to do; True for what receipts wait for."""
+        self._on_written = on_written
+        self._path: Path | None = None
+        """Of the flight that is open."""
+        self._begun: set[Path] = set() if begun is None else begun
+        self._taken = self._applied = self._durable = 0
+        self._left_out = 0
         self._retry_at_s = 0.0
+        self._reported = False
+        self._error: str | None = None
+        self._mended = ""
         self._before: tuple[Path | None, frozenset[tuple[int, int]]] = (None, frozenset())
         self._keys: set[tuple[int, int]] = set()
         self._early_s: dict[tuple[int, int], float] = {}
@@ -86,8 +127,27 @@ class FlightKeeper:
         self.flight_id: str | None = None
         self.start_time_ns = 0
         self.ended = True
-        self.fault: str | None = None
-        """Why the last commit failed, None when all is on the disk."""
+
+    @property
+    def fault(self) -> str | None:
+        """Why the disk has not taken all, or that it is slow; None when all is well."""
+        handed_s = self._works.handed_s
+        now_s = 0.0 if handed_s is None else monotonic_s() - handed_s
+        before_s = 0.0 if self._error is not None or self.stored else self._works.took_s
+        slow_s = max(now_s, before_s)
+        if slow_s < SLOW_S:
+            return self._error
+        error = RecordingError(
+            f"the disk of {self._directory} takes {slow_s:.0f} s to write: "
+            f"{self._waiting} pulses wait in memory",
+            remedy="Check or replace it",
+        )
+        return str(error)
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """How many pulses and contents of bursts were taken, and the durable ones of these."""
+        return self._taken, self._durable
 
     @property
     def pulses(self) -> int:
@@ -107,9 +167,10 @@ class FlightKeeper:
         self.close()
         now_ns = self._clock.now_ns()
         if flown is None:
-            path = new_flight_directory(self._directory, now_ns)
+            path = new_flight_directory(self._directory, now_ns, self._is_taken)
         else:
-            path = copy_beside(flown)
+            path = copy_beside(flown, self._is_taken)
+        self._begun.add(path)
         info = FlightInfo(
             directory=str(path),
             start_time_ns=now_ns,
@@ -118,30 +179,27 @@ class FlightKeeper:
             sample_rate_hz=math.nan,
             tags=tuple(tags),
         )
-        self._recorder = FlightRecorder.open(info, durable=True)
-        if flown is None and is_the_drones(self._directory):
-            self._note(path)
+        among = flown is None and is_the_drones(self._directory)
+        self._put(lambda writer: writer.begin(info, among_the_drones=among))
+        self._path = path
         self._forget(path.name, now_ns)
         self.ended = False
-        self._recorder.write_note(GROUND_NOTE, now_ns)
         self.commit()
         return path.name
 
-    @staticmethod
-    def _note(flight: Path) -> None:
-        """Note among the drone's flights that another's begins: it is none of the oldest."""
-        try:
-            note_flight(flight)
-        except OSError as error:
-            log.warning("order of flights not noted", reason=str(error))
+    def _is_taken(self, path: Path) -> bool:
+        return path in self._begun or path.exists()
 
     def resume(self, flight_id: str) -> bool:
-        """Continue with a flight after a restart; False when it is not there any more."""
+        """Continue with a flight after a restart; False when it is not there any more.
+
+        It reads and writes where it is called: in the disk thread, where there is one.
+        """
         path = self._directory / flight_id
         if Path(flight_id).name != flight_id:
             return False
         try:
-            self._recorder = FlightRecorder.reopen(path, durable=True)
+            self._writer.go_on(path)
             with closing(open_plain(FlightLayout(path).database)) as database:
                 (start_ns,) = database.execute("SELECT start_time_ns FROM flight").fetchone()
                 self._forget(flight_id, start_ns)
@@ -150,8 +208,10 @@ class FlightKeeper:
                 self._told = told_in(database)
         except (RecordingError, sqlite3.Error, TypeError) as error:
             log.warning("flight not resumed", flight=flight_id, reason=str(error))
-            self._recorder = self.flight_id = None
+            self._writer.end()
+            self.flight_id = None
             return False
+        self._path = path
         self.ended = False
         return True
 
@@ -163,19 +223,34 @@ class FlightKeeper:
     @property
     def stored(self) -> bool:
         """Whether every pulse that was taken is on the disk."""
-        return not self._waiting()
+        return not self._waiting
 
+    @property
     def _waiting(self) -> int:
-        current = () if self._recorder is None else (self._recorder,)
-        return sum(recorder.waiting_pulses for recorder in (*self._ending, *current))
+        return self._taken - self._durable
 
-    def _room(self) -> FlightRecorder:
-        """Get the recorder for one more pulse; raises `RecordingError` where it cannot wait."""
-        if self._recorder is None:
+    def _store(self, item: Stored) -> None:
+        """Take a pulse for the open flight; raises `RecordingError` where it cannot wait."""
+        if self._path is None:
             raise RecordingError("no flight is open")
-        if self._waiting() >= MOST_WAITING:
+        if self._waiting >= MOST_WAITING:
             raise RecordingError(self.fault or "the disk is too slow for the pulses received")
-        return self._recorder
+        self._put(lambda writer: writer.store(item), counts=True)
+
+    def _put(self, work: Callable[[FlightWriter], None], *, counts: bool = False) -> None:
+        """Have the writer do something with the next commit."""
+        self._taken += counts
+        self._works.waiting.append((counts, work))
+
+    def _record(self, write: Callable[[FlightRecorder], None]) -> None:
+        """Write what no receipt waits for into the open flight."""
+        if self._path is None:
+            return
+        if len(self._works.waiting) < MOST_WAITING + MOST_OTHERS:
+            self._put(lambda writer: writer.record(write))
+        else:
+            self._left_out += 1
+            log.seldom(self._left_out, "poses and notes discarded: the disk does not answer")
 
     def add_pulse(self, item: PulsePose) -> bool:
         """Add a pulse; False when it was here before.
@@ -188,7 +263,7 @@ class FlightKeeper:
         key = item.pulse.key
         if key in self._keys:
             return False
-        self._room().write_pulse_poses([item])
+        self._store(item)
         self._keys.add(key)
         self._early_s.pop(key, None)
         self._pulses.extend(pulse_cells(item))
@@ -203,15 +278,14 @@ class FlightKeeper:
             The content was not stored: its burst has not come yet, or the disk is too slow.
         """
         if burst.key in self._keys:
-            self._room().write_inside(burst)
+            self._store(burst)
             if burst.also_possible_tag_ids:
                 self._doubt(burst)
             return True
         path, keys = self._before
         if path is not None and burst.key in keys:
-            recorder = FlightRecorder.reopen(path, durable=True)
-            recorder.write_inside(burst)
-            self._ending.append(recorder)
+            before = path
+            self._put(lambda writer: writer.store_before(before, burst), counts=True)
             return False
         if len(self._early_s) >= MOST_EARLY:
             self._early_s.clear()
@@ -233,12 +307,12 @@ class FlightKeeper:
 
     def add_pose(self, pose: Pose) -> None:
         """Add a pose of the vehicle."""
-        if self._recorder is None or self.ended:
+        if self._path is None or self.ended:
             return
         if 0 <= pose.time_ns - self._last_pose_ns < POSE_STEP_NS:
             return
         self._last_pose_ns = pose.time_ns
-        self._recorder.write_poses(Poses(poses=(pose,)))
+        self._record(lambda flight: flight.write_poses(Poses(poses=(pose,))))
         self._poses.extend(
             (
                 pose.time_ns,
@@ -251,34 +325,29 @@ class FlightKeeper:
 
     def add_state(self, time_ns: int, armed: bool | None, landed: bool | None) -> None:
         """Add what the autopilot says of arming and landing; only changes are written."""
-        if self._recorder is None or self.ended or not self._told.add(time_ns, armed, landed):
+        if self._path is None or self.ended or not self._told.add(time_ns, armed, landed):
             return
         said = {ARMED: armed, LANDED: landed}
         counters = {name: float(one) for name, one in said.items() if one is not None}
-        self._recorder.write_health(
-            Health(
-                process=GROUND_STATION,
-                time_ns=time_ns,
-                status="ready",
-                ok=True,
-                counters=counters,
-            )
+        health = Health(
+            process=GROUND_STATION, time_ns=time_ns, status="ready", ok=True, counters=counters
         )
+        self._record(lambda flight: flight.write_health(health))
 
     def add_search_report(self, report: SearchReport) -> None:
         """Add what was searched in vain."""
-        if self._recorder is not None and not self.ended:
-            self._recorder.write_search_report(report)
+        if not self.ended:
+            self._record(lambda flight: flight.write_search_report(report))
 
     def add_text(self, severity: int, text: str, time_ns: int) -> None:
         """Add a text for the operator."""
-        if self._recorder is not None and not self.ended:
-            self._recorder.write_status_text(StatusText(severity=severity, text=text), time_ns)
+        if not self.ended:
+            said = StatusText(severity=severity, text=text)
+            self._record(lambda flight: flight.write_status_text(said, time_ns))
 
     def add_note(self, text: str, time_ns: int) -> None:
         """Add a mark of the operator."""
-        if self._recorder is not None:
-            self._recorder.write_note(text, time_ns)
+        self._record(lambda flight: flight.write_note(text, time_ns))
 
     def columns(self) -> Columns:
         """Copy what is known of the flight, for another thread."""
@@ -292,38 +361,48 @@ class FlightKeeper:
 
     def commit(self) -> None:
         """Bring everything to the disk; what it does not take waits, and `fault` says why."""
-        now_s = monotonic_s()
-        if now_s < self._retry_at_s:
-            return
-        try:
-            if self._recorder is not None:
-                self._recorder.commit()
-            while self._ending:
-                self._ending[0].close()
-                del self._ending[0]
-            self.fault = None
-        except RecordingError as error:
-            self._retry_at_s = now_s + RETRY_S
-            if self.fault is None:
-                log.warning("flight not written", reason=str(error))
-            self.fault = str(error)
+        fault = self.fault
+        if fault is not None and not self._reported:
+            log.warning("flight not written", reason=fault)
+        self._reported = fault is not None
+        if monotonic_s() >= self._retry_at_s:
+            self._works.write()
+
+    def _written(
+        self, works: list[tuple[bool, Callable[[FlightWriter], None]]], written: Written
+    ) -> None:
+        """Count what the disk has now."""
+        self._applied += sum(counts for counts, _ in works)
+        if written.fault is None:
+            self._durable = self._applied
+        else:
+            self._retry_at_s = monotonic_s() + RETRY_S
+        self._error = written.fault
+        self._mended = written.mended or self._mended
+        self._on_written()
 
     def mended(self) -> str:
         """Get what was wrong with the flight's database and has been put right, once."""
-        text = "" if self._recorder is None else self._recorder.mended
-        if self._recorder is not None:
-            self._recorder.mended = ""
+        text, self._mended = self._mended, ""
         return text
 
     def close(self) -> None:
         """End the recording; what the disk does not take now is written by a later `commit`."""
-        if self._recorder is not None:
-            self._before = self._recorder.layout.root, frozenset(self._keys)
-            self._ending.append(self._recorder)
-        self._recorder = None
+        if self._path is not None:
+            self._before = self._path, frozenset(self._keys)
+            self._put(FlightWriter.end)
+        self._path = None
         self.ended = True
         self._retry_at_s = 0.0
         self.commit()
+
+    async def settle(self, within_s: float) -> None:
+        """Wait until the disk has taken all, has refused it, or the time is over."""
+        if self._works.waiting:
+            self.commit()
+        end_s = monotonic_s() + within_s
+        while self._works.handed_s is not None and monotonic_s() < end_s:  # noqa: ASYNC110
+            await asyncio.sleep(TURN_S)
 
     def _forget(self, flight_id: str, start_time_ns: int) -> None:
         self.flight_id, self.start_time_ns = flight_id, start_time_ns

@@ -16,10 +16,13 @@ from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.mavlink import parse_address
 from uavrt.messages import Tag
 from uavrt.nmea import BAUD
+from uavrt.recording import DiskBatches, DiskThread
 from uavrt.terrain import open_elevation
 from uavrt.tunnel import Generation
 from uavrt.units import number_in
 
+MOST_JOBS = 256
+"""Jobs that may wait for a disk that does not answer: some for each of 16 vehicles."""
 MOST_NAME = 40
 """Letters of a vehicle's name: it stands in the header of the page."""
 
@@ -93,6 +96,8 @@ class GroundStore:
     system_id : int, optional
         Of a vehicle that is served besides the first: its small files are in
         ``vehicles/NUMBER``.
+    first : GroundStore, optional
+        The station's, whose disk thread writes these files, too.
 
     Raises
     ------
@@ -100,9 +105,21 @@ class GroundStore:
         It cannot be written.
     """
 
-    def __init__(self, directory: Path, system_id: int | None = None) -> None:
-        self.directory = directory
-        self.system_id = system_id
+    def __init__(
+        self,
+        directory: Path,
+        system_id: int | None = None,
+        first: "GroundStore | None" = None,
+    ) -> None:
+        self.disk: DiskThread = (
+            DiskThread(MOST_JOBS, early=True) if first is None else first.disk
+        )
+        """Writes all of the station's files."""
+        self.flights_begun: set[Path] = set() if first is None else first.flights_begun
+        """Flights of all vehicles; the disk may not have them yet."""
+        self._soon = DiskBatches(self.disk, self._write_last, self._wrote)
+        self.directory: Path = directory
+        self.system_id: int | None = system_id
         self.own = directory if system_id is None else directory / "vehicles" / str(system_id)
         """Where the small files are, and what is known of received pulses."""
         try:
@@ -118,7 +135,9 @@ class GroundStore:
         current = kept.get("current_flight")
         self.current_flight: str | None = current if isinstance(current, str) else None
         # Only while a flight is in progress: tomorrow it may be another drone.
-        self.vehicle = _vehicle(kept) if self.current_flight else (None, None)
+        self.vehicle: tuple[int | None, str | None] = (
+            _vehicle(kept) if self.current_flight else (None, None)
+        )
         """System number and unique number of the vehicle that is served."""
         self.further_vehicles = _numbers(kept.get("further_vehicles"))
         """System numbers of those that are served besides the first."""
@@ -141,7 +160,7 @@ class GroundStore:
             It cannot be written.
         """
         known = (self.directory / "vehicles" / str(system_id)).exists()
-        store = GroundStore(self.directory, system_id)
+        store = GroundStore(self.directory, system_id, self)
         if not known:
             store.set_settings(replace(self.settings, vehicle_name=""))
             store.set_tags(self.tags)
@@ -200,7 +219,7 @@ class GroundStore:
     def set_further_vehicles(self, numbers: tuple[int, ...]) -> None:
         """Keep which vehicles are served besides the first."""
         self.further_vehicles = numbers
-        self._write()
+        self._write_soon()
 
     def _read(self) -> dict[str, Any]:
         try:
@@ -212,10 +231,25 @@ class GroundStore:
     def _write_soon(self) -> None:
         """Write what no operator waits for; a disk that does not take it is tried again."""
         self._behind = True
-        with contextlib.suppress(ConfigError):
-            self._write()
+        self._soon.waiting = [self._text()]
+        self._soon.write()
+
+    def _write_last(self, texts: list[str]) -> bool:
+        try:
+            for text in texts[-1:]:
+                self._write_text(text)
+        except ConfigError:
+            return False
+        return True
+
+    def _wrote(self, texts: list[str], written: bool) -> None:
+        self._behind = not written or texts != [self._text()]
 
     def _write(self) -> None:
+        self._write_text(self._text())
+        self._behind = False
+
+    def _text(self) -> str:
         kept = {
             "settings": asdict(self.settings),
             "current_flight": self.current_flight,
@@ -223,15 +257,17 @@ class GroundStore:
             "commander": self.commander,
             "further_vehicles": list(self.further_vehicles),
         }
+        return json.dumps(kept, indent=1) + "\n"
+
+    def _write_text(self, text: str) -> None:
         path = self.own / "ground.json"
         try:
-            write_text_atomically(path, json.dumps(kept, indent=1) + "\n")
+            write_text_atomically(path, text)
         except OSError as error:
             raise ConfigError(
                 f"cannot write {path}: {error.strerror}",
                 remedy="Free space on the disk, or give a writable directory with -o",
             ) from error
-        self._behind = False
 
 
 def _numbers(kept: object) -> tuple[int, ...]:

@@ -150,12 +150,18 @@ class Api:
         tags, faults = await self._worker.call(tag_table.tags_from_rows, rows)
         if faults:
             return Answer(422, {"faults": [asdict(fault) for fault in faults]})
-        now = self._session.store.tags
+        store = self._session.store
         wanted = request.headers.get("if-match", "*").strip('" ')
-        if wanted not in ("*", tag_table.table_version(now)):
+
+        def keep() -> bool:
+            same = wanted in ("*", tag_table.table_version(store.tags))
+            if same:
+                store.set_tags(tags)
+            return same
+
+        if not await store.disk.run(keep):
             changed = "the tags were changed by another page meanwhile"
-            return Answer(412, {"error": changed, **_tag_answer(now)})
-        self._session.store.set_tags(tags)
+            return Answer(412, {"error": changed, **_tag_answer(store.tags)})
         self._session.tags_changed()
         return {"faults": [], **_tag_answer(tags)}
 
@@ -182,7 +188,8 @@ class Api:
         """Change some of the set-up."""
         self._check_commander(request)
         store = self._session.store
-        store.set_settings(store.settings.changed(await json_body(request)))
+        wanted = store.settings.changed(await json_body(request))
+        await store.disk.run(store.set_settings, wanted)
         self._session.settings_changed()
         return asdict(store.settings)
 
@@ -224,7 +231,8 @@ class Api:
         address = wanted.get("address") if isinstance(wanted, dict) else None
         if address:
             store = self._session.store
-            store.set_settings(store.settings.changed({"address": address}))
+            changed = store.settings.changed({"address": address})
+            await store.disk.run(store.set_settings, changed)
             self._session.settings_changed()
             await self._session.connect()
         else:
@@ -287,7 +295,8 @@ class Api:
     async def motion_upload(self, request: Request) -> Any:
         """Give a survey to the autopilot as its mission. Nothing moves by it."""
         self._check_commander(request)
-        return await self._session.flying.upload(await json_body(request))
+        wish = await json_body(request)
+        return await self._session.flying.upload(wish, self._worker.call)
 
     async def motion_ask(self, request: Request) -> Any:
         """Ask the drone for a motion: its offer, or its reason not to. Nothing moves by it."""

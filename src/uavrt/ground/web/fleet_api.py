@@ -52,7 +52,7 @@ class FleetApi:
         number = wanted.get("system_id") if isinstance(wanted, dict) else None
         if not isinstance(number, int) or isinstance(number, bool):
             raise UsageError("system_id must be a vehicle's number, 1 to 255")
-        self._fleet.serve(number)
+        await self._fleet.serve(number)
         return self._fleet.records()
 
     async def leave(self, request: Request) -> Any:

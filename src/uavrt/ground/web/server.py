@@ -3,6 +3,7 @@
 Imported only for ``uavrt ground`` with a page: it needs the extra ``uavrt[ground]``.
 """
 
+import asyncio
 import contextlib
 import socket
 import ssl
@@ -35,6 +36,7 @@ from uavrt.ground.web.set_up_api import SetUpApi
 
 STATIC = Path(__file__).parents[1] / "static"
 DEFAULT_PORT = 8650
+SETTLES_WITHIN_S = 1.0
 _NO_PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <title>uavrt ground station</title><h1>The page is not built</h1>
 <p>This installation was made without its page, because npm could not be reached. The server
@@ -192,8 +194,22 @@ def _routes(session: GroundSession, api: Api) -> list[Route | Mount | WebSocketR
     ]
     more = [*ExtraApi(session).routes(), *FlightListApi(session).routes()]
     for path, method, handler in [*api.routes(), *more]:
-        routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
+        ready = _with_flights_written(session, handler) if "flights" in path else handler
+        routes.append(Route(f"/api{path}", answered(ready), methods=[method]))
     return routes
+
+
+def _with_flights_written(
+    session: GroundSession, handler: Callable[[Request], Awaitable[Any]]
+) -> Callable[[Request], Awaitable[Any]]:
+    """Let a handler find on the disk what the pages show already, unless the disk is slow."""
+
+    async def handle(request: Request) -> Any:
+        vehicles = (session, *session.companions)
+        await asyncio.gather(*(one.flight.settle(SETTLES_WITHIN_S) for one in vehicles))
+        return await handler(request)
+
+    return handle
 
 
 class FurtherVehicles:

@@ -92,7 +92,7 @@ class SetUpApi:
         told = await asyncio.to_thread(setup.finish)
         store = self._session.store
         own = {"vehicle_name": values["name"], "antenna": values["antenna"]}
-        store.set_settings(store.settings.changed(own))
+        await store.disk.run(store.set_settings, store.settings.changed(own))
         self._session.settings_changed()
         return told
 

@@ -1,0 +1,111 @@
+"""Writes the flights that a ground station receives; all of it runs in the disk thread."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavrt.errors import RecordingError
+from uavrt.log import get_logger
+from uavrt.messages import BurstInside, FlightInfo, PulsePose
+from uavrt.recording import GROUND_NOTE, FlightLayout, FlightRecorder, note_flight
+
+log = get_logger()
+
+Stored = PulsePose | BurstInside
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What became of a batch."""
+
+    fault: str | None
+    """Why the disk has not taken all; None when everything so far is on it."""
+    mended: str
+    """What was wrong with the flight's database and has been put right."""
+
+
+class FlightWriter:
+    """The flight in progress, and those before it that the disk has not taken whole.
+
+    Parameters
+    ----------
+    also : callable
+        Called with each pulse and content of a burst before its flight is committed: what a
+        flight has is not received again after a kill. For a `RecordingError` it is called again
+        later, and the flight waits.
+    """
+
+    def __init__(self, also: Callable[[Stored], object]) -> None:
+        self._also = also
+        self._flight: FlightRecorder | None = None
+        self._ending: list[FlightRecorder] = []
+        self._listed: deque[Stored] = deque()
+        """Items that `also` has not had."""
+        self._discarded = 0
+
+    def begin(self, info: FlightInfo, *, among_the_drones: bool) -> None:
+        """Begin a flight; with `among_the_drones` its order among the drone's is noted."""
+        self._flight = FlightRecorder.open(info, durable=True)
+        self._flight.write_note(GROUND_NOTE, info.start_time_ns)
+        if among_the_drones:
+            try:
+                note_flight(Path(info.directory))
+            except OSError as error:
+                log.warning("order of flights not noted", reason=str(error))
+
+    def go_on(self, path: Path) -> None:
+        """Go on with a flight after a restart; raises `RecordingError` if it cannot."""
+        self._flight = FlightRecorder.reopen(path, durable=True)
+
+    def record(self, write: Callable[[FlightRecorder], None]) -> None:
+        """Write into the flight in progress."""
+        if self._flight is not None:
+            write(self._flight)
+
+    def store(self, item: Stored) -> None:
+        """Write a pulse, or the content of a burst, into the flight in progress."""
+        assert self._flight is not None
+        if isinstance(item, PulsePose):
+            self._flight.write_pulse_poses([item])
+        else:
+            self._flight.write_inside(item)
+        self._listed.append(item)
+
+    def store_before(self, path: Path, burst: BurstInside) -> None:
+        """Write the content of a burst into the flight before; discard it if that is gone."""
+        if not FlightLayout(path).database.exists():
+            self._discarded += 1
+            log.seldom(self._discarded, "content of a burst discarded: its flight is gone")
+            return
+        recorder = FlightRecorder(path, durable=True)
+        recorder.write_inside(burst)
+        self._ending.append(recorder)
+        self._listed.append(burst)
+
+    def end(self) -> None:
+        """End the flight in progress."""
+        if self._flight is not None:
+            self._ending.append(self._flight)
+        self._flight = None
+
+    def write(self, works: list[tuple[bool, Callable[["FlightWriter"], None]]]) -> Written:
+        """Do all of this and bring it to the disk itself, with all that waits for it."""
+        for _, work in works:
+            work(self)
+        fault = None
+        try:
+            while self._listed:
+                self._also(self._listed[0])
+                self._listed.popleft()
+            if self._flight is not None:
+                self._flight.commit()
+            while self._ending:
+                self._ending[0].close()
+                del self._ending[0]
+        except RecordingError as error:
+            fault = str(error)
+        mended = ""
+        if self._flight is not None:
+            mended, self._flight.mended = self._flight.mended, ""
+        return Written(fault=fault, mended=mended)
