@@ -214,6 +214,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
     Takeover(
         name="pause by 193",
         act=lambda scene: scene.hand.command(DO_PAUSE_CONTINUE, 0.0),
+        undo=lambda scene: scene.hand.command(DO_PAUSE_CONTINUE, 1.0),
         flavours=("ardupilot",),
         stops=True,
     ),
