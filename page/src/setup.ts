@@ -121,7 +121,7 @@ function addRow(): void {
   const last = rows.at(-1);
   const ids = rows.map((row) => Number(row.id)).filter(Number.isFinite);
   // A first tag is like none: what is not typed is not assumed.
-  const like = preset ?? last ?? { interval_uncertainty_ms: 60, interval_jitter_ms: 20 };
+  const like = preset ?? last ?? { interval_uncertainty_ms: 60, interval_jitter_ms: 10 };
   const row: TagRow = {};
   for (const field of FIELDS) row[field.key] = (like as TagRow)[field.key] ?? "";
   // Even ids, as the original ground station wants them.

@@ -31,6 +31,10 @@ MAX_K = 100
 MAX_FALSE_ALARM_PROBABILITY = 0.5  # as TagTracker's
 MAX_ID = 2**32 - 1  # uint32 on the wire
 
+USUAL_UNCERTAINTY_MS, USUAL_JITTER_MS = 60.0, 10.0
+"""Of a tag whose list does not say them: the thesis's own values (figure 4.9), as in the
+README. Labels are rounded, and intervals change with temperature and battery."""
+
 _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 
 
@@ -62,25 +66,41 @@ def _tag(draft: TagDraft) -> Tag:
     def number(quantity: Quantity, default: float) -> float:
         return entries[quantity].number if quantity in entries else default
 
+    shortest_ms = min(entry.number for entry in intervals)
+    width_ms = number("pulse_width", CODED_PULSE_WIDTH_MS)
+    k = int(number("k", 3 if draft.gaps is None else CODED_K))
+    uncertainty_ms, jitter_ms = BURST_TOLERANCE_MS, 0.0
+    if draft.gaps is None:
+        uncertainty_ms = usual_uncertainty_ms(shortest_ms, width_ms, k)
+        jitter_ms = min(USUAL_JITTER_MS, 0.01 * shortest_ms)
     frequency = entries["frequency"]
     return Tag(
         tag_id=int(entries["id"].number),
         frequency_hz=(
             hz_from_mhz(frequency.number) if frequency.unit == "MHz" else frequency.number
         ),
-        pulse_width_s=s_from_ms(number("pulse_width", CODED_PULSE_WIDTH_MS)),
+        pulse_width_s=s_from_ms(width_ms),
         pulse_intervals_s=tuple(s_from_ms(interval.number) for interval in intervals),
-        interval_uncertainty_s=s_from_ms(
-            number("interval_uncertainty", 0.0 if draft.gaps is None else BURST_TOLERANCE_MS)
-        ),
-        interval_jitter_s=s_from_ms(number("interval_jitter", 0.0)),
-        k=int(number("k", 3 if draft.gaps is None else CODED_K)),
+        interval_uncertainty_s=s_from_ms(number("interval_uncertainty", uncertainty_ms)),
+        interval_jitter_s=s_from_ms(number("interval_jitter", jitter_ms)),
+        k=k,
         false_alarm_probability=number(
             "false_alarm_probability", DEFAULT_FALSE_ALARM_PROBABILITY
         ),
         name=draft.name,
         gaps_s=tuple(round(s_from_ms(gap.number), 9) for gap in draft.gaps or ()),
     )
+
+
+def usual_uncertainty_ms(shortest_ms: float, width_ms: float, k: int) -> float:
+    """Uncertainty of an interval that no list says: 60 ms, or as much as can be searched.
+
+    A tenth of the interval is the most, and of K pulses the last one is to be known within an
+    interval (see `_fault_of_group`).
+    """
+    room_ms = 0.5 * (shortest_ms - 2.0 * width_ms)
+    most_ms = min(0.1 * shortest_ms, shortest_ms / max(k - 1, 1), room_ms)
+    return math.floor(1e3 * min(USUAL_UNCERTAINTY_MS, most_ms)) / 1e3
 
 
 def _check(draft: TagDraft, faults: list[Fault]) -> None:

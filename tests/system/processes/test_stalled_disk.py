@@ -14,9 +14,9 @@ from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpPacket, Opcode
 from uavrt.messages import PulsePose, SystemState
-from uavrt.recording.disk_thread import MOST_JOBS, DiskThread
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.pulse_outlet import PulseOutlet
+from uavrt.recording.disk_thread import MOST_JOBS, DiskThread
 from uavrt.recording.spool import undelivered
 from uavrt.tunnel.exchange import Exchange
 

@@ -10,6 +10,7 @@ from some import some
 
 from uavrt.config import parse_tags, read_tags, write_tags
 from uavrt.config.tag_files import faults_of_tags
+from uavrt.detection.checks import check_searchable
 from uavrt.errors import ConfigError, TagFileError
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY
 
@@ -143,8 +144,32 @@ interval_jitter_ms = 10
 
 def test_a_toml_file_has_names_second_intervals_and_shared_values() -> None:
     luna, other = parse_tags(TOML.encode(), name="tags.toml")
-    assert luna == made.tag(2, 148_710_000.0, 1.333, 2.0, pulse_width_s=0.015, k=5, name="Luna")
-    assert other == made.tag(4, 150_123_456.0, 1.2545, interval_jitter_s=0.010, k=5)
+    usual = {"interval_uncertainty_s": 0.06, "interval_jitter_s": 0.01, "k": 5}
+    assert luna == made.tag(
+        2, 148_710_000.0, 1.333, 2.0, pulse_width_s=0.015, name="Luna", **usual
+    )
+    assert other == made.tag(4, 150_123_456.0, 1.2545, **usual)
+
+
+@pytest.mark.parametrize("interval_ms", [60, 300, 1254, 2000, 60_000])
+@pytest.mark.parametrize("k", [1, 3, 10, 40, 100])
+@pytest.mark.parametrize("width_share", [0.05, 0.3, 0.49])
+def test_an_uncertainty_that_is_not_given_can_be_searched(
+    interval_ms: int, k: int, width_share: float
+) -> None:
+    text = f"""
+        [[tag]]
+        id = 2
+        frequency_mhz = 148.7
+        interval_ms = {interval_ms}
+        pulse_width_ms = {min(width_share * interval_ms, 1000.0)}
+        k = {k}
+    """
+    (tag,) = parse_tags(text.encode(), name="tags.toml")
+    assert 0.0 < tag.interval_uncertainty_s <= 0.06
+    assert 0.0 < tag.interval_jitter_s <= 0.01
+    check_searchable(tag, 7500.0, tag.frequency_hz, 500.0)
+    assert (k - 1) * tag.interval_uncertainty_s <= tag.pulse_intervals_s[0]
 
 
 def test_toml_is_known_by_its_content_under_any_name() -> None:
