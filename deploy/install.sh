@@ -140,7 +140,7 @@ case $leads in
             ln -s "$link/bin/uavrt" "$command"
         fi ;;
 esac
-[ -z "$update_key" ] || install -m 644 "$update_key" "$root$prefix/update-keys.pem"
+[ -z "$update_key" ] || install -C -m 644 "$update_key" "$root$prefix/update-keys.pem"
 
 # The DDS binding has no wheel for 64-bit ARM: it is built once and kept, for `uavrt update`, too.
 # All else runs without it.

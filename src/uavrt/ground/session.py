@@ -30,6 +30,7 @@ from uavrt.ground.link import (
     LinkKeys,
     Links,
     MyPlace,
+    Receipts,
     VehicleIdentity,
     VehicleWatch,
     open_receipts,
@@ -161,6 +162,7 @@ class GroundSession:
             begun=store.flights_begun,
         )
         self.log = EventLog(store.log_path, self._disk)
+        self._receipts: Receipts | None = None
         self.link: GroundLink | None = None
         self.link_error: str | None = None
         self.state: SystemState | None = None
@@ -263,16 +265,17 @@ class GroundSession:
         """
         await self.disconnect()
         settings = self.store.settings
-        try:
-            receipts = await self._disk.run(open_receipts, self.store.own, self._disk)
-        except RecordingError as error:
-            self._unconnected(error)
+        if self._receipts is None:  # once: a link is opened again while the disk hangs, too
+            try:
+                self._receipts = await self._disk.run(open_receipts, self.store.own, self._disk)
+            except RecordingError as error:
+                self._unconnected(error)
         link = GroundLink(
             self.clock.now_ns,
             on_event=self._take,
             on_frame=self._take_frame,
             generation=settings.generation,
-            receipts=receipts,
+            receipts=self._receipts,
             component_id=self._keys.component_id,
             as_gcs=self._keys.as_gcs,
             key=self._keys.command,

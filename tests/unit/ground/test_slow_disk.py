@@ -109,6 +109,8 @@ async def test_a_disk_that_never_answers_leaves_the_pulses_with_the_drone(
                 world.find_pulse(number)
                 await asyncio.sleep(0.05)
             await until(lambda: session.flight.pulses == 31)
+            await session.connect()
+            await until(lambda: session.situation().drone_present)
             asked_s = loop.time()
             await some(session.link).stop_detection()
             assert loop.time() - asked_s < 0.5

@@ -1,8 +1,8 @@
 """Ground storage: the flight being recorded, finished flights, settings.
 
-`flight_keeper` starts and ends the ground's own flight, `flights` lists and reads stored
-flights, `known_flights` keeps what the list says, `estimates` computes bearings and positions,
-`settings` persists between runs.
+`flight_keeper` starts and ends the ground's own flight, `flight_writer` writes it in the disk
+thread, `flights` lists and reads stored flights, `known_flights` keeps what the list says,
+`estimates` computes bearings and positions, `settings` persists between runs.
 """
 
 from typing import TYPE_CHECKING
