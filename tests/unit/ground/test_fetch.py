@@ -274,7 +274,11 @@ def test_pieces_that_lie_over_each_other_are_put_together_right(tmp_path: Path) 
 
     drone = Rogue(2_000, bursts)
     got = bytearray()
-    asyncio.run(drone.client.read("/a", got.extend))
+
+    async def keep(data: bytes) -> None:
+        got.extend(data)
+
+    asyncio.run(drone.client.read("/a", keep))
     assert bytes(got) == CONTENT[:2_000]
 
 

@@ -36,8 +36,11 @@ async def _noted(client: FileClient, entry: RemoteEntry) -> list[str]:
         if size - start > 2 * MOST_NOTED:
             raise LinkError(f"{entry.path} was listed with {entry.size} bytes, not {size}")
 
+    async def keep(data: bytes) -> None:
+        got.extend(data)
+
     try:
-        await client.read(entry.path, got.extend, start=start, allow=allow)
+        await client.read(entry.path, keep, start=start, allow=allow)
     except LinkError:
         return []
     return bytes(got).decode(errors="replace").splitlines()

@@ -11,7 +11,7 @@ with a later state of the same flight (`uavrt.ground.fetch.same_flight`).
 
 import asyncio
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -167,7 +167,7 @@ class FileClient:
     async def read(
         self,
         path: str,
-        write: Callable[[bytes], object],
+        write: Callable[[bytes], Awaitable[object]],
         *,
         start: int = 0,
         progress: Callable[[int, int], None] = lambda done, size: None,
@@ -180,7 +180,7 @@ class FileClient:
         path : str
             The file.
         write : callable
-            Gets the bytes in order.
+            Gets the bytes in order; the link waits for nothing that it waits for.
         start : int
             Bytes that are here already.
         progress : callable
@@ -218,9 +218,11 @@ class FileClient:
                     self._unanswered()
                 if failures >= TRIES:
                     raise _silent(path)
+            came: list[bytes] = []
             while (data := ahead.pop(done, b"")) != b"":
-                write(data[: size - done])
-                done = min(size, done + len(data))
+                came.append(data[: size - done])
+                done += len(came[-1])
+            await write(b"".join(came))
             ahead = {offset: data for offset, data in ahead.items() if offset > done}
             progress(done, size)
         await self._ask(Opcode.TERMINATE_SESSION)
@@ -421,16 +423,17 @@ async def fetch_file(
         _require_free(part, size - (_size(part) or 0))
 
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
+        await asyncio.to_thread(place.parent.mkdir, parents=True, exist_ok=True)
         for _ in range(2):
             start = _size(part) or 0
-            with part.open("ab", buffering=0) as file:
+            async with _Appending(part) as file:
                 await client.read(
                     entry.path, file.write, start=start, progress=progress, allow=allow
                 )
             wanted = await client.checksum(entry.path)
             if await asyncio.to_thread(file_checksum, part) == wanted:
-                part.replace(await asyncio.to_thread(place_for, part, place))
+                free = await asyncio.to_thread(place_for, part, place)
+                await asyncio.to_thread(part.replace, free)
                 return True
             part.unlink()
     except OSError as error:
@@ -441,6 +444,26 @@ async def fetch_file(
         f"{entry.path} is different each time it is read",
         remedy="It is still being written; stop the detection and fetch it again",
     )
+
+
+class _Appending:
+    """A file that grows, written in another thread; a kill takes none of what was written."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    async def __aenter__(self) -> "_Appending":
+        self._file = await asyncio.to_thread(open, self._path, "ab", 0)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await asyncio.to_thread(self._file.close)
+
+    async def write(self, data: bytes) -> None:
+        """Write all of it."""
+        left = memoryview(data)
+        while left:
+            left = left[await asyncio.to_thread(self._file.write, left) :]
 
 
 def file_checksum(path: Path) -> int:
