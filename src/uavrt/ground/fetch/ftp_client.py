@@ -220,8 +220,9 @@ class FileClient:
                     raise _silent(path)
             came: list[bytes] = []
             while (data := ahead.pop(done, b"")) != b"":
-                came.append(data[: size - done])
-                done += len(came[-1])
+                data = data[: size - done]
+                came.append(data)
+                done += len(data)
             await write(b"".join(came))
             ahead = {offset: data for offset, data in ahead.items() if offset > done}
             progress(done, size)
