@@ -84,7 +84,7 @@ disk-tools:             ## what packs an image for the drone, of which the tests
 	  else echo "The test of the image needs: sudo apt install fdisk dosfstools mtools"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
-	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/system/browser/test_page_past.py tests/system/browser/test_page_strength.py tests/system/browser/test_page_hands.py tests/flight/browser/test_page_fly.py tests/system/browser/test_page_wizard.py
+	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/system/browser/test_page_past.py tests/system/browser/test_page_strength.py tests/system/browser/test_page_hands.py tests/flight/browser/test_page_fly.py tests/system/browser/test_page_moves.py tests/system/browser/test_page_wizard.py
 
 try-arm64: $(STAMP)     ## install and fly in an emulated Debian for 64-bit ARM (ten to twenty minutes)
 	deploy/try-arm64.sh $(ARM64)

@@ -59,7 +59,7 @@ MOVING = (
     "fly the way that is shown",
     "take the drone back",
 )
-"""Tasks that `test_page_fly` counts: they need a drone that flies."""
+"""Tasks that `test_page_moves` counts: they need a drone that flies."""
 
 
 class Hand:
