@@ -2,13 +2,13 @@
 
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from page_driver import Watched
 from playwright.sync_api import Browser, Page, expect
 from some import some
 
-GUIDANCE = {"battery_wh": 200.0, "speed_m_s": 8.0}
+GUIDANCE: dict[str, Any] = {"battery_wh": 200.0, "speed_m_s": 8.0}
 
 
 class Hand(Protocol):

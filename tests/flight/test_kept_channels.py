@@ -11,14 +11,14 @@ import msgspec
 import pytest
 import sigmf
 from command_line import started
-from tests.flight.conftest import FLIGHT_RATE_HZ
 
 from uavrt.config.settings import IntegrationSettings
-from uavrt.dsp.plan import choose_channel_count
 from uavrt.recording import read_flight, read_health, read_integrated
 from uavrt.simulation import Scenario, World
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.scenario import Radio, SimulatedTag
+
+pytestmark = pytest.mark.full_rate
 
 LEVEL_DB = 5.5
 """Of a pulse on boresight: half of the groups of three need 9.7 dB while turning.
@@ -26,7 +26,6 @@ LEVEL_DB = 5.5
 At 7 dB some groups are confirmed within two minutes, and a tag that has three is not told of.
 """
 INTERVAL_S = 0.6
-CHANNEL_RATE_HZ = 2.0 * FLIGHT_RATE_HZ / choose_channel_count(FLIGHT_RATE_HZ)
 KEPT_S = 75.0
 FLIGHT_S = 260.0
 """A busy machine has told of both tags after 160 s, a quiet one after 60 s."""
@@ -53,7 +52,7 @@ def weak_scenario() -> Scenario:
     """A drone turns on the spot, and each tag has just the wanted level at its best."""
     scenario = Scenario(
         duration_s=FLIGHT_S,
-        radio=Radio(center_frequency_hz=148_705_000.0, sample_rate_hz=FLIGHT_RATE_HZ),
+        radio=Radio(center_frequency_hz=148_705_000.0),
         tag=(weak_tag(2, 148_710_000.0, 0.5), weak_tag(3, 148_728_000.0, 0.8)),
         flight=Flight(
             height_m=40.0,
@@ -83,7 +82,7 @@ def stored_samples(metadata: Path) -> float:
 def slowness_of_the_radio(counters: dict[str, float]) -> float:
     """Stream time over what its samples take at the nominal rate; a busy machine is slower."""
     took_s = (counters["last_sample_ns"] - counters["first_sample_ns"]) * 1e-9
-    return took_s * FLIGHT_RATE_HZ / (counters["samples"] + counters["samples_lost"])
+    return took_s * 3e6 / (counters["samples"] + counters["samples_lost"])
 
 
 @pytest.mark.timeout(480)
@@ -109,7 +108,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
                 for process in record.processes:
                     if process.process == "receiver":
                         counters = process.counters
-                kept_s = counters.get("kept_samples", 0.0) / 2 / CHANNEL_RATE_HZ
+                kept_s = counters.get("kept_samples", 0.0) / 2 / 7500.0
     drone.supervisor.stop()
     assert set(told) == {"2", "3"}, counters
     (directory,) = flights.glob("flight_log_*")
@@ -125,7 +124,7 @@ def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone
     assert {one.tag_id for one in verdicts if one.found} == {2, 3}
     assert {one.pulse.detection_status for one in pulses} == {"integrated"}
     groups = [one.pulse.confirmed for one in read_flight(directory).pulse_poses]
-    sent = 2 * last.counters["kept_samples"] / 2 / CHANNEL_RATE_HZ / INTERVAL_S
+    sent = 2 * last.counters["kept_samples"] / 2 / 7500.0 / INTERVAL_S
     assert sum(groups) < 0.1 * sent  # what the detectors made of it: next to nothing
     said = started("integrate", directory, "--json", check=True, timeout=200)
     found = json.loads(said.stdout)
