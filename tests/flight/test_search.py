@@ -19,7 +19,7 @@ from command_line import started
 from mavsdk.plugins.action import Action
 from tests.flight.conftest import FLIGHT_RATE_HZ, THESIS_TAG, DroneBay
 from tests.flight.test_fly import Field
-from tests.flight.test_mavsdk_ground import wait_for
+from until import until
 
 from uavrt.geodesy import distance_m
 from uavrt.messages import SearchNote
@@ -140,7 +140,7 @@ def test_a_takeover_in_the_middle_of_a_decision_ends_a_search_for_good(
             sent = field.commands()
         finally:
             os.kill(guide, signal.SIGCONT)
-        wait_for(lambda: program.ended, 5.0)
+        until(lambda: program.ended, 5.0)
         assert "another has given a target" in field.events()
         time.sleep(8.0)
     assert field.commands() == sent
@@ -153,7 +153,8 @@ def pilot_by_mavsdk(port: int) -> Iterator[Action]:
     sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_manual(255, 190, True))
     try:
         sdk.add_any_connection(f"udpin://127.0.0.1:{port}")
-        yield Action(wait_for(sdk.get_systems, 20.0)[0])
+        until(sdk.get_systems, 20.0)
+        yield Action(sdk.get_systems()[0])
     finally:
         sdk.destroy()
 
