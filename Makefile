@@ -4,6 +4,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/pytest -r fEsxR --durations 15 --durations-min 5
+# Real time is mostly waiting: more workers than cores. Flights come first: they are the longest.
+TIMED  := -n 4 --dist loadfile --no-loadscope-reorder
 CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
@@ -16,7 +18,7 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test computing unit system flights claims lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check test computing unit timed system flights claims lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -25,21 +27,24 @@ check: $(STAMP)         ## before each commit: style, types, import contracts, q
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools  ## everything that belongs to a change: check, manual, all tests
-	$(MAKE) --no-print-directory -j 2 flights computing
-	$(MAKE) --no-print-directory system
+	$(MAKE) --no-print-directory -j 2 timed computing
 
-computing: $(STAMP)     ## what only computes, at low priority: flights run at the same time
+computing: $(STAMP)     ## what only computes, at low priority: it takes what the timed tests leave
 	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
 
 unit: $(STAMP)          ## all unit tests
 	$(PYTEST) -n 2 --dist loadfile tests/unit
 
+timed: $(STAMP)         ## tests in real time: flights that need a core of their own, then all others
+	$(PYTEST) -m full_rate tests/flight
+	$(PYTEST) $(TIMED) -m "not full_rate" tests/flight tests/system
+
 system: $(STAMP)        ## tests with sockets, programs and threads in real time
-	$(PYTEST) -n 3 --dist loadfile tests/system
+	$(PYTEST) $(TIMED) tests/system
 
 flights: $(STAMP)       ## whole flights in real time, and the page in a browser
 	$(PYTEST) -m full_rate tests/flight
-	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/flight
+	$(PYTEST) $(TIMED) -m "not full_rate" tests/flight
 
 claims: $(STAMP) browser disk-tools  ## hours: campaigns, guides word by word, new random examples, emulated ARM
 	UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 $(PYTEST) -n 2 \
@@ -84,7 +89,7 @@ disk-tools:             ## what packs an image for the drone, of which the tests
 	  else echo "The test of the image needs: sudo apt install fdisk dosfstools mtools"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
-	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/system/browser/test_page_past.py tests/system/browser/test_page_strength.py tests/system/browser/test_page_hands.py tests/flight/browser/test_page_fly.py tests/system/browser/test_page_wizard.py
+	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/system/browser/test_page_past.py tests/system/browser/test_page_strength.py tests/system/browser/test_page_hands.py tests/flight/browser/test_page_fly.py tests/system/browser/test_page_moves.py tests/system/browser/test_page_wizard.py
 
 try-arm64: $(STAMP)     ## install and fly in an emulated Debian for 64-bit ARM (ten to twenty minutes)
 	deploy/try-arm64.sh $(ARM64)

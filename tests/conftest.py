@@ -172,3 +172,21 @@ def start_ground() -> Iterator[Callable[..., Any]]:
     yield start
     for ground in started:
         ground.stop()
+
+
+@pytest.fixture
+def watch(browser: Any, start_ground: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
+    """Open pages; each closes before its ground station, and none may have had an error."""
+    from page_driver import Watched
+
+    opened: list[Watched] = []
+
+    def open_page(address: str, **context: Any) -> Watched:
+        opened.append(Watched(browser, address, **context))
+        return opened[-1]
+
+    yield open_page
+    errors = [watched.errors for watched in opened if watched.errors]
+    for watched in opened:
+        watched.close()
+    assert errors == []

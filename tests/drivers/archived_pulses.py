@@ -1,6 +1,7 @@
 """What a batch has written of flights each tenth day, small enough for tests."""
 
 from pathlib import Path
+from typing import Any
 
 import made
 
@@ -15,6 +16,27 @@ from uavrt.batch.tables import (
 )
 
 DAY_NS = 86_400 * 10**9
+
+
+def recording_row(flight: str, pulses: int, **fields: Any) -> RecordingRow:
+    """Row of a recording of one minute that was searched."""
+    usual: dict[str, Any] = {
+        "path": f"/archive/{flight}.wav",
+        "fingerprint": flight,
+        "state": "done",
+        "fault": None,
+        "start_time_ns": DAY_NS,
+        "length_s": 60.0,
+        "sample_rate_hz": 48e3,
+        "center_frequency_hz": 148.7e6,
+        "lost_samples": 0,
+        "invalid_values": 0,
+        "cells": 1,
+        "cpu_s": 1.0,
+        "finished_time_ns": 2 * DAY_NS,
+        "uavrt_version": "0",
+    }
+    return RecordingRow(flight=flight, pulses=pulses, confirmed=pulses, **(usual | fields))
 
 
 def put(
@@ -36,24 +58,8 @@ def put(
         ]
         write_pulses(output / PULSES / folder_of(flight) / f"{key}.parquet", found, flight)
     ledger.settle(
-        RecordingRow(
-            path=flight,
-            flight=flight,
-            fingerprint=key,
-            state=state,
-            fault=None,
-            start_time_ns=start_ns,
-            length_s=60.0,
-            sample_rate_hz=48e3,
-            center_frequency_hz=148.7e6,
-            pulses=pulses,
-            confirmed=pulses,
-            lost_samples=0,
-            invalid_values=0,
-            cells=1,
-            cpu_s=1.0,
-            finished_time_ns=DAY_NS,
-            uavrt_version="0",
+        recording_row(
+            flight, pulses, path=flight, fingerprint=key, state=state, start_time_ns=start_ns
         )
     )
     write_rows(output / RECORDINGS, RecordingRow, ledger.rows)

@@ -6,7 +6,7 @@ chooses ids as it likes, and has no key.
 
 import random
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -228,27 +228,30 @@ class Attacker:
             request_id=number, order_id=order, nonce=NONCE + order
         )
         ours = {"target_system": DRONE[0], "target_component": DRONE[1]}
-        return pick.choice(
+        kind: Callable[[], Message] = pick.choice(
             (
-                tunnel(SEALED_TYPE, again),
-                tunnel(SEALED_TYPE, bytes(changed)),
-                tunnel(SEALED_TYPE, pick.randbytes(pick.randrange(1, 128))),
-                tunnel(MOTION_TYPE, encode_stop(MotionStop(request_id=number))),
-                tunnel(MOTION_TYPE, encode_confirmation(confirmation)),
-                tunnel(MOTION_TYPE, pick.randbytes(pick.randrange(1, 100))),
-                tunnel(0, b"\x06\0\0\0"),
-                tunnel(0, pick.randbytes(40)),
-                tunnel(RECEIPT_TYPE, Receipt(store=pick.randrange(1, 99)).encode()),
-                tunnel(60_000 + pick.randrange(20), pick.randbytes(60)),
-                made.heartbeat(type=6),
-                dialect.ParamSet(**ours, param_id="DET_K", param_value=5.0, param_type=9),
-                dialect.ParamRequestList(**ours),
-                dialect.FileTransferProtocol(
+                lambda: tunnel(SEALED_TYPE, again),
+                lambda: tunnel(SEALED_TYPE, bytes(changed)),
+                lambda: tunnel(SEALED_TYPE, pick.randbytes(pick.randrange(1, 128))),
+                lambda: tunnel(MOTION_TYPE, encode_stop(MotionStop(request_id=number))),
+                lambda: tunnel(MOTION_TYPE, encode_confirmation(confirmation)),
+                lambda: tunnel(MOTION_TYPE, pick.randbytes(pick.randrange(1, 100))),
+                lambda: tunnel(0, b"\x06\0\0\0"),
+                lambda: tunnel(0, pick.randbytes(40)),
+                lambda: tunnel(RECEIPT_TYPE, Receipt(store=pick.randrange(1, 99)).encode()),
+                lambda: tunnel(60_000 + pick.randrange(20), pick.randbytes(60)),
+                lambda: made.heartbeat(type=6),
+                lambda: dialect.ParamSet(
+                    **ours, param_id="DET_K", param_value=5.0, param_type=9
+                ),
+                lambda: dialect.ParamRequestList(**ours),
+                lambda: dialect.FileTransferProtocol(
                     **ours, target_network=0, payload=pick.randbytes(251)
                 ),
-                dialect.Ping(time_usec=1, seq=2, target_system=0, target_component=0),
+                lambda: dialect.Ping(time_usec=1, seq=2, target_system=0, target_component=0),
             )
         )
+        return kind()
 
 
 def tunnel(kind: int, payload: bytes, target: tuple[int, int] = DRONE) -> dialect.Tunnel:

@@ -42,6 +42,7 @@ from uavrt.simulation.propagation import Propagation
 from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.tunnel import TagG1
 from uavrt_experiments.detection.signals import TruePulse, pulse_train
 
 FREQUENCY_HZ = 148.71e6
@@ -107,6 +108,23 @@ def pulse(start_time_ns: int, **fields: Any) -> Pulse:
         "predicted_next_end_ns": None,
     }
     return Pulse(start_time_ns=start_time_ns, **(usual | fields))
+
+
+def pulse_of_group(first_ns: int, number: int, frequency_hz: float) -> Pulse:
+    """Make a pulse of the thesis's tag, with a value in each field that a message has."""
+    start_ns = first_ns + number * 1_254_000_000
+    return pulse(
+        start_ns,
+        frequency_hz=frequency_hz,
+        snr_db=20.5,
+        group_snr_db=20.25,
+        score=2.5,
+        group_index=1 + number % 3,
+        group_sequence=number // 3,
+        noise_psd=1e-9,
+        predicted_next_start_ns=start_ns + 1_194_000_000,
+        predicted_next_end_ns=start_ns + 1_314_000_000,
+    )
 
 
 def pose(
@@ -283,6 +301,22 @@ def tunnel(payload_type: int, payload: bytes, **fields: Any) -> dialect.Tunnel:
         "payload_length": len(payload),
     }
     return dialect.Tunnel(payload_type=payload_type, payload=payload, **(usual | fields))
+
+
+def tunnel_tag(**fields: Any) -> TagG1:
+    """Make the thesis's tag as version 1 of the tunnel sends it."""
+    usual: dict[str, Any] = {
+        "tag_id": 2,
+        "frequency_hz": 148_710_000,
+        "pulse_width_ms": 20,
+        "interval1_ms": 1254,
+        "interval2_ms": 0,
+        "interval_uncertainty_ms": 60,
+        "interval_jitter_ms": 10,
+        "k": 3,
+        "false_alarm_probability": 0.005,
+    }
+    return TagG1(**(usual | fields))
 
 
 def mission_items(

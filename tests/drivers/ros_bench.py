@@ -4,11 +4,11 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Any
 
+import made
 from pulses import pulse_at
 
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.messages import (
-    FlightInfo,
     ProcessStatus,
     SystemState,
     SystemStatus,
@@ -28,7 +28,7 @@ S = 10**9
 OPERATOR = Sender(key="operator")
 NEIGHBOUR = Sender(key="neighbour", gateway=True)
 STARTED = DiagnosticArray(status=(DiagnosticStatus(message="start"),))
-TAG = Tag(tag_id=2, frequency_hz=148.71e6, pulse_width_s=0.02, pulse_intervals_s=(1.254,))
+TAG = made.tag()
 PULSE = pulse_at(
     1_700_000_000 * S,
     frequency_hz=148_710_000.0,
@@ -36,16 +36,7 @@ PULSE = pulse_at(
     detection_status="detected",
     confirmed=False,
 )
-
-
-FLIGHT = FlightInfo(
-    directory="/flights/one",
-    start_time_ns=1_700_000_000 * S - 60 * S,
-    clock_offset_ns=0,
-    center_frequency_hz=148.7e6,
-    sample_rate_hz=3e6,
-    tags=(TAG,),
-)
+FLIGHT = made.flight_info("/flights/one", (TAG,), start_time_ns=(1_700_000_000 - 60) * S)
 
 
 class Line:

@@ -5,20 +5,25 @@ import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from made import pose
 
 from uavrt.messages import SystemState
+from uavrt.simulation.flying import is_motion
 from world import THESIS_TAG, World
+
+OUR_COMPONENT = (1, 191)
 
 
 class WillingDrone:
     """The world's drone and autopilot in a thread; its own files go when it closes.
 
     It hovers 40 m above 46.5° N 8° E, nose east; each further vehicle is 110 m farther north.
+    Further arguments are those of `World`: with `guidance` and `flies` it takes orders.
     """
 
-    def __init__(self, port: int, system_id: int = 1) -> None:
+    def __init__(self, port: int, system_id: int = 1, **world: Any) -> None:
         self._files = tempfile.TemporaryDirectory()
         north_deg = 0.001 * (system_id - 1)
         self.world = World(
@@ -27,7 +32,11 @@ class WillingDrone:
             system_id=system_id,
             mavlink={"attitude_rate_hz": 10.0},
             vehicle=lambda time_ns: pose(time_ns, 46.5 + north_deg, yaw_deg=90.0),
+            **world,
         )
+        self.commands = 0
+        """Commands of motion that the drone has given to its autopilot."""
+        self._count_commands()
         self._loop: asyncio.AbstractEventLoop
         self._closing: asyncio.Event
         self._alive = threading.Event()
@@ -40,6 +49,16 @@ class WillingDrone:
         async with self.world.alive():
             self._alive.set()
             await self._closing.wait()
+
+    def _count_commands(self) -> None:
+        autopilot = self.world.autopilot
+        obey = autopilot._command
+
+        def command(side: Any, message: Any, sender: tuple[int, int]) -> None:
+            obey(side, message, sender)
+            self.commands += sender == OUR_COMPONENT and is_motion(message)
+
+        autopilot._command = command  # type: ignore[method-assign]
 
     def _do(self, action: Callable[[], object]) -> None:
         async def done() -> None:

@@ -1,38 +1,67 @@
-"""The band recorded while detecting, searched again after the flight."""
+"""The band recorded while detecting, searched again after the flight; a channel by UDP."""
 
-import time
+import json
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 import sigmf
 from command_line import started
+from tests.system.cli.test_original_halves import detect, ended
+from until import until
 
-from uavrt.config.settings import RecordingSettings
-from uavrt.recording import read_flight
+from uavrt.config.settings import RecordingSettings, UdpChannelSettings
+from uavrt.recording import read_detector_config, read_flight
 
 
 @pytest.mark.timeout(150)
-def test_a_flight_that_records_its_band_is_found_again_pulse_by_pulse(
+def test_a_flight_that_records_its_band_is_found_again_and_feeds_a_detector_by_udp(
     drone_bay: Any, thesis_scenario: Any, tmp_path: Path
 ) -> None:
     tags = msgspec.json.encode(thesis_scenario.tags).decode()
-    flights = tmp_path / "flights"
+    flights, output = tmp_path / "flights", tmp_path / "pulses.jsonl"
     drone = drone_bay.launch(
         thesis_scenario,
         tags,
         recording=RecordingSettings(directory=str(flights), iq=True),
+        udp_channels=UdpChannelSettings(enabled=True),
     )
-    deadline_s = time.monotonic() + 60.0
+    until(lambda: list(flights.rglob("detectorConfig.txt")), 60.0)
+    (found,) = flights.rglob("detectorConfig.txt")
+    port = read_detector_config(found).data_port
+    remote = detect(f"udp://127.0.0.1:{port}", "--tags", str(found), "-o", str(output))
     recorded = 0.0
-    while recorded < 6 and time.monotonic() < deadline_s:
+
+    def enough() -> bool:
+        nonlocal recorded
         for topic, record in drone.status.read(0.5):
             if topic == "system_status":
                 counters = {p.process: p.counters for p in record.processes}
                 recorded = counters.get("recorder", {}).get("pulses_recorded", 0.0)
+        return recorded >= 6 and output.exists() and len(output.read_text().splitlines()) >= 4
+
+    until(enough, 60.0)
+    said = ended(remote)
+    check_udp_pulses(output.read_text().splitlines(), said)
     drone.supervisor.stop()
     (directory,) = flights.glob("flight_log_*")
+    assert found.is_relative_to(directory)
+    check_found_again(directory, flights / "again")
+
+
+def check_udp_pulses(lines: list[str], said: str) -> None:
+    assert " 0 samples lost" in said
+    pulses = [json.loads(line) for line in lines]
+    assert {pulse["tag_id"] for pulse in pulses} == {2}
+    starts_s = np.array([pulse["start_time_ns"] for pulse in pulses], np.int64) * 1e-9
+    steps = np.diff(np.sort(starts_s)) / 1.254
+    assert np.abs(steps - np.round(steps)).max() < 0.05
+
+
+def check_found_again(directory: Path, again: Path) -> None:
+    """Pulse by pulse, in the recording of the band."""
     before = read_flight(directory)
     (metadata,) = directory.glob("iq/*.sigmf-meta")
     recording = sigmf.fromfile(str(metadata))
@@ -40,7 +69,6 @@ def test_a_flight_that_records_its_band_is_found_again_pulse_by_pulse(
     assert recording.get_global_field("core:datatype") == "ci16_le"
     assert recording.sample_count > 6 * 375_000
 
-    again = flights / "again"
     started("detect", metadata, "--flight", directory, "-o", again, check=True, timeout=60)
     after = read_flight(again)
     times = sorted(item.pulse.start_time_ns for item in after.pulse_poses)

@@ -14,11 +14,10 @@ from command_line import started
 from uavrt.errors import UavrtError
 from uavrt.recording import read_flight
 
-pytestmark = pytest.mark.full_rate
-
 CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
 
 
+@pytest.mark.full_rate
 @pytest.mark.timeout(180)
 def test_the_demo_finds_and_delivers_the_pulses_and_loses_nothing(tmp_path: Path) -> None:
     finished = started(

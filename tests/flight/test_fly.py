@@ -28,6 +28,9 @@ from uavrt.simulation.flying import MODES, Flavour
 
 pytestmark = pytest.mark.timeout(240)
 OURS = "1/191"
+TURN = ("rotate", "--seconds", "12")
+SILENT_S = 4.5
+"""Time of three commands: a turn of twelve seconds has one each second and a half."""
 
 
 class Qgc:
@@ -135,6 +138,10 @@ class Typed:
     def ended(self) -> bool:
         return self._process.poll() is not None
 
+    def stop(self) -> None:
+        """End it where it has not ended."""
+        self.kill()
+
     def kill(self) -> None:
         """As a ground station whose computer is switched off: without a word."""
         self._process.kill()
@@ -241,47 +248,62 @@ class Field:
                         return int(one.pid)
 
 
-@pytest.fixture
-def field(request: Any, drone_bay: DroneBay, tmp_path: Path) -> Any:
-    """Fly PX4 unless a test asks for ArduPilot; `tests/unit/guidance` flies both."""
-    made = Field(drone_bay, getattr(request, "param", "px4"), tmp_path)
-    yield made
-    made.qgc.close()
+def test_it_turns_here_goes_there_is_taken_back_and_hovers_when_a_process_is_killed(
+    drone_bay: DroneBay, tmp_path: Path
+) -> None:
+    field = Field(drone_bay, "px4", tmp_path)
+    with closing(field.qgc) as qgc:
+        start = some(qgc.place)
+        assert_too_far_is_refused(field)
+        program = field.ordered(*TURN)
+        quarters: set[int] = set()
+
+        def turned() -> bool:
+            quarters.add(int(qgc.yaw_deg // 90))
+            return program.ended
+
+        qgc.until(turned, 90.0)
+        assert '"text": "done"' in field.events()
+        assert quarters == {0, 1, 2, 3}
+        assert qgc.off_m(start) < 2.0
+
+        here = (start.lat / 1e7 + 60.0 / 111_200.0, start.lon / 1e7)
+        program = field.ordered("goto", *map(str, here), "--height", "45")
+        qgc.until(lambda: program.ended, 60.0)
+        assert '"text": "done"' in field.events()
+        assert qgc.off_m(start) == pytest.approx(60.0, abs=4.0)
+
+        before = field.commands()
+        program = field.ordered(*TURN)
+        qgc.until(lambda: field.commands() >= before + 2, 30.0)
+        qgc.listen(1.0)
+        qgc.pause(field.flavour)
+        qgc.listen(0.3)
+        sent = field.commands()
+        qgc.until(lambda: program.ended, 5.0)
+        assert '"out"' in field.events()
+        qgc.listen(SILENT_S)
+        assert field.commands() == sent
+
+        for victim in ("guide", "supervisor"):
+            assert_hovers_without(victim, field, field.ordered(*TURN))
 
 
-def test_it_turns_here_goes_there_and_a_second_station_takes_it_back(field: Field) -> None:
+def assert_hovers_without(victim: str, field: Field, program: "Program | Typed") -> None:
+    """Kill a process while the drone turns: no command follows, and it stands."""
     qgc = field.qgc
-    start = some(qgc.place)
-    assert_too_far_is_refused(field)
-    program = field.ordered("rotate", "--seconds", "12")
-    quarters: set[int] = set()
-
-    def turned() -> bool:
-        quarters.add(int(qgc.yaw_deg // 90))
-        return program.ended
-
-    qgc.until(turned, 90.0)
-    assert '"text": "done"' in field.events()
-    assert quarters == {0, 1, 2, 3}
-    assert qgc.off_m(start) < 2.0
-
-    here = (start.lat / 1e7 + 60.0 / 111_200.0, start.lon / 1e7)
-    program = field.ordered("goto", *map(str, here), "--height", "45")
-    qgc.until(lambda: program.ended, 60.0)
-    assert '"text": "done"' in field.events()
-    assert qgc.off_m(start) == pytest.approx(60.0, abs=4.0)
-
-    before = field.commands()
-    program = field.ordered("rotate", "--seconds", "24")
-    qgc.until(lambda: field.commands() >= before + 2, 30.0)
-    qgc.listen(1.0)
-    qgc.pause(field.flavour)
-    qgc.listen(0.3)
-    sent = field.commands()
-    qgc.until(lambda: program.ended, 5.0)
-    assert '"out"' in field.events()
-    qgc.listen(8.0)
+    whole = field.drone.supervisor.pid if victim == "supervisor" else None
+    os.kill(whole or field.pid_of(victim), signal.SIGKILL)
+    qgc.listen(0.5)
+    sent, place = field.commands(), some(qgc.place)
+    qgc.listen(SILENT_S)
     assert field.commands() == sent
+    assert qgc.off_m(place) < 2.0
+    program.stop()
+    if victim != "supervisor":
+        status = field.fly("status")
+        qgc.until(lambda: status.ended, 20.0)
+        assert '"event": "out"' in field.events()
 
 
 def assert_too_far_is_refused(field: Field) -> None:
@@ -299,36 +321,13 @@ def assert_too_far_is_refused(field: Field) -> None:
     assert field.commands() == 0
 
 
-@pytest.mark.parametrize(
-    ("field", "victims"),
-    [("px4", ("guide", "supervisor")), ("ardupilot", ("connection",))],
-    indirect=["field"],
-)
-def test_a_killed_process_leaves_the_drone_hovering(
-    field: Field, victims: tuple[str, ...]
-) -> None:
-    """A turn on the spot has a command each three seconds; a killed supervisor ends all."""
-    qgc = field.qgc
-    for victim in victims:
-        program = field.ordered("rotate", "--seconds", "24")
-        whole = field.drone.supervisor.pid if victim == "supervisor" else None
-        os.kill(whole or field.pid_of(victim), signal.SIGKILL)
-        qgc.listen(0.5)
-        sent, place = field.commands(), qgc.place
-        qgc.listen(8.0)
-        assert field.commands() == sent
-        assert qgc.off_m(some(place)) < 2.0
-        program.stop()
-        if victim != "supervisor":
-            status = field.fly("status")
-            qgc.until(lambda s=status: s.ended, 20.0)  # type: ignore[misc]
-            assert '"event": "out"' in field.events()
-
-
 def test_sealed_orders_take_off_with_sticks_seen_and_the_ground_is_lost_on_the_way(
     drone_bay: DroneBay, tmp_path: Path
 ) -> None:
-    """A pilot arms; the drone climbs, flies off, holds without a ground, and returns."""
+    """A pilot arms; the drone climbs, turns, loses its link's process, and flies off again.
+
+    It holds without a ground, and returns.
+    """
     key = tmp_path / "key"
     key.write_text("5a" * 32)
     key.chmod(0o600)
@@ -350,10 +349,13 @@ def test_sealed_orders_take_off_with_sticks_seen_and_the_ground_is_lost_on_the_w
         assert field.motions() == [176, 22]
         assert some(qgc.place).relative_alt == pytest.approx(25_000, abs=2_500)
 
+        assert_hovers_without("connection", field, field.typed(*TURN, *sealed))
+        flown = field.motions()
+
         there = (start.lat / 1e7 + 200.0 / 111_200.0, start.lon / 1e7)
         goes = field.typed("goto", *map(str, there), *sealed)
         qgc.until(lambda: qgc.off_m(start) > 5.0, 20.0)
         goes.kill()
         qgc.until(lambda: qgc.mode == MODES["ardupilot"]["return"], 30.0)
-        assert field.motions() == [176, 22, 192, 192, 20]  # there, and where it held
+        assert field.motions()[len(flown) :] == [192, 192, 20]  # there, and where it held
         assert 20.0 < qgc.off_m(start) < 150.0

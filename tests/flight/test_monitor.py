@@ -1,6 +1,5 @@
 """A running drone side seen, started and stopped from its own terminal: cart and bench use."""
 
-import subprocess
 import time
 from pathlib import Path
 from typing import Any
@@ -35,14 +34,38 @@ def drawn(view: MonitorView) -> str:
 
 
 def test_a_cart_without_autopilot_is_started_watched_and_stopped(
-    drone_bay: Any, thesis_scenario: Any
+    drone_bay: Any, thesis_scenario: Any, tmp_path: Path
 ) -> None:
-    drone = drone_bay.launch(thesis_scenario, mavlink=MavlinkSettings(address=""))
+    """The command line finds the running system by its flights."""
+    flights = tmp_path / "f"
+    drone = drone_bay.launch(
+        thesis_scenario,
+        mavlink=MavlinkSettings(address=""),
+        recording=RecordingSettings(directory=str(flights)),
+        status_socket=str(flights / "status.sock"),
+    )
+    tags = tmp_path / "tags.toml"
+    write_tags(tags, thesis_scenario.tags)
+
+    def uavrt(*arguments: str) -> str:
+        return started("monitor", "--flight-dir", flights, *arguments).stdout
+
     view = MonitorView()
     assert "waiting for the supervisor" in drawn(view)
     with pytest.raises(CommandRefused, match="no tag"):
         start_detection(drone.status, ())
+    assert '"idle"' in uavrt("--json")
+    first = uavrt("--start", str(tags)).replace("\n", "")
+    assert "detecting; flight:" in first
+    assert "detecting" in uavrt("--once")
+    assert "stopping; flight:" in uavrt("--stop")
+    nothing = started("monitor", "--flight-dir", tmp_path)
+    assert nothing.returncode == 2
+    assert "no running system answers" in nothing.stderr
+
+    show_until(drone, view, lambda: view.status and view.status.state is SystemState.HAS_TAGS)
     flight = start_detection(drone.status, thesis_scenario.tags)
+    assert Path(flight).name not in first
     show_until(drone, view, lambda: view.heard and view.heard[2].pulses >= 4)
     text = drawn(view)
     for word in ("detecting", "receiver", "recorder", "MHz", "dB", Path(flight).name):
@@ -53,29 +76,3 @@ def test_a_cart_without_autopilot_is_started_watched_and_stopped(
     recorded = read_flight(flight).pulse_poses
     assert len(recorded) >= 4
     assert all(item.pose is None for item in recorded)
-
-
-def test_the_command_line_finds_the_running_system_by_its_flights(
-    drone_bay: Any, thesis_scenario: Any, tmp_path: Path
-) -> None:
-    flights = tmp_path / "f"
-    drone = drone_bay.launch(
-        thesis_scenario,
-        mavlink=MavlinkSettings(address=""),
-        recording=RecordingSettings(directory=str(flights)),
-        status_socket=str(flights / "status.sock"),
-    )
-    assert drone.supervisor.exit_code is None
-    tags = tmp_path / "tags.toml"
-    write_tags(tags, thesis_scenario.tags)
-
-    def uavrt(*arguments: str) -> "subprocess.CompletedProcess[str]":
-        return started("monitor", "--flight-dir", flights, *arguments)
-
-    assert '"idle"' in uavrt("--json").stdout
-    assert "detecting; flight:" in uavrt("--start", str(tags)).stdout
-    assert "detecting" in uavrt("--once").stdout
-    assert "stopping; flight:" in uavrt("--stop").stdout
-    nothing = started("monitor", "--flight-dir", tmp_path)
-    assert nothing.returncode == 2
-    assert "no running system answers" in nothing.stderr

@@ -107,30 +107,48 @@ def process(status: SystemStatus, name: str) -> ProcessStatus | None:
 def test_a_radio_that_fails_in_every_way_is_reported_and_comes_back_by_itself(
     drone_bay: Any, thesis_scenario: Any, tmp_path: Path
 ) -> None:
-    program = tmp_path / "airspy_rx.py"
-    program.write_text(STAND_IN)
-    command = (sys.executable, str(program), str(tmp_path / "starts"), *FAULTS, "then works")
+    program = tmp_path / "airspy_rx"
+    command = (str(program), str(tmp_path / "starts"), *FAULTS, "then works")
     drone = drone_bay.launch(
         thesis_scenario,
         msgspec.json.encode(thesis_scenario.tags).decode(),
         radio=RadioSettings(program=command, retry_s=0.2),
     )
 
+    # At first there is no such program.
+    status, texts = collect(
+        drone,
+        30.0,
+        lambda status, texts: (
+            any(p.status == "radio absent" and not p.ok for p in status.processes)
+            and any("radio absent" in text for text in texts)
+        ),
+    )
+    assert process(status, "connection").ok  # type: ignore[union-attr]
+    assert "airspy_rx is not installed" in process(status, "receiver").reason  # type: ignore[union-attr]
+    assert str(program) in (drone.directory / "supervisor.log").read_text()
+    ready, starts = tmp_path / "ready", tmp_path / "starts"
+    ready.write_text(f"#!{sys.executable}\n{STAND_IN}")
+    ready.chmod(0o755)
+    ready.rename(program)
+
     def recovered(status: SystemStatus, texts: list[str]) -> bool:
         receiver = process(status, "receiver")
         return (
             receiver is not None
             and receiver.status == "receiving"
-            and receiver.counters["radio_failures"] >= len(FAULTS)
+            and starts.exists()
+            and starts.stat().st_size > len(FAULTS)
         )
 
-    status, texts = collect(drone, 90.0, recovered)
-    failures = [text for text in texts if "radio absent" in text]
+    status, more = collect(drone, 90.0, recovered)
+    missing, *failures = [text for text in texts + more if "radio absent" in text]
+    assert "not installed" in missing
     assert len(failures) == len(FAULTS)
     for failure, words in zip(failures, FAULTS.values(), strict=True):
         assert words in failure
     # Five of them gave samples before they failed, and the last one goes on.
-    assert sum("Radio gives samples again" in text for text in texts) >= 4
+    assert sum("Radio gives samples again" in text for text in more) >= 4
     assert status.state == "detecting"
     assert len(status.tags) == 1
     for name in ("receiver", "detector-1"):

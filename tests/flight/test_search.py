@@ -7,6 +7,7 @@ import random
 import signal
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from command_line import started
 from mavsdk.plugins.action import Action
 from tests.flight.conftest import FLIGHT_RATE_HZ, THESIS_TAG, DroneBay
 from tests.flight.test_fly import Field
-from tests.flight.test_mavsdk_ground import wait_for
+from until import until
 
 from uavrt.geodesy import distance_m
 from uavrt.messages import SearchNote
@@ -34,13 +35,16 @@ VICTIMS = ("guide", "connection", "supervisor")
 
 
 def animal() -> Scenario:
-    """One that rests 85 m from where the drone hovers."""
+    """One that rests 85 m from where the drone hovers; it beeps fast, so it is found soon."""
+    tag = replace(
+        THESIS_TAG, pulse_intervals_s=(0.6,), north_m=70.0, east_m=50.0, erp_dbm=-60.0
+    )
     return Scenario(
         duration_s=600.0,
         seed=3,
         radio=Radio(center_frequency_hz=148_705_000.0, sample_rate_hz=FLIGHT_RATE_HZ),
         antenna=Antenna(pattern="RA-23K"),
-        tag=(replace(THESIS_TAG, north_m=70.0, east_m=50.0, erp_dbm=-60.0),),
+        tag=(tag,),
         flight=Flight(height_m=40.0),
     )
 
@@ -51,31 +55,31 @@ def searching(bay: DroneBay, flavour: Flavour, work: Path) -> Field:
     return Field(bay, flavour, work, scenario, tags, speed_m_s=8.0)
 
 
-def test_the_demo_says_that_a_search_was_cut_short(tmp_path: Path) -> None:
-    words = ("--search", "--json", "--duration", "12", "--flight-dir", str(tmp_path))
-    finished = started("demo", *words, timeout=150)
-    assert finished.returncode == 1, finished.stderr
-    summary = json.loads(finished.stdout.splitlines()[-1])
+def test_demos_say_that_a_search_was_cut_short(tmp_path: Path) -> None:
+    """One drone, and at the same time two that search together at one ground station."""
+    words = ("demo", "--search", "--json", "--duration", "12", "--flight-dir")
+    runs = ((tmp_path / "one",), (tmp_path / "two", "--drones", "2"))
+    with ThreadPoolExecutor() as pool:
+        one, two = pool.map(lambda more: started(*words, *more, timeout=200), runs)
+
+    assert one.returncode == 1, one.stderr
+    summary = json.loads(one.stdout.splitlines()[-1])
     assert not all(tag["found"] for tag in summary["tags"].values())
     assert set(summary["tags"]) == {"2", "4", "6"}
     assert 20.0 < summary["guide_memory_mb"] <= GUIDE_MB
-    assert "the time is over" in finished.stderr
+    assert "the time is over" in one.stderr
     # The first goal, and the way home.
     assert summary["commands"] >= 2
-    (flight,) = tmp_path.glob("flight_log_*")
+    (flight,) = (tmp_path / "one").glob("flight_log_*")
     assert {note.event for note in read_search_notes(flight)} >= {"begun", "decision"}
 
-
-def test_two_drones_search_together_at_one_ground_station(tmp_path: Path) -> None:
-    words = ("--search", "--drones", "2", "--json", "--duration", "12")
-    finished = started("demo", *words, "--flight-dir", tmp_path, timeout=200)
-    assert finished.returncode == 1, finished.stderr  # the time is over before all are found
-    summary = json.loads(finished.stdout.splitlines()[-1])
+    assert two.returncode == 1, two.stderr  # the time is over before all are found
+    summary = json.loads(two.stdout.splitlines()[-1])
     assert set(summary["drones"]) == {"1", "2"}
     assert summary["apart_m"] >= 25.0
     for number in ("1", "2"):
-        assert f"drone {number}: " in finished.stderr
-        flights = (tmp_path / f"drone-{number}").glob("flight_log_*")
+        assert f"drone {number}: " in two.stderr
+        flights = (tmp_path / "two" / f"drone-{number}").glob("flight_log_*")
         notes = read_search_notes(next(flights))
         assert {note.event for note in notes} >= {"begun", "decision"}
         assert notes[0].height_m == pytest.approx(40.0 if number == "1" else 52.0, abs=2.0)
@@ -136,7 +140,7 @@ def test_a_takeover_in_the_middle_of_a_decision_ends_a_search_for_good(
             sent = field.commands()
         finally:
             os.kill(guide, signal.SIGCONT)
-        wait_for(lambda: program.ended, 5.0)
+        until(lambda: program.ended, 5.0)
         assert "another has given a target" in field.events()
         time.sleep(8.0)
     assert field.commands() == sent
@@ -149,7 +153,8 @@ def pilot_by_mavsdk(port: int) -> Iterator[Action]:
     sdk = mavsdk.Mavsdk(mavsdk.Configuration.create_manual(255, 190, True))
     try:
         sdk.add_any_connection(f"udpin://127.0.0.1:{port}")
-        yield Action(wait_for(sdk.get_systems, 20.0)[0])
+        until(sdk.get_systems, 20.0)
+        yield Action(sdk.get_systems()[0])
     finally:
         sdk.destroy()
 

@@ -10,6 +10,7 @@ import textwrap
 import tomllib
 from collections.abc import Iterator
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from uavrt.foreign import MOST_FAULTS, SETTINGS, check_toml, read_file, shortene
 from uavrt.plugins import Registry
 
 if TYPE_CHECKING:
+    from pydantic import TypeAdapter
     from pydantic_core import ErrorDetails
 
 _WIDTH = 92
@@ -55,7 +57,7 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
     ConfigError
         The bytes are not settings; all faults are listed.
     """
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     try:
         text = decode_text(content)
@@ -75,7 +77,7 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
     try:
         # By way of JSON, where a list may be a tuple and strict still means strict: "3" is no
         # number and 3.5 no count. Dates, which no setting has, become text and are refused.
-        settings = TypeAdapter(Settings).validate_json(json.dumps(document, default=str))
+        settings = _settings_adapter().validate_json(json.dumps(document, default=str))
     except ValidationError as error:
         schema = settings_schema()
         faults += [
@@ -120,9 +122,15 @@ def _faults_of_radio(radio: RadioRow, table: dict[str, Any]) -> Iterator[tuple[s
 
 def settings_schema() -> dict[str, Any]:
     """JSON Schema of ``uavrt.toml``, for editors that check while one types."""
+    return _settings_adapter().json_schema()
+
+
+@cache
+def _settings_adapter() -> "TypeAdapter[Settings]":
+    """Build the reader of all tables once: it takes the docstrings out of their source."""
     from pydantic import TypeAdapter
 
-    return TypeAdapter(Settings).json_schema()
+    return TypeAdapter(Settings)
 
 
 def default_settings_text() -> str:

@@ -1,5 +1,6 @@
 """Parts of the ground around a flight, how likely a tag is in each, and what regions hold."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -202,12 +203,14 @@ class Cells:
 
     def arc_deg(self, middle_deg: float, share: float) -> float:
         """Width of the arc around a bearing that holds a share of the probability."""
-        fine = np.arange(0.0, 180.0, 0.1)
-        away = np.abs(wrap_degrees_180(self.bearing_deg - middle_deg))
         # Each cell's probability lies evenly over its width.
-        low = np.maximum(fine[:, np.newaxis] - (away - 0.5 * self.width_deg), 0.0)
-        held = np.minimum(low / self.width_deg, 1.0) @ self.probability
-        return 2.0 * float(fine[min(int(np.searchsorted(held, share)), len(fine) - 1)])
+        away = np.abs(wrap_degrees_180(self.bearing_deg - middle_deg)) - 0.5 * self.width_deg
+
+        def held(tenth: int) -> float:
+            within = np.clip((0.1 * tenth - away) / self.width_deg, 0.0, 1.0)
+            return float(within @ self.probability)
+
+        return 0.2 * bisect_left(range(1799), share, key=held)
 
 
 def _runs(bearings_deg: _Floats, step_deg: float) -> list[tuple[float, float]]:

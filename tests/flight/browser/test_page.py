@@ -93,13 +93,14 @@ def show_where_the_data_are(watched: Watched, drone: Any) -> None:
 
 def test_a_whole_flight_is_flown_through_the_page(
     browser: Browser,
+    watch: Callable[..., Watched],
     drone_bay: Any,
     quiet_radio: Callable[..., QuietRadio],
     start_ground: Callable[..., Ground],
     tmp_path: Path,
 ) -> None:
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
+    watched = watch(ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     scenario = demo_scenario(FLIGHT_S, 1)
     if not (SCREENSHOTS or VIDEO):
@@ -192,7 +193,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     before = page.evaluate("() => window.uavrt.store.pulses.count")
     page.reload()
     page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
-    second = Watched(browser, ground.address, color_scheme="dark", plain_map=False)
+    second = watch(ground.address, color_scheme="dark", plain_map=False)
     second.page.wait_for_function(f"() => window.uavrt.store.pulses.count >= {before}")
     second.page.wait_for_selector(".rose", timeout=WAIT_MS)
 
@@ -293,15 +294,14 @@ def test_a_whole_flight_is_flown_through_the_page(
         assert each.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
         assert each.errors == []
         each.close()
-    ground.stop()
 
 
 def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    watched = Watched(browser, ground.address, plain_map=False)
+    watched = watch(ground.address, plain_map=False)
     page = watched.page
     options = page.locator("#set-generation option")
     told = options.evaluate_all("(all) => all.map((one) => one.value)")
@@ -327,9 +327,6 @@ def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
     expect(page.locator("#legend-on-board")).to_be_visible()
     mark = page.locator(".on-board")
     expect(mark).to_have_attribute("aria-label", re.compile("42 degrees.*on the drone"))
-    assert watched.errors == []
-    watched.close()
-    ground.stop()
 
 
 def heartbeat() -> dialect.Heartbeat:
@@ -338,7 +335,7 @@ def heartbeat() -> dialect.Heartbeat:
 
 
 def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     evil = "<img src=x onerror=alert(1)>"
     folder = tmp_path / "ground" / "maps"
@@ -346,7 +343,7 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     write_map(folder / "valley.mbtiles")
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
-    watched = Watched(browser, ground.address, plain_map=False)
+    watched = watch(ground.address, plain_map=False)
     page = watched.page
     page.click("#tab-setup")
     page.click("#tag-add")
@@ -393,6 +390,3 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     )
     assert nameless == []
     assert watched.hosts - {"blob", "data"} == {urlsplit(ground.address).netloc}
-    assert watched.errors == []
-    watched.close()
-    ground.stop()

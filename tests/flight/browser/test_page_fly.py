@@ -1,168 +1,42 @@
-"""The page moves a simulated drone: asked, held to confirm, and taken back by one tap."""
+"""The page lets real processes search with a simulated drone, and takes it back."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from page_driver import VIDEO, Ground, Watched, axe_findings, colour_at, type_tags
-from playwright.sync_api import Browser, Page, expect
-from some import some
-from tests.flight.conftest import Drone, DroneBay, hovering_scenario
+from moved_page import GUIDANCE, MovedPage
+from page_driver import VIDEO, Ground, type_tags
+from playwright.sync_api import Browser, expect
+from tests.flight.conftest import DroneBay
 from tests.flight.test_search import animal
-from tests.system.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand, in_manual
+from tests.system.browser.test_page_hands import TARGETS
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance import circle
-from uavrt.simulation import Scenario
-from uavrt.simulation.flying import Flavour
 
-pytestmark = [
-    pytest.mark.timeout(900 if VIDEO else 240),
-]
+pytestmark = pytest.mark.timeout(900 if VIDEO else 240)
 OURS = "1/191"
 FOUND_MS = 200_000
 """In which the animal is found."""
 
 
-class Field:
-    """A drone that hovers, its ground station, and a page."""
-
-    def __init__(
-        self,
-        bay: DroneBay,
-        browser: Browser,
-        start: Callable[..., Ground],
-        flavour: Flavour,
-        work: Path,
-        scenario: Scenario | None = None,
-    ) -> None:
-        self.drone: Drone = bay.launch(
-            scenario or hovering_scenario(),
-            autopilot_options=("--flies", "--flavour", flavour),
-            guidance=GuidanceSettings(enabled=True, battery_wh=200.0, speed_m_s=8.0),
-        )
-        ground = start(work, 0, "--mavlink", f"udpin://127.0.0.1:{self.drone.ground_port}")
-        self.address = ground.address
-        self.browser = browser
-        self.watched = Watched(browser, ground.address, color_scheme="light")
-        self.page: Page = self.watched.page
-        expect(self.page.locator("#motion-bar")).to_be_visible()
-        self.page.wait_for_function("() => window.uavrt.store.state.home !== null")
-        self.page.wait_for_function("() => window.uavrt.store.state.vehicle !== null")
-        self.page.click("#show-move")
-
-    def commands(self) -> int:
-        text = (self.drone.directory / "autopilot.log").read_text(errors="replace")
-        return sum("motion" in line and OURS in line for line in text.splitlines())
-
-    def ask(self) -> str:
-        """Ask until the drone is ready to say what it would fly: at first it has no home."""
-        offer = self.page.locator("#offer")
-        for _ in range(20):
-            self.page.click("#move-ask")
-            expect(self.page.locator("#offer:visible, #move-fault:not(:empty)")).to_have_count(
-                1
-            )
-            if offer.is_visible():
-                return str(self.page.locator("#offer-text").inner_text())
-            time.sleep(1.0)
-        raise AssertionError(self.page.locator("#move-fault").inner_text())
-
-    def hold(self) -> None:
-        box = some(self.page.locator("#hold-to-fly").bounding_box())
-        self.page.mouse.move(box["x"] + 20.0, box["y"] + 20.0)
-        self.page.mouse.down()
-        expect(self.page.locator("#offer")).to_be_hidden()
-        self.page.mouse.up()
-
-    def fly(self, hand: Hand | None = None) -> str:
-        """Ask, know that no sticks are seen, and hold; until it flies.
-
-        Of a person's presses the two count that there would be, were the drone ready.
-        """
-        if hand is not None:
-            hand.clicks += 2
-        for _ in range(5):
-            told = self.ask()
-            self.page.check("#sticks-unseen")
-            self.hold()
-            bar = self.page.locator('#motion-bar[data-standing="in command"]')
-            fault = self.page.locator("#move-fault:not(:empty)")
-            expect(bar.or_(fault).first).to_be_visible()
-            if bar.is_visible():
-                return told
-        raise AssertionError(self.page.locator("#move-fault").inner_text())
-
-
-@pytest.fixture
-def field(
-    drone_bay: DroneBay, browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
-) -> Iterator[Callable[[Flavour], Field]]:
-    made: list[Field] = []
-
-    def make(flavour: Flavour, scenario: Scenario | None = None) -> Field:
-        made.append(Field(drone_bay, browser, start_ground, flavour, tmp_path, scenario))
-        return made[-1]
-
-    yield make
-    for one in made:
-        assert one.watched.errors == []
-        one.watched.close()
-
-
-@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
-def test_nothing_moves_by_a_tap_and_one_tap_takes_it_back(
-    field: Callable[[Flavour], Field], flavour: Flavour
-) -> None:
-    here = field(flavour)
-    page = here.page
-    page.fill("#move-seconds", "60")
-    assert page.evaluate(TARGETS) == []
-    assert "turn once to the right" in here.ask()
-    here.watched.picture(f"move-offer-{flavour}")
-    assert page.evaluate(TARGETS) == []
-    page.click("#hold-to-fly")  # a slip, not held
-    page.wait_for_timeout(500)
-    assert here.commands() == 0
-    expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
-    page.click("#offer-leave")
-    page.click("#show-tags")
-    hand = Hand(page)
-    hand.click("#show-move")
-    here.fly(hand)
-    took = {"turn the drone here": hand.took()}
-    expect(page.locator("#motion-text")).to_contain_text("turn once")
-    here.watched.picture(f"move-turning-{flavour}")
-    page.click("#tab-log")  # from every view
-    expect(page.locator("#take-back")).to_be_in_viewport(ratio=1.0)
-    hand.click("#take-back")
-    expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
-    took["take the drone back"] = hand.took()
-    in_list = in_manual()
-    assert took == {task: in_list[task] for task in took}
-    assert max(in_list[task] for task in MOVING) <= 3
-    sent = here.commands()
-    assert sent >= 1
-    page.wait_for_timeout(6000)
-    assert here.commands() == sent
-
-
-def test_sticks_that_are_not_seen_must_be_known_of(field: Callable[[Flavour], Field]) -> None:
-    here = field("px4")
-    here.page.click("#move-hold")
-    here.ask()
-    here.hold()
-    expect(here.page.locator("#move-fault")).to_contain_text("sticks are not seen")
-    assert here.commands() == 0
-
-
 def test_a_search_is_refused_without_tags_and_watched_with_them(
-    field: Callable[..., Field], browser: Browser
+    drone_bay: DroneBay, browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     """``make video`` films it to its end."""
     scenario = animal()
-    here = field("px4", scenario)
+    drone = drone_bay.launch(
+        scenario,
+        autopilot_options=("--flies", "--flavour", "px4"),
+        guidance=GuidanceSettings(enabled=True, **GUIDANCE),
+    )
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{drone.ground_port}")
+
+    def commands() -> int:
+        text = (drone.directory / "autopilot.log").read_text(errors="replace")
+        return sum("motion" in line and OURS in line for line in text.splitlines())
+
+    here = MovedPage(browser, ground.address, commands)
     page, watched = here.page, here.watched
     watched.film()
     watched.caption("A search: the drone decides where to fly. First it says what is missing.")
@@ -206,152 +80,4 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
         expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
     watched.caption("", 1.0)
     watched.save_film(browser)
-
-
-def kml_of(places: tuple[tuple[float, float], ...]) -> str:
-    corners = " ".join(f"{east},{north}" for north, east in places)
-    return (
-        '<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><Polygon><outerBoundaryIs>'
-        f"<LinearRing><coordinates>{corners}</coordinates></LinearRing></outerBoundaryIs>"
-        "</Polygon></Placemark></kml>"
-    )
-
-
-def ring_around(page: Page, radius_m: float) -> tuple[tuple[float, float], ...]:
-    place = page.evaluate("() => window.uavrt.store.state.home")
-    return circle((place["latitude_deg"], place["longitude_deg"]), radius_m)
-
-
-def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
-    field: Callable[[Flavour], Field], tmp_path: Path
-) -> None:
-    here = field("px4")
-    page = here.page
-    area = tmp_path / "meadow.kml"
-    area.write_text(kml_of(ring_around(page, 120.0)), encoding="utf-8")
-    page.click("#show-tags")
-    hand = Hand(page)
-    hand.click("#show-move")
-    hand.click("#move-survey")
-    hand.give("#area-import", area)
-    expect(page.locator("#move-hint")).to_have_text("20 corners.")
-    expect(page.locator("#move-plan")).to_contain_text("from home")
-    took = {"see the way over an imported area": hand.took()}
-    lines = page.locator("#move-plan").inner_text()
-    page.select_option("#move-pattern", "around")
-    expect(page.locator("#move-plan")).not_to_have_text(lines)
-    here.watched.picture("move-around")
-    page.select_option("#move-pattern", "lines")
-    expect(page.locator("#move-plan")).to_have_text(lines)
-    assert page.evaluate(TARGETS) == []
-    here.watched.picture("move")
-    assert "survey 4 lines" in here.fly(hand)
-    took["fly the way that is shown"] = hand.took()
-    assert took == {task: in_manual()[task] for task in took}
-    page.wait_for_function("() => window.uavrt.store.state.motion.way.length > 4")
-    page.wait_for_timeout(3000)
-    here.watched.picture("move-flying")
-
-    watching = Watched(here.browser, here.address, color_scheme="light")
-    expect(watching.page.locator("#take-command")).to_be_visible()
-    watching.page.click("#show-move")
-    expect(watching.page.locator("#move-ask")).to_have_text("Another page commands")
-    watching.page.click("#take-back")
-    expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
-    assert watching.errors == []
-    watching.close()
-
-    # By hand: corners, then a circle; too far for the fence, which the drone says.
-    page.click("#area-clear")
-    for x, y in ((560, 330), (700, 330), (700, 430)):
-        page.locator("#map canvas").first.click(position={"x": x - 290, "y": y - 110})
-    expect(page.locator("#move-hint")).to_have_text("3 corners.")
-    page.click("#area-circle")
-    for x, y in ((300, 230), (340, 230)):
-        page.locator("#map canvas").first.click(position={"x": x, "y": y})
-    expect(page.locator("#move-hint")).to_have_text("20 corners.")
-    area.write_text(kml_of(ring_around(page, 900.0)), encoding="utf-8")
-    page.set_input_files("#area-import", str(area))
-    expect(page.locator("#move-plan")).to_contain_text("km")
-    page.click("#move-ask")
-    expect(page.locator("#move-fault")).to_contain_text("beyond the fence")
-    area.write_text("no area", encoding="utf-8")
-    page.set_input_files("#area-import", str(area))
-    expect(page.locator("#move-fault")).to_contain_text("gives no area")
-
-
-def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(
-    field: Callable[[Flavour], Field], tmp_path: Path
-) -> None:
-    here = field("px4")
-    page = here.page
-    area = tmp_path / "meadow.kml"
-    area.write_text(kml_of(ring_around(page, 120.0)), encoding="utf-8")
-    for flat in (False, True):
-        if flat:
-            page.add_init_script(f"({NO_WEBGL})()")
-            page.reload()
-            expect(page.locator(".flat-map")).to_be_visible()
-            page.click("#show-move")
-        expect(page.locator("#before")).to_be_hidden()
-        page.click("#move-survey")
-        page.set_input_files("#area-import", str(area))
-        expect(page.locator("#move-plan")).not_to_be_empty()
-        page.locator("#before summary").focus()
-        page.keyboard.press("Enter")
-        assert page.evaluate(TARGETS) == []
-        page.fill("#before-power", "much")
-        page.click("#before-make")
-        expect(page.locator("#before-fault")).to_contain_text("must be a number")
-        page.fill("#before-power", "-60")
-        page.fill("#before-heights", "30 90")
-        page.locator("#before-make").focus()
-        page.keyboard.press("Enter")
-        told = page.locator("#before-told")
-        expect(told).to_contain_text("on average", timeout=60_000)
-        expect(told).to_contain_text("Best from ")
-        expect(told).to_contain_text("the ground is taken as level")
-        assert [one for one in axe_findings(page) if one[0] in ("serious", "critical")] == []
-        here.watched.picture("before-flat" if flat else "before")
-        box = some(page.locator("#map").bounding_box())
-        at = (round(box["x"] + 0.2 * box["width"]), round(box["y"] + 0.8 * box["height"]))
-        page.wait_for_timeout(500)
-        mapped = colour_at(page, *at)
-        page.click("#before-hide")
-        expect(told).to_be_empty()
-        page.wait_for_timeout(500)
-        assert colour_at(page, *at) != mapped
-        page.click("#before-make")
-        expect(told).to_contain_text("on average", timeout=60_000)
-        page.select_option("#move-pattern", "around")  # another plan, not that of the map
-        expect(told).to_be_empty()
-    assert here.commands() == 0
-
-
-def test_it_goes_where_the_map_is_tapped(field: Callable[[Flavour], Field]) -> None:
-    here = field("ardupilot")
-    page = here.page
-    page.click("#move-goto")
-    page.fill("#move-height", "45")
-    page.locator("#map canvas").first.click(position={"x": 380, "y": 260})
-    expect(page.locator("#move-hint")).to_contain_text("To ")
-    here.watched.picture("move-goto")
-    told = here.fly()
-    assert "fly to" in told
-    assert "at 45 m" in told
-    expect(page.locator("#motion-text")).to_contain_text("fly to")
-    page.click("#take-back")
-    expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
-
-
-def test_a_drone_without_guidance_shows_no_motion(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
-) -> None:
-    ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light")
-    watched.page.click("#show-move")
-    expect(watched.page.locator("#move-none")).to_be_visible()
-    expect(watched.page.locator("#move-form")).to_be_hidden()
-    expect(watched.page.locator("#motion-bar")).to_be_hidden()
-    assert watched.errors == []
-    watched.close()
+    here.close()

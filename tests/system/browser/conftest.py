@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from willing_drone import WillingDrone
@@ -19,8 +20,8 @@ def willing(
     monkeypatch.setattr(ground_status, "THERMAL_ZONE", zone)
     drones: list[WillingDrone] = []
 
-    def make(port: int, system_id: int = 1) -> WillingDrone:
-        drones.append(WillingDrone(port, system_id))
+    def make(port: int, system_id: int = 1, **world: Any) -> WillingDrone:
+        drones.append(WillingDrone(port, system_id, **world))
         return drones[-1]
 
     yield make

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from page_driver import Ground, Watched, colour_at
 from past_flight import PLANE, TAG, write_flight
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 from uavrt.recording import (
     FlightFold,
@@ -93,14 +93,14 @@ def integrated(directory: Path) -> None:
 
 
 def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     here = tmp_path / "ground"
     here.mkdir()
     flight = write_flight(here, 120.0, 300.0, (SILENT, MISSING))
     integrated(here / flight)
     ground = start_ground(tmp_path, 0)
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = watch(ground.address, color_scheme="light")
     page = watched.page
     expect(page.locator("#show-after")).to_be_hidden()
     page.click("#tab-flights")

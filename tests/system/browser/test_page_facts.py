@@ -6,18 +6,18 @@ from pathlib import Path
 import pytest
 from page_driver import WAIT_MS, Ground, Watched
 from past_flight import write_flight
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
 pytestmark = pytest.mark.timeout(240)
 
 
 def test_what_the_set_up_tells_stands_in_the_report(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     here = tmp_path / "ground"
     here.mkdir()
     flight = write_flight(here, 120.0, 300.0)
-    watched = Watched(browser, start_ground(tmp_path).address)
+    watched = watch(start_ground(tmp_path).address)
     page = watched.page
     page.click("#tab-setup")
     for field, text in (
@@ -45,5 +45,3 @@ def test_what_the_set_up_tells_stands_in_the_report(
     expect(body).to_contain_text("Operator: A. <Ranger>", timeout=4 * WAIT_MS)
     expect(body).to_contain_text("JST")
     opened.value.close()
-    assert watched.errors == []
-    watched.close()

@@ -11,7 +11,7 @@ from page_driver import Ground, Watched, axe_findings
 from page_texts import GOES_ON, filled_forms, told
 from past_flight import write_flight
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 from willing_drone import WillingDrone
 from zxingcpp import read_barcodes
 
@@ -101,9 +101,9 @@ def states(page: Page) -> Iterator[str]:
 
 @pytest.mark.parametrize(("scheme", "locale"), [("light", "en-US"), ("dark", "de-DE")])
 def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_language(
-    browser: Browser, station: str, scheme: str, locale: str
+    watch: Callable[..., Watched], station: str, scheme: str, locale: str
 ) -> None:
-    watched = Watched(browser, station, color_scheme=scheme, locale=locale, plain_map=False)
+    watched = watch(station, color_scheme=scheme, locale=locale, plain_map=False)
     page = watched.page
     expect(page.locator("html")).to_have_attribute("lang", locale[:2])
     ready(page)
@@ -118,30 +118,24 @@ def test_no_view_has_a_serious_finding_of_axe_or_a_text_cut_off_or_in_another_la
     bad = [one for one in found if one[1] in ("serious", "critical")]
     assert not bad, json.dumps(bad, indent=1)
     assert not missing, json.dumps(sorted(missing), indent=1, ensure_ascii=False)
-    watched.close()
 
 
 def test_a_fresh_stations_season_says_in_german_what_is_wrong_and_what_to_do(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
-    watched = Watched(
-        browser, start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False
-    )
+    watched = watch(start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False)
     page = watched.page
     page.click("#tab-flights")
     page.click("#season-show")
     note = page.locator("#season-note")
     expect(note).to_contain_text("liegt kein lesbarer Flug. Den Ordner angeben, in dem sie")
     assert page.evaluate("() => [...window.uavrt.missing]") == []
-    watched.close()
 
 
 def test_the_page_finds_the_words_that_the_tests_find(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
-    watched = Watched(
-        browser, start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False
-    )
+    watched = watch(start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False)
     texts = [*filled_forms("7"), *filled_forms(GOES_ON), *filled_forms("link. Try again")]
     texts += ["no answer about x. Nobody has words for this", GOES_ON, "17 m · not heard · new"]
     said = watched.page.evaluate(
@@ -153,13 +147,12 @@ def test_the_page_finds_the_words_that_the_tests_find(
     )
     ours = [(words, list(dict.fromkeys(left))) for words, left in map(told, texts)]
     assert [(words, left) for words, left in said] == ours
-    watched.close()
 
 
 def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(
-    browser: Browser, station: str
+    watch: Callable[..., Watched], station: str
 ) -> None:
-    watched = Watched(browser, station, color_scheme="light", plain_map=False)
+    watched = watch(station, color_scheme="light", plain_map=False)
     page = watched.page
     ready(page)
     lost: list[tuple[str, str]] = []
@@ -178,13 +171,12 @@ def test_every_control_is_reached_by_the_tab_key_and_shows_the_focus(
         dark += [(state, controls[one]) for one in controls if not reached.get(one, True)]
     assert not lost
     assert not dark
-    watched.close()
 
 
 def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
-    browser: Browser, station: str
+    watch: Callable[..., Watched], station: str
 ) -> None:
-    watched = Watched(browser, station, color_scheme="light", plain_map=False)
+    watched = watch(station, color_scheme="light", plain_map=False)
     page = watched.page
     ready(page)
     page.focus("#tab-setup")
@@ -206,14 +198,13 @@ def test_a_flight_is_begun_and_a_place_tapped_by_keyboard_alone(
     page.keyboard.press("Enter")
     expect(page.locator("#chip-state")).to_have_text("Ready")
     assert not watched.errors
-    watched.close()
 
 
 def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
-    browser: Browser, station: str
+    watch: Callable[..., Watched], station: str
 ) -> None:
     """Each move begins with a coarser picture, which must not be drawn within a frame."""
-    watched = Watched(browser, station, color_scheme="light", plain_map=False)
+    watched = watch(station, color_scheme="light", plain_map=False)
     page = watched.page
     page.click("#tab-fly")
     page.evaluate(SLOW_FRAMES)
@@ -224,11 +215,12 @@ def test_a_map_that_is_drawn_slowly_is_moved_by_keyboard_again_and_again(
         page.keyboard.up("ArrowRight")
         page.wait_for_timeout(500)
     assert not watched.errors
-    watched.close()
 
 
-def test_the_language_that_is_chosen_is_kept(browser: Browser, station: str) -> None:
-    watched = Watched(browser, station, color_scheme="light", locale="de-DE", plain_map=False)
+def test_the_language_that_is_chosen_is_kept(
+    watch: Callable[..., Watched], station: str
+) -> None:
+    watched = watch(station, color_scheme="light", locale="de-DE", plain_map=False)
     page = watched.page
     expect(page.locator("#tab-setup")).to_have_text("Einrichten")
     page.click("#tab-setup")
@@ -237,11 +229,10 @@ def test_the_language_that_is_chosen_is_kept(browser: Browser, station: str) -> 
     page.reload()
     expect(page.locator("#tab-setup")).to_have_text("Set-up")
     expect(page.locator("html")).to_have_attribute("lang", "en")
-    watched.close()
 
 
 def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -250,9 +241,7 @@ def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
     monkeypatch.setenv("UAVRT_GROUND_PASSWORD", "marmot-7")
     monkeypatch.setenv("UAVRT_ACCESS_POINT", wi_fi)
     ground = start_ground(tmp_path, 0, "--listen", "0.0.0.0", "--host-name", "lynx-1.local")
-    watched = Watched(
-        browser, f"http://127.0.0.1:{ground.port}/", color_scheme="dark", plain_map=False
-    )
+    watched = watch(f"http://127.0.0.1:{ground.port}/", color_scheme="dark", plain_map=False)
     page = watched.page
     page.fill("input[type=password]", "marmot-7")
     page.keyboard.press("Enter")
@@ -264,4 +253,3 @@ def test_a_phone_reads_the_way_to_the_page_and_its_wi_fi(
         (code,) = read_barcodes(Image.open(io.BytesIO(picture.screenshot())).convert("L"))
         read[what] = code.text
     assert read == {"page": f"http://lynx-1.local:{ground.port}/", "access point": wi_fi}
-    watched.close()

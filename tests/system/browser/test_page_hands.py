@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from page_driver import WAIT_MS, Ground, Watched, type_tags, write_map
 from past_flight import write_flight
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 from some import some
 from willing_drone import WillingDrone
 
@@ -59,7 +59,7 @@ MOVING = (
     "fly the way that is shown",
     "take the drone back",
 )
-"""Tasks that `test_page_fly` counts: they need a drone that flies."""
+"""Tasks that `test_page_moves` counts: they need a drone that flies."""
 
 
 class Hand:
@@ -105,7 +105,7 @@ def pins_are_seen(page: Page) -> None:
 
 
 def with_a_past_flight(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     directory: Path,
@@ -116,7 +116,7 @@ def with_a_past_flight(
     port = free_udp_port()
     ground = start_ground(directory, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
     drone = willing(port)
-    return flight, drone, Watched(browser, ground.address, color_scheme="light")
+    return flight, drone, watch(ground.address, color_scheme="light")
 
 
 def in_manual() -> dict[str, int]:
@@ -126,7 +126,7 @@ def in_manual() -> dict[str, int]:
 
 
 def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
@@ -141,7 +141,7 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     tags.write_text("1, 4, otter, 1, 148.7\n0, 6, stoat, 1, 148.72\n", encoding="utf-8")
     makers.write_text("1, Two, 1333, 2000, Moving, Resting, 15, 60, 20\n", encoding="utf-8")
     write_map(tmp_path / "valley.mbtiles")
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = watch(ground.address, color_scheme="light")
     page, hand = watched.page, Hand(watched.page)
     took: dict[str, int] = {}
 
@@ -219,15 +219,13 @@ def test_each_task_of_the_manual_takes_the_clicks_it_says_and_at_most_three(
     page.reload()
     page.click("#tab-fly")
     expect(page.locator("#basemap")).to_have_value("valley.mbtiles")
-    assert watched.errors == []
-    watched.close()
 
 
 def test_on_a_tablet_the_hint_is_whole_above_many_tags(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     silent = f"udpin://127.0.0.1:{free_udp_port()}"
-    watched = Watched(browser, start_ground(tmp_path, 0, "--mavlink", silent).address)
+    watched = watch(start_ground(tmp_path, 0, "--mavlink", silent).address)
     page = watched.page
     few = demo_scenario(40.0)
     more = [
@@ -246,16 +244,15 @@ def test_on_a_tablet_the_hint_is_whole_above_many_tags(
     box = hint.bounding_box()
     assert box is not None
     assert box["y"] + box["height"] <= some(below)["y"]
-    watched.close()
 
 
 def test_on_a_tablet_everything_is_shown_and_can_be_touched(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
 ) -> None:
-    flight, _, watched = with_a_past_flight(browser, start_ground, willing, tmp_path)
+    flight, _, watched = with_a_past_flight(watch, start_ground, willing, tmp_path)
     page = watched.page
     expect(page.locator("#chip-drone")).to_contain_text("40\u202fm · 90°")
     box = page.locator("#chip-drone").bounding_box()
@@ -285,17 +282,15 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
         page.click(f"#tab-{view}")
         assert page.evaluate(TARGETS) == [], view
         watched.picture(f"tablet-{view}")
-    assert watched.errors == []
-    watched.close()
 
 
 def test_without_webgl_a_plain_map_stands_in_and_stop_works(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
 ) -> None:
-    flight, drone, watched = with_a_past_flight(browser, start_ground, willing, tmp_path)
+    flight, drone, watched = with_a_past_flight(watch, start_ground, willing, tmp_path)
     page = watched.page
     page.add_init_script(f"({NO_WEBGL})()")
     page.reload()
@@ -312,12 +307,10 @@ def test_without_webgl_a_plain_map_stands_in_and_stop_works(
     page.keyboard.press("x")  # by chance
     page.click("#act-stop")
     page.wait_for_function("() => window.uavrt.store.state.drone.state === 'has_tags'")
-    assert watched.errors == []
-    watched.close()
 
 
 def test_a_tap_tells_the_place_measures_and_marks(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
@@ -325,8 +318,7 @@ def test_a_tap_tells_the_place_measures_and_marks(
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
     drone = willing(port)
-    watched = Watched(
-        browser,
+    watched = watch(
         ground.address,
         geolocation={"latitude": 46.501, "longitude": 8.0},
         permissions=["geolocation"],
@@ -350,12 +342,10 @@ def test_a_tap_tells_the_place_measures_and_marks(
     page.locator("#map canvas").first.click(position={"x": 420, "y": 330})
     expect(page.locator("#tap-measured")).to_contain_text("from the first place")
     watched.picture("tap")
-    assert watched.errors == []
-    watched.close()
 
 
 def test_a_receiver_tells_where_the_people_stand(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     tmp_path: Path,
 ) -> None:
@@ -366,7 +356,7 @@ def test_a_receiver_tells_where_the_people_stand(
     ended = threading.Event()
     receiver = threading.Thread(target=send_place, args=(port, ended), daemon=True)
     receiver.start()
-    watched = Watched(browser, ground.address, color_scheme="light")
+    watched = watch(ground.address, color_scheme="light")
     page = watched.page
     page.click("#tab-flights")
     page.click(f'tr[data-flight="{flight}"] .open-flight')
@@ -392,8 +382,6 @@ def test_a_receiver_tells_where_the_people_stand(
     expect(page.locator("#walk-way")).not_to_contain_text("of me")
     ended.set()
     receiver.join()
-    assert watched.errors == []
-    watched.close()
 
 
 def send_place(port: int, ended: threading.Event) -> None:
@@ -405,10 +393,10 @@ def send_place(port: int, ended: threading.Event) -> None:
 
 
 def test_two_pages_one_commander_and_no_lost_tags(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     ground = start_ground(tmp_path)
-    first, second = (Watched(browser, ground.address) for _ in range(2))
+    first, second = (watch(ground.address) for _ in range(2))
     expect(second.page.locator("#take-command")).to_be_visible()
     expect(first.page.locator("#take-command")).to_be_hidden()
     expect(second.page.locator("#act-reason")).to_have_text(
@@ -438,16 +426,15 @@ def test_two_pages_one_commander_and_no_lost_tags(
     expect(first.page.locator(frequency)).to_have_value("148.71")
     second.page.click("#tag-mine")
     expect(first.page.locator(frequency)).to_have_value("148.72")
-    for watched in (first, second):
-        assert watched.errors == []
-        watched.close()
 
 
 def test_a_tab_made_from_the_page_that_commands_looks_on(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched],
+    start_ground: Callable[..., Ground],
+    tmp_path: Path,
 ) -> None:
     """The browser copies what the tab has stored, as it does for *Duplicate tab*."""
-    first = Watched(browser, start_ground(tmp_path).address)
+    first = watch(start_ground(tmp_path).address)
     expect(first.page.locator("#take-command")).to_be_hidden()
     with first.page.expect_popup() as opened:
         first.page.evaluate("() => void window.open(location.href)")
@@ -455,8 +442,6 @@ def test_a_tab_made_from_the_page_that_commands_looks_on(
     for page, commands in ((first.page, True), (opened.value, False)):
         page.reload()
         expect(page.locator("#take-command")).to_be_visible(visible=not commands)
-    assert first.errors == []
-    first.close()
 
 
 def write_two_tags(directory: Path) -> None:
@@ -471,7 +456,7 @@ def write_two_tags(directory: Path) -> None:
 
 
 def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
@@ -480,7 +465,7 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     port = free_udp_port()
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
     drone = willing(port)
-    watched = Watched(browser, ground.address)
+    watched = watch(ground.address)
     page = watched.page
     page.click("#act-send_tags")
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
@@ -497,6 +482,7 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     page.evaluate("() => location.reload()")
     page.wait_for_timeout(500)
     assert watched.errors == ["dialog: "], "the browser asks, and the test stays"
+    watched.errors.clear()
     expect(interval).to_have_value("1333")
     page.click("#tab-fly")
     button = page.locator("#act-send_tags")
@@ -514,16 +500,15 @@ def test_what_is_typed_is_neither_passed_over_by_a_start_nor_lost_by_a_reload(
     expect(page.locator("#chip-state")).to_have_text("Detecting")
     page.reload()
     expect(page.locator("#chip-state")).to_have_text("Detecting")
-    watched.close()
 
 
 def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
 ) -> None:
-    flight, drone, watched = with_a_past_flight(browser, start_ground, willing, tmp_path)
+    flight, drone, watched = with_a_past_flight(watch, start_ground, willing, tmp_path)
     page = watched.page
     drone.state = drone.state.DETECTING
     expect(page.locator("#chip-state")).to_have_text("Detecting")
@@ -558,16 +543,14 @@ def test_keys_that_do_something_need_shift_which_caps_lock_is_not(
     page.evaluate("() => Object.defineProperty(navigator, 'clipboard', { value: undefined })")
     page.click("#walk-copy")
     expect(page.locator(".toast").last).to_contain_text("does not let the page copy")
-    assert watched.errors == []
-    watched.close()
 
 
 def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     write_two_tags(tmp_path)
     ground = start_ground(tmp_path)
-    first, second = (Watched(browser, ground.address) for _ in range(2))
+    first, second = (watch(ground.address) for _ in range(2))
     for watched in (first, second):
         watched.page.click("#tab-setup")
     held: list[Any] = []
@@ -591,14 +574,11 @@ def test_tags_are_left_out_one_after_the_other_and_every_page_shows_it(
     second.page.locator(".fly-tag").nth(0).click()
     expect(second.page.locator(".toast").last).to_contain_text("take command first")
     assert second.page.locator(".fly-tag").evaluate_all(seen) == [False, False]
-    for watched in (first, second):
-        assert watched.errors == []
-        watched.close()
 
 
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_the_header_of_a_second_screen_with_two_vehicles_can_be_read(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
@@ -610,7 +590,7 @@ def test_the_header_of_a_second_screen_with_two_vehicles_can_be_read(
     )
     for number in (1, 2):
         willing(port, system_id=number).state = SystemState.DETECTING
-    first, second = (Watched(browser, ground.address, locale=language) for _ in range(2))
+    _, second = (watch(ground.address, locale=language) for _ in range(2))
     page = second.page
     expect(page.locator("#take-command")).to_be_visible()
     expect(page.locator(".chip.vehicle")).to_have_count(2)
@@ -618,6 +598,3 @@ def test_the_header_of_a_second_screen_with_two_vehicles_can_be_read(
     page.wait_for_timeout(1200)
     second.picture(f"onlooker-{language}")
     assert page.evaluate(OVERLAPS) == []
-    for watched in (first, second):
-        assert watched.errors == []
-        watched.close()

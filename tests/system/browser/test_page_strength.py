@@ -8,7 +8,7 @@ import made
 import numpy as np
 import pytest
 from page_driver import Ground, Watched
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
 from uavrt.analysis import read_positions
 from uavrt.clock import Clock
@@ -78,11 +78,11 @@ def strongest_m(page: Page) -> float:
 
 
 def test_the_strength_of_each_height_is_seen_by_itself(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     flight_id = write_survey(tmp_path / "ground")
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
+    watched = watch(ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     page.click("#tab-flights")
     page.locator(f'tr[data-flight="{flight_id}"] .open-flight').click()
@@ -115,17 +115,14 @@ def test_the_strength_of_each_height_is_seen_by_itself(
     page.click(".layers summary")
     page.click("#fit")
     watched.picture("phone")
-    assert watched.errors == []
-    watched.close()
-    ground.stop()
 
 
 def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does(
-    browser: Browser, start_ground: Callable[..., Ground], tmp_path: Path
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     flight_id = write_survey(tmp_path / "ground")
     ground = start_ground(tmp_path)
-    watched = Watched(browser, ground.address, color_scheme="light", plain_map=False)
+    watched = watch(ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     page.click("#tab-setup")
     page.select_option("#set-antenna", "monopole")
@@ -141,6 +138,3 @@ def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does
     assert longitude == pytest.approx(told.position.longitude_deg, abs=6e-6)
     assert strongest_m(page) < 30.0
     watched.picture("monopole")
-    assert watched.errors == []
-    watched.close()
-    ground.stop()

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from page_driver import Ground, Watched, axe_findings
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 from willing_drone import WillingDrone
 
 from uavrt.config import load_settings, write_default_settings
@@ -31,7 +31,7 @@ def at(page: Page, step: str) -> None:
 
 
 def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(
-    browser: Browser,
+    watch: Callable[..., Watched],
     start_ground: Callable[..., Ground],
     willing: Callable[..., WillingDrone],
     tmp_path: Path,
@@ -40,14 +40,14 @@ def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(
     config.parent.mkdir()
     write_default_settings(config)
     ground = start_ground(tmp_path, 0, "--set-up", str(config))
-    english = Watched(browser, ground.address, color_scheme="light", locale="en-US")
+    english = watch(ground.address, color_scheme="light", locale="en-US")
     expect(english.page.locator("#wizard-title")).to_have_text("First set-up of this computer")
     english.page.fill("#wizard-name", "lynx-1")
     english.picture("first-setup")
     english.page.keyboard.press("Escape")
     expect(english.page.locator("#wizard")).to_be_hidden()
     english.close()
-    watched = Watched(browser, ground.address, color_scheme="light", locale="de-DE")
+    watched = watch(ground.address, color_scheme="light", locale="de-DE")
     page = watched.page
     expect(page.locator("#wizard")).to_be_visible()
     at(page, "Name")
@@ -116,4 +116,3 @@ def test_a_drone_is_set_up_by_keyboard_in_german_and_asks_no_more(
     assert answer == {"wanted": False}
     expect(page.locator("#wizard")).to_have_count(0)
     assert not watched.errors
-    watched.close()

@@ -2,11 +2,12 @@
 
 import asyncio
 import json
+import struct
 from collections.abc import Awaitable, Callable
 from contextlib import aclosing
 
 import pytest
-from mavsdk.asyncio.mavsdk import Configuration, Mavsdk
+from mavsdk.asyncio.mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
@@ -15,6 +16,18 @@ from uavrt.messages import SystemState, Tag
 from world import World
 
 Until = Callable[..., Awaitable[None]]
+START_TAGS, END_TAGS, STOP = (struct.pack("<I", number) for number in (2, 3, 6))
+THESIS_TAG_G0 = bytes.fromhex(  # golden
+    "04000000020000007022dd0814000000e6040000000000003c0000000a00000003000000000000007b14ae47"
+    "e17a743f"
+)
+THESIS_TAG_G1 = struct.pack(
+    "<9I4xdII4d", 4, 2, 148_710_000, 20, 1254, 0, 60, 10, 3, 0.005, 0, 0, *[float("nan")] * 4
+)
+SENT = {
+    "G0": (THESIS_TAG_G0, END_TAGS, struct.pack("<I", 5)),
+    "G1": (THESIS_TAG_G1, END_TAGS, struct.pack("<IIIIddI4x", 5, 0, 0, 0, 0.0, 0.0, 0)),
+}
 
 
 class MavsdkStation:
@@ -48,29 +61,32 @@ class MavsdkStation:
         )
         await self._direct.send_message(message)
 
-    def acknowledged(self) -> list[int]:
+    def acknowledgements(self) -> list[tunnel.AckG0 | tunnel.AckG1]:
         acks = [m for m in self.received if isinstance(m, tunnel.AckG0 | tunnel.AckG1)]
         assert all(ack.result == tunnel.SUCCESS for ack in acks)
-        return [ack.acked_command for ack in acks]
+        return acks
 
     def pulses(self) -> list[tunnel.PulseG0 | tunnel.PulseG1]:
-        return [m for m in self.received if isinstance(m, tunnel.PulseG0 | tunnel.PulseG1)]
+        """Pulses; search reports and a detector's heartbeats are left out."""
+        found = [m for m in self.received if isinstance(m, tunnel.PulseG0 | tunnel.PulseG1)]
+        return [one for one in found if one.detection_status < 3 and one.frequency_hz]
 
 
-@pytest.mark.parametrize("numbers", [(255, 190), (245, 190)])
-async def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
+@pytest.mark.parametrize(
+    ("numbers", "generation"), [((255, 190), "G0"), ((245, 190), "G0"), (None, "G1")]
+)
+async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
     world: World,
     thesis_tag: Tag,
     until: Until,
-    numbers: tuple[int, int],
+    numbers: tuple[int, int] | None,
+    generation: str,
 ) -> None:
-    commands = [
-        tunnel.HeaderMessage(command=tunnel.CommandId.START_TAGS).encode(),
-        tunnel.tag_to_wire(thesis_tag, "G0").encode(),
-        tunnel.HeaderMessage(command=tunnel.CommandId.END_TAGS).encode(),
-        tunnel.HeaderMessage(command=tunnel.CommandId.START_DETECTION).encode(),
-    ]
-    configuration = Configuration.create_manual(*numbers, True)
+    """At its default numbers where none are given."""
+    if numbers is None:
+        configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    else:
+        configuration = Configuration.create_manual(*numbers, True)
     async with world.flying(), Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(f"udpin://127.0.0.1:{world.ground_port}")
         system = await mavsdk.first_autopilot(timeout_s=20.0)
@@ -84,10 +100,14 @@ async def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
         station = MavsdkStation(direct)
         collector = asyncio.create_task(station.collect())
         await asyncio.sleep(0)
-        for count, payload in enumerate(commands, start=1):
+        for count, payload in enumerate((START_TAGS, *SENT[generation]), start=1):
             await station.send(payload)
-            await until(lambda count=count: len(station.acknowledged()) == count)
-        assert station.acknowledged() == [2, 4, 3, 5]
+            await until(lambda count=count: len(station.acknowledgements()) == count)
+        acks = station.acknowledgements()
+        assert [ack.acked_command for ack in acks] == [2, 4, 3, 5]
+        # The first command does not show of which version its sender is.
+        later = tunnel.AckG0 if generation == "G0" else tunnel.AckG1
+        assert [type(ack) for ack in acks] == [tunnel.AckG1, later, later, later]
         assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
         assert world.mission.state is SystemState.DETECTING
         for index in range(10):
@@ -96,6 +116,11 @@ async def test_mavsdk_uploads_the_thesis_tag_and_receives_pulses(
         assert [p.frequency_hz for p in station.pulses()] == [
             148_710_000 + index for index in range(10)
         ]
+        of_version = tunnel.PulseG0 if generation == "G0" else tunnel.PulseG1
+        assert {type(pulse) for pulse in station.pulses()} == {of_version}
+        await station.send(STOP)
+        await until(lambda: station.acknowledgements()[-1].acked_command == 6)
+        await until(lambda: world.mission.state is SystemState.HAS_TAGS)
         components = await system.component_ids()
         assert set(components) >= {1, 191}
         collector.cancel()

@@ -44,19 +44,7 @@ POSE = made.pose(1_777_623_301_009_000_000, 47.0, 8.5, altitude_amsl_m=500.0)
 
 
 def a_pulse(number: int) -> Pulse:
-    start_ns = 1_777_623_301_019_828_320 + number * 1_254_000_000
-    return made.pulse(
-        start_ns,
-        frequency_hz=148_720_012.5,
-        snr_db=20.5,
-        group_snr_db=20.25,
-        score=2.5,
-        group_index=1 + number % 3,
-        group_sequence=number // 3,
-        noise_psd=1e-9,
-        predicted_next_start_ns=start_ns + 1_194_000_000,
-        predicted_next_end_ns=start_ns + 1_314_000_000,
-    )
+    return made.pulse_of_group(1_777_623_301_019_828_320, number, 148_720_012.5)
 
 
 def a_status(time_ns: int, *processes: ProcessStatus) -> SystemStatus:

@@ -43,19 +43,7 @@ TAG = made.tag()
 
 
 def a_pulse(number: int) -> Pulse:
-    start_ns = START_NS + 10**9 + number * 1_254_000_000
-    return made.pulse(
-        start_ns,
-        frequency_hz=148_710_012.5,
-        snr_db=20.5,
-        group_snr_db=20.25,
-        score=2.5,
-        group_index=1 + number % 3,
-        group_sequence=number // 3,
-        noise_psd=1e-9,
-        predicted_next_start_ns=start_ns + 1_194_000_000,
-        predicted_next_end_ns=start_ns + 1_314_000_000,
-    )
+    return made.pulse_of_group(START_NS + 10**9, number, 148_710_012.5)
 
 
 def a_pose(time_ns: int) -> Pose:

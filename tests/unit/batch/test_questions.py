@@ -3,14 +3,13 @@ from pathlib import Path
 import made
 import pyarrow as pa
 import pytest
+from archived_pulses import DAY_NS, recording_row
 from command_line import uavrt
 
 from uavrt.batch import QUESTIONS, RecordingRow, ask
 from uavrt.batch.tables import RECORDINGS, write_pulses, write_rows
 from uavrt.errors import FormatError, UsageError
 from uavrt.messages import Pulse
-
-DAY_NS = 86_400 * 10**9
 
 
 def pulse(tag_id: int, day: int, snr_db: float, *, confirmed: bool) -> Pulse:
@@ -26,28 +25,6 @@ def pulse(tag_id: int, day: int, snr_db: float, *, confirmed: bool) -> Pulse:
     )
 
 
-def row(flight: str, pulses: int) -> RecordingRow:
-    return RecordingRow(
-        path=f"/archive/{flight}.wav",
-        flight=flight,
-        fingerprint=flight,
-        state="done",
-        fault=None,
-        start_time_ns=DAY_NS,
-        length_s=60.0,
-        sample_rate_hz=48e3,
-        center_frequency_hz=148.7e6,
-        pulses=pulses,
-        confirmed=pulses,
-        lost_samples=0,
-        invalid_values=0,
-        cells=1,
-        cpu_s=1.0,
-        finished_time_ns=2 * DAY_NS,
-        uavrt_version="0",
-    )
-
-
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:
     for number, day in (("07", 1), ("o'hare", 3)):
@@ -58,7 +35,8 @@ def archive(tmp_path: Path) -> Path:
         ]
         path = tmp_path / "pulses" / f"flight={number}" / "a.parquet"
         write_pulses(path, [(0, one) for one in found], "/archive/x.wav")
-    write_rows(tmp_path / RECORDINGS, RecordingRow, [row("07", 3), row("o'hare", 3)])
+    rows = [recording_row(flight, 3) for flight in ("07", "o'hare")]
+    write_rows(tmp_path / RECORDINGS, RecordingRow, rows)
     return tmp_path
 
 
@@ -84,7 +62,7 @@ def test_the_name_of_a_flight_stays_a_word_and_whole(archive: Path) -> None:
 
 
 def test_an_archive_without_a_pulse_answers_with_nothing(tmp_path: Path) -> None:
-    write_rows(tmp_path / RECORDINGS, RecordingRow, [row("07", 0)])
+    write_rows(tmp_path / RECORDINGS, RecordingRow, [recording_row("07", 0)])
     assert ask(tmp_path, QUESTIONS["tags"]).num_rows == 0
 
 

@@ -5,24 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import uavrt
+from tests.unit.cli import test_detect
 
 from uavrt.config import read_tags
 
 RATE_HZ = 8000.0
 RADIO = ("--sample-rate", "8e3", "--center-frequency", "148.7e6")
-CONFIG = """\
-####
-ID:\t4
-channelCenterFreqMHz:\t148.71
-Fs:\t3750
-tagFreqMHz:\t148.7105
-tp:\t0.02
-tip:\t1.254
-tipu:\t0.06
-tipj:\t0.01
-K:\t3
-opMode:\tfreqKnownHardLock
-"""
+CONFIG = test_detect.CONFIG.replace("ID:\t2", "ID:\t4").replace(
+    "FreqMHz:\t148.71\ntp", "FreqMHz:\t148.7105\ntp"
+)
 
 
 def recording(path: Path, *tags: tuple[float, float]) -> None:

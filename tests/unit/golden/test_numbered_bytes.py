@@ -3,6 +3,7 @@
 import math
 import struct
 
+import made
 import pytest
 
 from uavrt import tunnel
@@ -30,16 +31,7 @@ PULSE = tunnel.PulseG1(
 )
 NUMBERS = (1_700_206_353.74, 1_700_206_357.5, 21.25, 1.5)
 PLACE = (35.178241, -111.656587, 50.5, 1.5, -2.5, 90.0)
-TAG = tunnel.TagG1(
-    tag_id=2,
-    frequency_hz=148_710_000,
-    pulse_width_ms=20,
-    interval1_ms=1254,
-    interval2_ms=0,
-    interval_uncertainty_ms=60,
-    interval_jitter_ms=10,
-    k=3,
-    false_alarm_probability=0.005,
+TAG = made.tunnel_tag(
     channel_number=5,
     channel_center_frequency_hz=148_712_500,
     interval1_mean=1.0,

@@ -22,6 +22,8 @@ from uavrt_experiments.integrate.place import placed
 from uavrt_experiments.integrate.sensitivity import best_train, narrow_world
 from uavrt_experiments.integrate.several import fly_past, worlds
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_region_holds_for_each_fall_with_distance() -> None:
     # A fall of a tenth of the belief puts the tag to the west, the others to the east.

@@ -9,18 +9,7 @@ from uavrt.errors import TunnelError
 from uavrt.messages import PulsePose, SystemState
 from uavrt.units import ns_from_s
 
-TAG = tunnel.TagG1(
-    tag_id=2,
-    frequency_hz=148_710_000,
-    pulse_width_ms=20,
-    interval1_ms=1254,
-    interval2_ms=0,
-    interval_uncertainty_ms=60,
-    interval_jitter_ms=10,
-    k=3,
-    false_alarm_probability=0.005,
-)
-
+TAG = made.tunnel_tag()
 POSE = made.pose(10**18, 46.5, 7.5, altitude_amsl_m=900.0)
 
 
