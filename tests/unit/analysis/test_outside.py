@@ -6,9 +6,9 @@ import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from uavrt.analysis.measure.pulse_search import Bursts, BurstSearch
 
 from uavrt.analysis.measure.outside import LEAST_DB, OutsideSearch
-from uavrt.analysis.measure.pulse_search import Bursts, BurstSearch
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples
 
 RATE_HZ = 7500.0

@@ -18,12 +18,7 @@ if TYPE_CHECKING:
         plan_channels,
         ports_of,
     )
-    from uavrt.analysis.measure.coded_bursts import (
-        LONGEST_PULSE_S,
-        MeasuredCode,
-        measure_codes,
-    )
-    from uavrt.analysis.measure.interval_fit import Beat, fit_beat
+    from uavrt.analysis.measure.coded_bursts import MeasuredCode
     from uavrt.analysis.measure.measure_tag import measure_tags
     from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
     from uavrt.analysis.measure.outside import OutsideSearch
@@ -48,9 +43,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.measure.waterfall import MaximumHold, Waterfall
 
 __all__ = [
-    "LONGEST_PULSE_S",
     "REGION_SHARES",
-    "Beat",
     "ChannelizeSummary",
     "DetectionChain",
     "DetectionSummary",
@@ -67,8 +60,6 @@ __all__ = [
     "channelize",
     "detect",
     "export_bag",
-    "fit_beat",
-    "measure_codes",
     "measure_tags",
     "plan_channels",
     "ports_of",
@@ -90,13 +81,11 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
-        "Beat": "interval_fit",
         "ChannelizeSummary": "channel_files",
         "DetectionChain": "recorded_pulses",
         "DetectionSummary": "recorded_pulses",
         "FlightWriter": "redetect",
         "MaximumHold": "waterfall",
-        "LONGEST_PULSE_S": "coded_bursts",
         "MeasuredCode": "coded_bursts",
         "MeasuredRate": "measured_tag",
         "MeasuredTag": "measured_tag",
@@ -109,8 +98,6 @@ __getattr__ = lazily(
         "channelize": "channel_files",
         "detect": "recorded_pulses",
         "export_bag": "bag",
-        "fit_beat": "interval_fit",
-        "measure_codes": "coded_bursts",
         "measure_tags": "measure_tag",
         "plan_channels": "channel_files",
         "ports_of": "channel_files",

@@ -9,18 +9,19 @@ another: the second rate of the tag, or another tag.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import exp, lgamma, log
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.beat_chains import (
+from uavrt.detection.beeps.chains import (
     TOLERANCE_S,
     chain_with_switches,
     longest_chain,
     tolerance_s,
 )
-from uavrt.analysis.measure.interval_fit import Beat, fit_beat
+from uavrt.detection.beeps.interval_fit import Beat, fit_beat
 
 SHORTEST_S: Final = 0.25
 LONGEST_S: Final = 6.0
@@ -163,10 +164,13 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
         np.add.at(votes, np.round(distance / step_s).astype(np.int64), 1.0)
     smooth = np.convolve(votes, np.ones(5), mode="same")
     smooth[: int(SHORTEST_S / step_s)] = 0.0
+    # Times at random vote for all distances alike.
+    by_chance = times_s.size**2 / max(float(np.ptp(times_s)), 1e-9) * 5.0 * step_s
+    least = max(3.0, by_chance + 2.0 * by_chance**0.5)
     candidates = []
     for _ in range(8):
         at = int(np.argmax(smooth))
-        if smooth[at] < 3.0:
+        if smooth[at] < least:
             break
         near = slice(max(0, at - 3), at + 4)
         center = float((votes[near] * np.arange(votes.size)[near]).sum() / votes[near].sum())
@@ -189,8 +193,6 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     count, places = beat.numbers.size, int(beat.numbers[-1]) + 1
     pairs = bursts * density * (LONGEST_S - SHORTEST_S)
     # Binomial tail, by its largest term: choose which of the places are hit.
-    from scipy.special import gammaln
-
-    ways = gammaln(places - 1) - gammaln(count - 1) - gammaln(max(places - count, 0) + 1)
-    exponent = np.log(max(pairs, 1e-9)) + ways + (count - 2) * np.log(hit)
-    return float(np.exp(min(exponent, 50.0)))
+    ways = lgamma(places - 1) - lgamma(count - 1) - lgamma(max(places - count, 0) + 1)
+    exponent = log(max(pairs, 1e-9)) + ways + (count - 2) * log(hit)
+    return exp(min(exponent, 50.0))
