@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         ports_of,
     )
     from uavrt.analysis.measure.coded_bursts import MeasuredCode
-    from uavrt.analysis.measure.measure_tag import measure_tags
+    from uavrt.analysis.measure.measure_tag import Measurement, measure_tags
     from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
     from uavrt.analysis.measure.outside import OutsideSearch
     from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
@@ -52,6 +52,7 @@ __all__ = [
     "MeasuredCode",
     "MeasuredRate",
     "MeasuredTag",
+    "Measurement",
     "OutsideSearch",
     "Point",
     "TagSource",
@@ -89,6 +90,7 @@ __getattr__ = lazily(
         "MeasuredCode": "coded_bursts",
         "MeasuredRate": "measured_tag",
         "MeasuredTag": "measured_tag",
+        "Measurement": "measure_tag",
         "OutsideSearch": "outside",
         "Point": "shapes",
         "REGION_SHARES": "shapes",

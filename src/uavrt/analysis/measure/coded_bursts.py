@@ -23,6 +23,8 @@ LONGEST_PULSE_S: Final = 0.006
 _WIDTH_S: Final = 0.0025
 _LEAST: Final = 30.0
 """Of a pulse's energy over that of noise: 15 dB."""
+_PEAKED: Final = 4.0
+"""Energy of a pulse at its frequency over the median within 1 kHz of it."""
 _OFF_BEAT_S: Final = 0.008
 """Bursts are so near to whole numbers of the burst interval, or are no tag's."""
 _MOST_LOST: Final = 4
@@ -149,7 +151,11 @@ class BurstPulses:
     def _push(self, cells: Cells) -> None:
         """Transform a second of samples, or what is left."""
         if count := cells.push(self._held[: round(self._rate_hz)]):
-            self._rows.append(cells.recent[:, -count:].max(axis=0))
+            energy = cells.recent[:, -count:]
+            most = energy.max(axis=0)
+            # An impulse has as much energy at all frequencies.
+            flat = most < _PEAKED * np.median(energy, axis=0)
+            self._rows.append(np.where(flat, np.float32(0.0), most))
             self._held = self._held[count * cells.hop :]
 
     def finish(self) -> NDArray[np.float64]:

@@ -56,7 +56,8 @@ class DoubtfulTrain:
     def __str__(self) -> str:
         return (
             f"doubtful: {self.frequency_hz / 1e6:.6f} MHz every "
-            f"{1e3 * self.interval_s:.0f} ms, {self.pulses} pulses, {self.level_db:.0f} dB: {self.reason}"
+            f"{1e3 * self.interval_s:.0f} ms, {self.pulses} pulses, "
+            f"{self.level_db:.0f} dB: {self.reason}"
         )
 
 
@@ -115,47 +116,38 @@ def measure_tags(
         half_span_hz = usable_half_span_hz(
             band_rate_hz=rate_hz, decimated=False, mode="default"
         )
-    clear: list[Train] = []
-    doubtful: list[DoubtfulTrain] = []
-    for train in trains:
-        reason = _doubt(train, half_span_hz, center_hz)
-        if reason is None:
-            clear.append(train)
-        else:
-            doubtful.append(_doubtful(train, center_hz, reason))
-    suspects_hz: list[float] = []
-    for suspect_hz in ([] if frequency_hz is None else [frequency_hz - center_hz]) + bursts_hz:
-        apart = all(abs(suspect_hz - other) >= _SUSPECTS_APART_HZ for other in suspects_hz)
-        if apart and abs(suspect_hz) <= half_span_hz:
-            suspects_hz.append(suspect_hz)
+    reasons = [_doubt(train, half_span_hz, center_hz) for train in trains]
+    clear = [one for one, reason in zip(trains, reasons, strict=True) if reason is None]
+    hinted_hz = [] if frequency_hz is None else [frequency_hz - center_hz]
+    suspects_hz = _suspects([*hinted_hz, *bursts_hz], half_span_hz)
     codes: list[MeasuredCode] = []
     tags: list[MeasuredTag] = []
+    doubts = [(one, reason) for one, reason in zip(trains, reasons, strict=True) if reason]
     if clear or suspects_hz:
         with closing(open_source()) as source:
             again = None if on_fault is None else lambda _fault: None  # reported already
             blocks = _blocks(source, lambda p: report(0.5 + 0.5 * p), again)
-            windows, pulses_s = _cut(
-                source, blocks, clear, suspects_hz[:_MOST_SUSPECTS], start_ns
-            )
-        for suspect_hz, times_s in zip(suspects_hz, pulses_s, strict=False):
-            suspect_hz += center_hz
-            if all(abs(suspect_hz - one.frequency_hz) >= _CODE_HZ for one in codes):
-                codes += find_codes(times_s, suspect_hz)
+            windows, pulses_s = _cut(source, blocks, clear, suspects_hz, start_ns)
+        for suspect_hz, times_s in zip(suspects_hz, pulses_s, strict=True):
+            if not _of_code(center_hz + suspect_hz, codes):
+                codes += find_codes(times_s, center_hz + suspect_hz)
         for train, cut in zip(clear, windows, strict=True):
-            if len(cut) < FEWEST:  # close to the recording's ends, or to gaps in it
-                reason = "its pulses are cut off by gaps or by the recording's ends"
-                doubtful.append(_doubtful(train, center_hz, reason))
-                continue
-            tag = measure_pulses(train.beats, cut, center_hz + train.frequency_hz)
-            if tag.pulse_width_s <= LONGEST_PULSE_S and any(
-                abs(tag.frequency_hz - code.frequency_hz) < _CODE_HZ for code in codes
-            ):
-                continue
-            if not tag.rates or tag.pulses < _LEAST_ALIKE * len(cut):
-                reason = "its pulses differ in width or frequency"
-                doubtful.append(_doubtful(train, center_hz, reason))
-                continue
-            tags.append(tag)
+            measured = _measured(train, cut, center_hz)
+            if isinstance(measured, MeasuredTag):
+                tags.append(measured)
+            else:
+                doubts.append((train, measured))
+    doubtful = tuple(
+        DoubtfulTrain(
+            frequency_hz=center_hz + train.frequency_hz,
+            interval_s=train.interval_s,
+            pulses=len(train.points),
+            level_db=train.level_db,
+            reason=reason,
+        )
+        for train, reason in doubts
+        if not _of_code(center_hz + train.frequency_hz, codes)
+    )
     if not tags and not codes:
         listed = "".join(f"; {one}" for one in doubtful)
         raise UsageError(
@@ -166,7 +158,7 @@ def measure_tags(
     return Measurement(
         tags=tuple(sorted(tags, key=lambda tag: -tag.pulses)),
         codes=tuple(sorted(codes, key=lambda code: -code.bursts)),
-        doubtful=tuple(doubtful),
+        doubtful=doubtful,
     )
 
 
@@ -180,14 +172,32 @@ def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
     return train.doubt
 
 
-def _doubtful(train: Train, center_hz: float, reason: str) -> DoubtfulTrain:
-    return DoubtfulTrain(
-        frequency_hz=center_hz + train.frequency_hz,
-        interval_s=train.interval_s,
-        pulses=len(train.points),
-        level_db=train.level_db,
-        reason=reason,
-    )
+def _suspects(offsets_hz: Sequence[float], half_span_hz: float) -> list[float]:
+    """Choose where to search for codes: within the band, apart, and a few only."""
+    chosen: list[float] = []
+    for offset_hz in offsets_hz:
+        apart = all(abs(offset_hz - other_hz) >= _SUSPECTS_APART_HZ for other_hz in chosen)
+        if apart and abs(offset_hz) <= half_span_hz:
+            chosen.append(offset_hz)
+    return chosen[:_MOST_SUSPECTS]
+
+
+def _of_code(frequency_hz: float, codes: Sequence[MeasuredCode]) -> bool:
+    return any(abs(frequency_hz - code.frequency_hz) < _CODE_HZ for code in codes)
+
+
+def _measured(
+    train: Train, windows: Sequence[PulseWindow], center_hz: float
+) -> MeasuredTag | str:
+    """Measure a train's pulses, or say why it is perhaps no tag."""
+    if len(windows) < FEWEST:
+        return "its pulses are cut off by gaps or by the recording's ends"
+    tag = measure_pulses(train.beats, windows, center_hz + train.frequency_hz)
+    if tag.pulse_width_s <= LONGEST_PULSE_S:
+        return "its pulses are as short as a coded tag's"
+    if not tag.rates or tag.pulses < _LEAST_ALIKE * len(windows):
+        return "its pulses differ in width or frequency"
+    return tag
 
 
 # --- first pass -----------------------------------------------------------------------------

@@ -95,13 +95,13 @@ def find_trains(
     trains : list of Train
         The strongest first; images come with `Train.image_of_hz`.
     bursts_hz : list of float
-        Frequencies where pulses come in bursts, as a coded tag's do, the most bursts first.
+        Frequencies where pulses come in bursts, as a coded tag's do, the purest first.
     """
     free = np.ones(len(points), dtype=bool)
     by_frequency = np.argsort(points.frequencies_hz, kind="stable")
     ordered = points.frequencies_hz[by_frequency]
     trains: list[Train] = []
-    suspects: list[tuple[int, float]] = []
+    suspects: list[tuple[float, float]] = []
     for center_hz in _centers(points):
         low, high = np.searchsorted(ordered, (center_hz - GATHER_HZ, center_hz + GATHER_HZ))
         near = np.sort(by_frequency[low:high])
@@ -118,9 +118,8 @@ def find_trains(
         used = np.zeros(near.size, dtype=bool)
         for _, members in found:
             used[members] = True
-        bursts = burst_count(here.times_s[~used], span_s)
-        if bursts:
-            suspects.append((bursts, float(np.median(here.frequencies_hz[~used]))))
+        if share := _burst_share(here.times_s, span_s):
+            suspects.append((share, float(np.median(here.frequencies_hz))))
         if not found:
             continue
         trains += _with_doubt([train for train, _ in found], here, used)
@@ -136,12 +135,12 @@ def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     return [one for one in bursts if 2 <= len(one) <= MOST_IN_BURST]
 
 
-def burst_count(times_s: NDArray[np.float64], span_s: float) -> int:
-    """Count bursts if most points come in bursts, as rarely as a coded tag's; else 0."""
+def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
+    """Share of the points that come in bursts; 0 unless bursts are as rare as a code's."""
     bursts = split_bursts(times_s)
-    within = sum(one.size for one in bursts)
-    many = len(bursts) >= FEWEST_BURSTS and within >= _BURST_SHARE * times_s.size
-    return len(bursts) if many and len(bursts) <= _MOST_BURSTS_PER_S * span_s else 0
+    share = sum(one.size for one in bursts) / times_s.size
+    rare = FEWEST_BURSTS <= len(bursts) <= _MOST_BURSTS_PER_S * span_s
+    return share if rare and share >= _BURST_SHARE else 0.0
 
 
 def _centers(points: Points) -> list[float]:
