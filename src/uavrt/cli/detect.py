@@ -23,7 +23,7 @@ from uavrt.analysis.measure import DetectionSummary, FlightWriter, TagSource, re
 from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
-from uavrt.config import DetectionSettings, OperatingModeName
+from uavrt.config import DetectionSettings, OperatingModeName, Receiver
 from uavrt.detection import OperatingMode
 from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Pulse, Tag
@@ -127,12 +127,12 @@ def detect(
         )
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
+        beeps = None
         if source.total_samples is not None:
-            from uavrt.cli.listeners import Outside  # 4 MB
+            from uavrt.analysis.measure import BeepSearch, words_of_beeps  # 4 MB
 
-            beeping = [tag for tag in wanted if not tag.coded]
-            if beeping:
-                listeners.append(Outside(beeping, frequency_window))
+            receiver = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+            beeps = BeepSearch(wanted, frequency_window, receiver)
         searched = _searched(known, frequency_window)
         _warn_of_cost(wanted, searched, live=source.total_samples is None)
         writer = None
@@ -160,6 +160,7 @@ def detect(
                     operating_modes=known.operating_modes,
                     excluded_hz=known.excluded_hz,
                     on_channel=_each(listeners, "channel"),
+                    on_band=beeps and beeps.add,
                     on_reports=_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
                     on_progress=on_progress,
@@ -172,6 +173,9 @@ def detect(
             raise
         finally:
             _report(summary, wanted, writer, source)
+            if beeps is not None and summary.samples:
+                for line in words_of_beeps(beeps.finish()):
+                    print(line, file=sys.stderr)
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)

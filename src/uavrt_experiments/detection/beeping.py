@@ -8,18 +8,18 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import Measurement, measure_tags
+from uavrt.analysis.measure import BeepSearch, Measurement, measure_tags
 from uavrt.config import Receiver
-from uavrt.detection.beeps import PointSearch, Train, find_trains
-from uavrt.messages import IQBlock
+from uavrt.detection.beeps import Kind, NamedTrain, PointSearch, Train, find_trains
+from uavrt.messages import IQBlock, Tag
 from uavrt.units import ns_from_s
-from uavrt_experiments.detection.signals import START_NS
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
 
 CENTER_HZ = 148_700_000.0
 CODE_GAPS_S = (0.022, 0.0488, 0.0366)
@@ -327,18 +327,79 @@ def ghosts(
     return found
 
 
-def trains_of(scene: Scene) -> list[Train]:
-    """Find the trains in a scene, relative to its centre."""
-    rate_hz = scene.sample_rate_hz
-    search = PointSearch(sample_rate_hz=rate_hz, low_hz=-rate_hz / 2, high_hz=rate_hz / 2)
+def _blocks(scene: Scene) -> Iterator[IQBlock]:
     while True:
         try:
             block = scene.read()
         except EOFError:
-            break
+            return
         if block is not None:
-            search.process(block.samples)
+            yield block
+
+
+def trains_of(scene: Scene) -> list[Train]:
+    """Find the trains in a scene, relative to its centre."""
+    rate_hz = scene.sample_rate_hz
+    search = PointSearch(sample_rate_hz=rate_hz, low_hz=-rate_hz / 2, high_hz=rate_hz / 2)
+    for block in _blocks(scene):
+        search.process(block.samples)
     return find_trains(search.finish(), scene.duration_s, Receiver(0.0, rate_hz))[0]
+
+
+def named(scene: Scene, tags: Sequence[Tag], frequency_window_hz: float) -> list[NamedTrain]:
+    """Name what beeps in a scene, as `uavrt detect` does."""
+    rate_hz = scene.sample_rate_hz
+    search = BeepSearch(tags, frequency_window_hz, Receiver(CENTER_HZ, rate_hz))
+    for block in _blocks(scene):
+        search.add(block, block)
+    return search.finish()
+
+
+def names_right(tries: int, what: str, *, seed: int = 1) -> float:
+    """Share of tags of 20 dB whose offset (`offset`) or interval (`rate`) is named.
+
+    The offset is up to 1800 Hz and must be named within 10 intervals. The interval is .3 to
+    2.5 s and must be named within 20 pulses.
+    """
+    right = 0
+    for number in range(tries):
+        rng = np.random.default_rng((seed, number))
+        listed = replace(
+            THESIS_TAG,
+            frequency_hz=CENTER_HZ + rng.uniform(-8000.0, 8000.0),
+            pulse_intervals_s=(rng.uniform(0.8, 2.0),),
+        )
+        interval_s, offset_hz, pulses = listed.pulse_intervals_s[0], 0.0, 10
+        if what == "offset":
+            offset_hz = float(rng.uniform(-1800.0, 1800.0))
+            interval_s += rng.uniform(-0.05, 0.05)
+        else:
+            pulses = 20
+            while abs(interval_s - listed.pulse_intervals_s[0]) < 0.07:
+                interval_s = rng.uniform(0.3, 2.5)
+        duration_s = pulses * interval_s + 0.2
+        starts_s = regular(duration_s, interval_s, rng.uniform(0.0, interval_s))
+        beeper = Beeper(
+            offset_hz=listed.frequency_hz - CENTER_HZ + offset_hz,
+            enr_db=20.0,
+            width_s=0.02,
+            starts_s=starts_s + rng.uniform(0.0, 0.01, starts_s.size),
+        )
+        scene = Scene(
+            duration_s=duration_s, sample_rate_hz=24e3, seed=seed + number, beepers=(beeper,)
+        )
+        found = named(scene, [listed], 500.0)
+        if len(found) != 1:
+            continue
+        (one,) = found
+        if what == "offset":
+            inside = abs(offset_hz) <= 530.0
+            near = one.away_hz is not None and abs(one.away_hz - offset_hz) < 15.0
+            right += near and one.kind is (Kind.LISTED if inside else Kind.OFF_LABEL)
+        else:
+            same = abs(one.interval_s - interval_s) < 0.01
+            right += same and one.kind is Kind.OTHER_RATE
+    return right / tries
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -348,6 +409,9 @@ def main(arguments: Sequence[str]) -> None:
         duration_s, rate_hz = float(values[0]), float(values[1]) if values[1:] else 3e6
         for seed in range(1, 1 + (int(values[2]) if values[2:] else 1)):
             sys.stdout.write(f"{five(duration_s, rate_hz, seed=seed)}\n")
+    elif kind == "named":
+        for what in ("offset", "rate"):
+            sys.stdout.write(f"{what} {names_right(int(values[0]), what)}\n")
     else:
         found = ghosts(float(values[0]), float(values[1]))
         for name, trains in found.items():

@@ -12,6 +12,7 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.analysis.measure.antenna_files import antenna_named, write_antenna
     from uavrt.analysis.measure.bag import export_bag
+    from uavrt.analysis.measure.beep_search import BeepSearch, words_of_beeps
     from uavrt.analysis.measure.channel_files import (
         ChannelizeSummary,
         channelize,
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from uavrt.analysis.measure.coded_bursts import MeasuredCode
     from uavrt.analysis.measure.measure_tag import Measurement, measure_tags
     from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
-    from uavrt.analysis.measure.outside import OutsideSearch
     from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
     from uavrt.analysis.measure.redetect import FlightWriter, posed_in
     from uavrt.analysis.measure.shapes import (
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "REGION_SHARES",
+    "BeepSearch",
     "ChannelizeSummary",
     "DetectionChain",
     "DetectionSummary",
@@ -53,7 +54,6 @@ __all__ = [
     "MeasuredRate",
     "MeasuredTag",
     "Measurement",
-    "OutsideSearch",
     "Point",
     "TagSource",
     "Waterfall",
@@ -77,11 +77,14 @@ __all__ = [
     "switched_bearings",
     "way_of",
     "wedge",
+    "words_of_beeps",
     "write_antenna",
 ]
 __getattr__ = lazily(
     __name__,
     {
+        "BeepSearch": "beep_search",
+        "words_of_beeps": "beep_search",
         "ChannelizeSummary": "channel_files",
         "DetectionChain": "recorded_pulses",
         "DetectionSummary": "recorded_pulses",
@@ -91,7 +94,6 @@ __getattr__ = lazily(
         "MeasuredRate": "measured_tag",
         "MeasuredTag": "measured_tag",
         "Measurement": "measure_tag",
-        "OutsideSearch": "outside",
         "Point": "shapes",
         "REGION_SHARES": "shapes",
         "TagSource": "tag_source",

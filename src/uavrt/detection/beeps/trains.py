@@ -60,6 +60,16 @@ class Train:
     image_of_hz: float | None = None
     """Frequency of the stronger train with which its pulses come together."""
 
+    def moved(self, center_hz: float) -> "Train":
+        """Give the frequencies from another origin, as absolute ones."""
+        image_hz = self.image_of_hz
+        return replace(
+            self,
+            points=self.points.moved(self.points.times_s, center_hz),
+            frequency_hz=self.frequency_hz + center_hz,
+            image_of_hz=None if image_hz is None else image_hz + center_hz,
+        )
+
     @property
     def interval_s(self) -> float:
         """Interval of the stretch with the most pulses."""
@@ -185,10 +195,7 @@ def _scatter_hz(points: Points) -> float:
 def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> list[Train]:
     """Mark trains of a frequency where most of the points are in none."""
     weakest_db = min(train.level_db for train in trains)
-    first_s = min(float(train.points.times_s[0]) for train in trains)
-    last_s = max(float(train.points.times_s[-1]) for train in trains)
-    strong = (here.levels_db >= weakest_db - 3.0) & (here.times_s >= first_s)
-    strong &= here.times_s <= last_s
+    strong = here.levels_db >= weakest_db - 3.0
     explained = np.count_nonzero(used & strong) / max(np.count_nonzero(strong), 1)
     if explained >= _LEAST_EXPLAINED:
         return trains
@@ -215,15 +222,20 @@ def _is_image(
     below_db = other.level_db - train.level_db
     if other.image_of_hz is not None or below_db < _IMAGE_DB:
         return False
-    theirs_s, times_s = other.points.times_s, train.points.times_s
-    place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
-    gap_s = np.minimum(np.abs(theirs_s[place - 1] - times_s), np.abs(theirs_s[place] - times_s))
-    if np.mean(gap_s <= _SAME_TIME_S) < _IMAGE_SHARE:
+    if not coincide(train, other):
         return False
     partners_hz = [one.frequency_hz for one in stronger if one is not other]
     return below_db >= _ANYWHERE_DB or receiver.makes(
         train.frequency_hz, other.frequency_hz, partners_hz
     )
+
+
+def coincide(train: Train, other: Train) -> bool:
+    """Whether nearly every pulse of a train comes together with one of another."""
+    theirs_s, times_s = other.points.times_s, train.points.times_s
+    place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
+    gap_s = np.minimum(np.abs(theirs_s[place - 1] - times_s), np.abs(theirs_s[place] - times_s))
+    return bool(np.mean(gap_s <= _SAME_TIME_S) >= _IMAGE_SHARE)
 
 
 def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
