@@ -71,7 +71,7 @@ def _best_beat(
     times_s: NDArray[np.float64], span_s: float
 ) -> tuple[Beat, NDArray[np.intp]] | None:
     best: tuple[Beat, NDArray[np.intp]] | None = None
-    for interval_s in _candidates(times_s):
+    for interval_s in _others(0.0, _candidates(times_s)):
         chain = longest_chain(times_s, interval_s)
         if chain.size < FEWEST:
             continue
@@ -166,7 +166,7 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
     smooth[: int(SHORTEST_S / step_s)] = 0.0
     # Times at random vote for all distances alike.
     by_chance = times_s.size**2 / max(float(np.ptp(times_s)), 1e-9) * 5.0 * step_s
-    least = max(3.0, by_chance + 2.0 * by_chance**0.5)
+    least = max(3.0, by_chance + 4.0 * by_chance**0.5)
     candidates = []
     for _ in range(8):
         at = int(np.argmax(smooth))

@@ -215,7 +215,7 @@ class PointSearch:
             return np.where(inside, values, np.float32(0.0))
 
         own = power[row, column]
-        keep = own >= around(range(-2, 3), range(-2, 3)).max(axis=(1, 2))
+        keep = own >= around(range(-2, 3), range(-4, 5)).max(axis=(1, 2))
         row, column, over, own = row[keep], column[keep], over[keep], own[keep]
         low, high = _BESIDE
         sides = np.concatenate(

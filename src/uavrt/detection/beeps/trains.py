@@ -35,7 +35,7 @@ _IMAGE_DB: Final = 3.0
 _ANYWHERE_DB: Final = 25.0
 """How much weaker pulses at any other frequency are if they are an image [dB]."""
 _FLANK_HZ: Final = 20_000.0
-"""An image this close is the spectrum of the stronger pulses themselves [Hz]."""
+"""An image this close is not mentioned: the spectrum of the stronger pulses, or a product."""
 BURST_S: Final = 0.25
 """Pulses further apart are of two bursts [s]."""
 FEWEST_BURSTS: Final = 3
@@ -207,11 +207,14 @@ def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
     """Mark what comes together with stronger pulses; drop it where those are close by."""
     kept: list[Train] = []
     for train in trains:
-        originals = [one for one in kept if _is_image(train, one, kept, receiver)]
-        if not originals:
+        others = [one for one in kept if one.image_of_hz is None]
+        originals_hz = [
+            one.frequency_hz for one in others if _is_image(train, one, others, receiver)
+        ]
+        if not originals_hz:
             kept.append(train)
-        elif abs(originals[0].frequency_hz - train.frequency_hz) > _FLANK_HZ:
-            kept.append(replace(train, image_of_hz=originals[0].frequency_hz))
+        elif abs(originals_hz[0] - train.frequency_hz) > _FLANK_HZ:
+            kept.append(replace(train, image_of_hz=originals_hz[0]))
     return kept
 
 
@@ -220,9 +223,7 @@ def _is_image(
 ) -> bool:
     """Whether the receiver may have made a train of a stronger one."""
     below_db = other.level_db - train.level_db
-    if other.image_of_hz is not None or below_db < _IMAGE_DB:
-        return False
-    if not coincide(train, other):
+    if below_db < _IMAGE_DB or not coincide(train, other):
         return False
     partners_hz = [one.frequency_hz for one in stronger if one is not other]
     return below_db >= _ANYWHERE_DB or receiver.makes(
