@@ -160,7 +160,7 @@ def detect(
                     operating_modes=known.operating_modes,
                     excluded_hz=known.excluded_hz,
                     on_channel=_each(listeners, "channel"),
-                    on_band=beeps and beeps.add,
+                    on_band=None if beeps is None else beeps.add,
                     on_reports=_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
                     on_progress=on_progress,

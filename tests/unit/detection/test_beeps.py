@@ -1,6 +1,7 @@
 """Everything that beeps is found and named, and nothing else is."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ TAG = replace(THESIS_TAG, frequency_hz=CENTER_HZ)
 OTHER = replace(TAG, tag_id=4, frequency_hz=CENTER_HZ + 4000.0)
 
 
-def scene(*beepers: Beeper, duration_s: float = 30.0, **disturbed: float) -> Scene:
+def scene(*beepers: Beeper, duration_s: float = 30.0, **disturbed: Any) -> Scene:
     return Scene(duration_s=duration_s, sample_rate_hz=RATE_HZ, beepers=beepers, **disturbed)
 
 
@@ -54,7 +55,7 @@ def points_of(samples: NDArray[np.complex64]) -> Points:
 
 
 def samples_of(one: Scene) -> NDArray[np.complex64]:
-    parts = []
+    parts: list[NDArray[np.complex64]] = []
     while True:
         try:
             block = one.read()

@@ -282,10 +282,9 @@ def _cut(
     rate_hz = front_end.plan.channel_rate_hz
     cutters = [_Cutter(one, center_hz + one.frequency_hz, rate_hz, start_ns) for one in trains]
     codes = [BurstPulses(center_hz + offset_hz, rate_hz) for offset_hz in suspects_hz]
+    channel_takers: list[_Cutter | BurstPulses] = [*cutters, *codes]
     takers: dict[int, list[_Cutter | BurstPulses]] = {}
-    for number, taker in zip(
-        front_end.plan.frequency_channels, [*cutters, *codes], strict=True
-    ):
+    for number, taker in zip(front_end.plan.frequency_channels, channel_takers, strict=True):
         takers.setdefault(number, []).append(taker)
     for block in blocks:
         for channel in front_end.process(block):

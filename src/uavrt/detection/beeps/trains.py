@@ -196,7 +196,7 @@ def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> l
     """Mark trains of a frequency where most of the points are in none."""
     weakest_db = min(train.level_db for train in trains)
     strong = here.levels_db >= weakest_db - 3.0
-    explained = np.count_nonzero(used & strong) / max(np.count_nonzero(strong), 1)
+    explained = float((used & strong).sum()) / max(float(strong.sum()), 1.0)
     if explained >= _LEAST_EXPLAINED:
         return trains
     doubt = f"only {100.0 * explained:.0f} % of the pulses at its frequency keep the interval"
