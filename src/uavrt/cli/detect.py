@@ -19,14 +19,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.analysis.measure import DetectionSummary, FlightWriter, TagSource, read_tag_source
+from uavrt.analysis.measure import (
+    BeepSearch,
+    DetectionSummary,
+    FlightWriter,
+    TagSource,
+    read_tag_source,
+    words_of_beeps,
+)
 from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
 from uavrt.config import DetectionSettings, OperatingModeName, Receiver
 from uavrt.detection import OperatingMode
+from uavrt.detection.beeps import NamedTrain
 from uavrt.errors import ConfigError, RecordingError, UavrtError
-from uavrt.messages import Pulse, Tag
+from uavrt.messages import IQBlock, Pulse, Tag
 from uavrt.processes import search_cost
 from uavrt.radio import (
     SampleSource,
@@ -127,14 +135,17 @@ def detect(
         )
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
-        beeps = None
-        if source.total_samples is not None:
-            from uavrt.analysis.measure import BeepSearch, words_of_beeps  # 4 MB
+        live = source.total_samples is None
+        receiver = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+        beeps = BeepSearch(wanted, frequency_window, receiver, live=live)
 
-            receiver = Receiver(source.center_frequency_hz, source.sample_rate_hz)
-            beeps = BeepSearch(wanted, frequency_window, receiver)
+        def on_band(block: IQBlock, band: IQBlock) -> None:
+            beeps.add(block, band)
+            if live:
+                _name(beeps.news(block.time_ns))
+
         searched = _searched(known, frequency_window)
-        _warn_of_cost(wanted, searched, live=source.total_samples is None)
+        _warn_of_cost(wanted, searched, live=live)
         writer = None
         if flown is None:
             keep_inputs(output or "-", (recording, tags))
@@ -160,7 +171,7 @@ def detect(
                     operating_modes=known.operating_modes,
                     excluded_hz=known.excluded_hz,
                     on_channel=_each(listeners, "channel"),
-                    on_band=None if beeps is None else beeps.add,
+                    on_band=on_band,
                     on_reports=_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
                     on_progress=on_progress,
@@ -173,12 +184,16 @@ def detect(
             raise
         finally:
             _report(summary, wanted, writer, source)
-            if beeps is not None and summary.samples:
-                for line in words_of_beeps(beeps.finish()):
-                    print(line, file=sys.stderr)
+            _name(beeps.finish())
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
+
+
+def _name(beeps: Sequence[NamedTrain]) -> None:
+    """Say what beeps beside the listed tags."""
+    for line in words_of_beeps(beeps):
+        print(line, file=sys.stderr)
 
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:

@@ -327,7 +327,8 @@ def ghosts(
     return found
 
 
-def _blocks(scene: Scene) -> Iterator[IQBlock]:
+def blocks_of(scene: Scene) -> Iterator[IQBlock]:
+    """Yield all blocks of a scene."""
     while True:
         try:
             block = scene.read()
@@ -341,7 +342,7 @@ def trains_of(scene: Scene) -> list[Train]:
     """Find the trains in a scene, relative to its centre."""
     rate_hz = scene.sample_rate_hz
     search = PointSearch(sample_rate_hz=rate_hz, low_hz=-rate_hz / 2, high_hz=rate_hz / 2)
-    for block in _blocks(scene):
+    for block in blocks_of(scene):
         search.process(block.samples)
     return find_trains(search.finish(), scene.duration_s, Receiver(0.0, rate_hz))[0]
 
@@ -350,7 +351,7 @@ def named(scene: Scene, tags: Sequence[Tag], frequency_window_hz: float) -> list
     """Name what beeps in a scene, as `uavrt detect` does."""
     rate_hz = scene.sample_rate_hz
     search = BeepSearch(tags, frequency_window_hz, Receiver(CENTER_HZ, rate_hz))
-    for block in _blocks(scene):
+    for block in blocks_of(scene):
         search.add(block, block)
     return search.finish()
 

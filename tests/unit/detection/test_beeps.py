@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import words_of_beeps
+from uavrt.analysis.measure import BeepSearch, words_of_beeps
 from uavrt.config import Receiver
 from uavrt.detection.beeps import (
     FoundBeat,
@@ -16,13 +16,21 @@ from uavrt.detection.beeps import (
     Points,
     PointSearch,
     Train,
+    find_beats,
     find_trains,
     fit_beat,
     name_trains,
     shared_offset_ppm,
 )
 from uavrt.messages import Tag
-from uavrt_experiments.detection.beeping import Beeper, Scene, named, regular, trains_of
+from uavrt_experiments.detection.beeping import (
+    Beeper,
+    Scene,
+    blocks_of,
+    named,
+    regular,
+    trains_of,
+)
 from uavrt_experiments.detection.signals import THESIS_TAG
 
 RATE_HZ = 24_000.0
@@ -55,14 +63,7 @@ def points_of(samples: NDArray[np.complex64]) -> Points:
 
 
 def samples_of(one: Scene) -> NDArray[np.complex64]:
-    parts: list[NDArray[np.complex64]] = []
-    while True:
-        try:
-            block = one.read()
-        except EOFError:
-            return np.concatenate(parts)
-        assert block is not None
-        parts.append(block.samples)
+    return np.concatenate([block.samples for block in blocks_of(one)])
 
 
 @pytest.mark.parametrize("width_s", [0.0025, 0.008, 0.02, 0.05])
@@ -211,3 +212,28 @@ def test_pulses_without_a_steady_interval_at_a_tags_frequency_are_doubtful() -> 
         scene(one, duration_s=60.0), [replace(TAG, frequency_hz=CENTER_HZ + 2000.0)], 500.0
     )
     assert all(each.kind in (Kind.DOUBTFUL, Kind.LISTED) for each in found)
+
+
+def test_an_interval_that_changes_with_the_temperature_is_one_train_of_ten_minutes() -> None:
+    rng = np.random.default_rng(7)
+    number = np.arange(500)
+    times_s = 0.5 + np.cumsum(1.2 * (1.0 + 0.002 * number / 500.0))
+    times_s += rng.uniform(-0.005, 0.005, 500)
+    times_s = np.sort(np.concatenate((times_s[rng.random(500) > 0.1], rng.uniform(0, 600, 20))))
+    (one,) = find_beats(times_s, 600.0)
+    assert one.members.size >= 440
+    assert one.beat.interval_s == pytest.approx(1.2012, abs=1e-3)
+
+
+def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, RATE_HZ), live=True)
+    source = scene(beeper(1640.0, 1.26), beeper(-5000.0, 0.8, first_s=31.0), duration_s=100.0)
+    said: list[tuple[float, Kind]] = []
+    for block in blocks_of(source):
+        search.add(block, block)
+        at_s = block.sample_index / RATE_HZ
+        said += [(at_s, one.kind) for one in search.news(block.time_ns)]
+    assert [kind for _, kind in said] == [Kind.OFF_LABEL, Kind.UNLISTED]
+    assert said[0][0] < 40.0
+    assert said[1][0] < 75.0
+    assert search.finish() == []

@@ -30,6 +30,8 @@ FEWEST: Final = 5
 """Pulses that make a beat."""
 FEWEST_AT_OTHER_RATE: Final = 6
 """Pulses of another rate for which a beat is cut."""
+MOST_BENDS: Final = 6
+"""Degree of the polynomial that follows the interval's change with temperature."""
 HIGHEST_CHANCE: Final = 1e-4
 """Chance at which noise alone would make such a beat somewhere in the recording."""
 
@@ -143,7 +145,16 @@ def _others(interval_s: float, candidates_s: Iterable[float]) -> list[float]:
 
 
 def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
-    return beat.scatter_s <= TOLERANCE_S and _chance(beat, bursts, span_s) <= HIGHEST_CHANCE
+    return _jitter_s(beat) <= TOLERANCE_S and _chance(beat, bursts, span_s) <= HIGHEST_CHANCE
+
+
+def _jitter_s(beat: Beat) -> float:
+    """Scatter of the pulses about a curve: an interval changes with the temperature."""
+    degree = min(beat.numbers.size // 20, MOST_BENDS)
+    if not degree:
+        return beat.scatter_s
+    curve = np.polynomial.Polynomial.fit(beat.numbers, beat.residuals_s, degree)
+    return float(np.std(beat.residuals_s - curve(beat.numbers)))
 
 
 def _merit(beat: Beat) -> float:

@@ -135,7 +135,13 @@ class PointSearch:
         """Examine the rest, and return all points."""
         if self._filled > self._from:
             self._search(self._filled)
+        return self.found()
+
+    def found(self, since_s: float = 0.0) -> Points:
+        """Return the points found so far, and forget those before some time."""
         rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
+        rows = rows[rows[:, 0] >= since_s]
+        self._found = [rows]
         return _without_edges(Points(*rows[np.argsort(rows[:, 0], kind="stable")].T))
 
     def _transform(self, windows: NDArray[np.complex64], power: NDArray[np.float32]) -> None:
