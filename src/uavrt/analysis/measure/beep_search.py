@@ -22,7 +22,7 @@ from uavrt.radio import BlockTimes
 from uavrt.units import ns_from_s
 
 _TAGS_BAND: Final = (60.0, 20.0, 90.0)
-"""The band of the tags: all of the first minute, then 20 s of every 90; .4 % of a core at 375 kS/s [s]."""
+"""The band of the tags: the first minute, then 20 s of every 90; .4 % of a core [s]."""
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
 _RECENT_S: Final = 300.0
