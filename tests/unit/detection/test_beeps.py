@@ -187,9 +187,32 @@ def test_the_same_error_of_all_tags_is_the_receivers() -> None:
     assert "+50 ppm off their labels: the receiver's own error" in words_of_beeps(found)[-1]
 
 
-def test_what_beeps_at_several_frequencies_at_once_is_no_animal() -> None:
-    comb = [train(CENTER_HZ + 30_000.0 * place, 1.0) for place in (1, 2, 3)]
-    assert {one.kind for one in names(*comb, tags=(TAG,))} == {Kind.NOT_ANIMAL}
+def test_a_sender_of_data_bursts_is_no_animal() -> None:
+    rng = np.random.default_rng(8)
+    samples = samples_of(scene(duration_s=30.0))
+    length = round(0.0267 * RATE_HZ)
+    for start_s in np.arange(0.5, 29.0, 1.2):
+        tones_hz = np.repeat(rng.choice([-600.0, 600.0], 40), 20)[:length]
+        cycles = np.cumsum(4000.0 + tones_hz) / RATE_HZ
+        first = round(start_s * RATE_HZ)
+        samples[first : first + length] += (5.0 * np.exp(2j * np.pi * cycles)).astype(
+            np.complex64
+        )
+    trains, _ = find_trains(points_of(samples), 30.0, RADIO)
+    assert [one.together for one in trains] == [2, 2]
+    assert {one.kind for one in names(*trains, tags=(TAG,))} == {Kind.NOT_ANIMAL}
+
+
+@pytest.mark.parametrize(("amplitude", "width_s"), [(300.0, 4e-5), (30.0, 3e-4), (20.0, 2e-3)])
+def test_an_electric_fence_is_no_beeper(amplitude: float, width_s: float) -> None:
+    rng = np.random.default_rng(9)
+    samples = samples_of(scene(duration_s=30.0))
+    length = max(1, round(width_s * RATE_HZ))
+    spark = rng.standard_normal((length, 2), dtype=np.float32).view(np.complex64).ravel()
+    for start_s in np.arange(0.5, 29.0, 1.2):
+        first = round(start_s * RATE_HZ)
+        samples[first : first + length] += np.float32(amplitude) * spark
+    assert find_trains(points_of(samples), 30.0, RADIO)[0] == []
 
 
 def test_a_listed_tag_is_not_mentioned_and_an_unlisted_one_is() -> None:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from uavrt.detection.beeps.trains import Train, coincide
+from uavrt.detection.beeps.trains import Train
 from uavrt.messages import Tag
 
 REACH_PPM: Final = 70.0
@@ -24,8 +24,6 @@ _LEAST_PULSES: Final = 8
 _LEAST_PRESENT: Final = 0.7
 """Share of a stretch's pulses that were received; less may be another rate's."""
 _MOST_NAMES: Final = 3
-_COMB: Final = 3
-"""Frequencies at which an electronic device, and no animal, beeps at once."""
 _SAME_PPM: Final = 3.0
 
 
@@ -123,7 +121,7 @@ def name_trains(
     frequency_window_hz : float
         Half-width of the search around each tag's nominal frequency.
     """
-    named = [_name(train, trains, tags, frequency_window_hz) for train in trains]
+    named = [_name(train, tags, frequency_window_hz) for train in trains]
     heard = {tag.tag_id for one in named if one.kind is Kind.LISTED for tag in one.tags}
     return [_finished(one, heard, named) for one in named]
 
@@ -140,26 +138,23 @@ def shared_offset_ppm(named: Sequence[NamedTrain]) -> float | None:
     return float(np.median(off)) if max(off) - min(off) <= _SAME_PPM else None
 
 
-def _name(
-    train: Train, trains: Sequence[Train], tags: Sequence[Tag], window_hz: float
-) -> NamedTrain:
+def _name(train: Train, tags: Sequence[Tag], window_hz: float) -> NamedTrain:
     interval_s = train.interval_s
     near = _within(train, tags, window_hz + _BESIDE_HZ)
     reach_hz = REACH_PPM * 1e-6 * train.frequency_hz
     kind, names, reason = Kind.UNLISTED, [], train.doubt
     fitting = [tag for tag in _within(train, tags, reach_hz) if _fits(interval_s, tag, train)]
     others_s = [one for one in _rates(train) if not any(_fits(one, t, train) for t in near)]
-    together = sum(coincide(train, one) and coincide(one, train) for one in trains)
     if train.image_of_hz is not None:
         kind = Kind.IMAGE
     elif any(
         tag.coded and abs(tag.frequency_hz - train.frequency_hz) <= _CODE_HZ for tag in tags
     ):
         kind = Kind.LISTED
-    elif together >= _COMB:
-        kind, reason = Kind.NOT_ANIMAL, f"at {together} frequencies at once"
     elif near and not others_s:
         kind, names = Kind.LISTED, [tag for tag in near if _fits(interval_s, tag, train)]
+    elif train.together > 1:
+        kind, reason = Kind.NOT_ANIMAL, f"at {train.together} frequencies at once"
     elif train.doubt is not None:
         kind, names = Kind.DOUBTFUL, near[:1]
     elif near:

@@ -34,6 +34,9 @@ _IMAGE_DB: Final = 3.0
 """How much weaker an image is, at a frequency at which receivers make images [dB]."""
 _ANYWHERE_DB: Final = 25.0
 """How much weaker pulses at any other frequency are if they are an image [dB]."""
+_ALIKE_DB: Final = 10.0
+"""Difference in level of the tones of one device, such as a data sender [dB]."""
+_ALIKE_S: Final = 0.001
 _FLANK_HZ: Final = 20_000.0
 """An image this close is not mentioned: the spectrum of the stronger pulses, or a product."""
 BURST_S: Final = 0.25
@@ -59,6 +62,8 @@ class Train:
     """Why this may be no sender."""
     image_of_hz: float | None = None
     """Frequency of the stronger train with which its pulses come together."""
+    together: int = 1
+    """Frequencies, its own included, at which equally strong pulses come at the same times."""
 
     def moved(self, center_hz: float) -> "Train":
         """Give the frequencies from another origin, as absolute ones."""
@@ -215,7 +220,17 @@ def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
             kept.append(train)
         elif abs(originals_hz[0] - train.frequency_hz) > _FLANK_HZ:
             kept.append(replace(train, image_of_hz=originals_hz[0]))
-    return kept
+    return [replace(one, together=sum(_alike(one, other) for other in kept)) for one in kept]
+
+
+def _alike(train: Train, other: Train) -> bool:
+    """Whether pulses at two frequencies, as strong, always come together."""
+    return (
+        abs(train.interval_s - other.interval_s) <= _ALIKE_S
+        and abs(train.level_db - other.level_db) <= _ALIKE_DB
+        and _coincide(train, other)
+        and _coincide(other, train)
+    )
 
 
 def _is_image(
@@ -223,7 +238,7 @@ def _is_image(
 ) -> bool:
     """Whether the receiver may have made a train of a stronger one."""
     below_db = other.level_db - train.level_db
-    if below_db < _IMAGE_DB or not coincide(train, other):
+    if below_db < _IMAGE_DB or not _coincide(train, other):
         return False
     partners_hz = [one.frequency_hz for one in stronger if one is not other]
     return below_db >= _ANYWHERE_DB or receiver.makes(
@@ -231,7 +246,7 @@ def _is_image(
     )
 
 
-def coincide(train: Train, other: Train) -> bool:
+def _coincide(train: Train, other: Train) -> bool:
     """Whether nearly every pulse of a train comes together with one of another."""
     theirs_s, times_s = other.points.times_s, train.points.times_s
     place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
