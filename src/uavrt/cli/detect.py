@@ -19,15 +19,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.analysis.measure import DetectionSummary, FlightWriter, TagSource, read_tag_source
+from uavrt.analysis.measure import (
+    BeepSearch,
+    DetectionSummary,
+    FlightWriter,
+    TagSource,
+    read_tag_source,
+    words_of_beeps,
+)
 from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import parse_iso_utc
-from uavrt.config import DetectionSettings, OperatingModeName
+from uavrt.config import DetectionSettings, OperatingModeName, Receiver
 from uavrt.detection import OperatingMode
+from uavrt.detection.beeps import NamedTrain
 from uavrt.detection.search_costs import search_cost
 from uavrt.errors import ConfigError, RecordingError, UavrtError
-from uavrt.messages import Pulse, Tag
+from uavrt.messages import IQBlock, Pulse, Tag
 from uavrt.radio import (
     SampleSource,
     is_udp_address,
@@ -127,14 +135,17 @@ def detect(
         )
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
-        if source.total_samples is not None:
-            from uavrt.cli.listeners import Outside  # 4 MB
+        live = source.total_samples is None
+        receiver = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+        beeps = BeepSearch(wanted, frequency_window, receiver, live=live)
 
-            beeping = [tag for tag in wanted if not tag.coded]
-            if beeping:
-                listeners.append(Outside(beeping, frequency_window))
+        def on_band(block: IQBlock, band: IQBlock) -> None:
+            beeps.add(block, band)
+            if live:
+                _name(beeps.news(block.time_ns))
+
         searched = _searched(known, frequency_window)
-        _warn_of_cost(wanted, searched, live=source.total_samples is None)
+        _warn_of_cost(wanted, searched, live=live)
         writer = None
         if flown is None:
             keep_inputs(output or "-", (recording, tags))
@@ -160,6 +171,7 @@ def detect(
                     operating_modes=known.operating_modes,
                     excluded_hz=known.excluded_hz,
                     on_channel=_each(listeners, "channel"),
+                    on_band=on_band,
                     on_reports=_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
                     on_progress=on_progress,
@@ -172,9 +184,16 @@ def detect(
             raise
         finally:
             _report(summary, wanted, writer, source)
+            _name(beeps.finish())
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
+
+
+def _name(beeps: Sequence[NamedTrain]) -> None:
+    """Say what beeps beside the listed tags."""
+    for line in words_of_beeps(beeps):
+        print(line, file=sys.stderr)
 
 
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:

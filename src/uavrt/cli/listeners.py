@@ -6,7 +6,6 @@ import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config import Ros2Settings, is_ros_namespace
@@ -15,10 +14,6 @@ from uavrt.ipc import PulseDatagramSender
 from uavrt.messages import ChannelBlock, Pulse, SearchReport, Tag
 from uavrt.radio import parse_udp_address
 from uavrt.ros2 import DETECTOR, heartbeat, pulse_to_ros
-
-if TYPE_CHECKING:
-    pass
-
 
 HEARTBEAT_S = 1.0
 
@@ -112,24 +107,6 @@ class RosPulses(Listener):
     def close(self) -> None:
         """Leave the network."""
         self._participant.close()
-
-
-class Outside(Listener):
-    """Tells at the end of pulses like a tag's beside its window."""
-
-    def __init__(self, tags: Sequence[Tag], frequency_window_hz: float) -> None:
-        from uavrt.analysis.measure import OutsideSearch
-
-        self._search: OutsideSearch = OutsideSearch(tags, frequency_window_hz)
-
-    def channel(self, block: ChannelBlock) -> None:
-        """Look for bursts."""
-        self._search.add(block)
-
-    def finish(self) -> None:
-        """Describe what was found."""
-        for found in self._search.finish():
-            print(found, file=sys.stderr)
 
 
 class Plots(Listener):

@@ -14,13 +14,13 @@ from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.clock import iso_utc
-from uavrt.errors import ConfigError, TagFileError, UavrtError, UsageError
+from uavrt.errors import ConfigError, TagFileError, UavrtError
 from uavrt.foreign import TAGS, read_file
 
 if TYPE_CHECKING:
     from uavrt.analysis.measure import MeasuredCode, MeasuredRate, MeasuredTag, TagSource
     from uavrt.messages import Tag
-    from uavrt.radio import RecordingSource, SampleSource
+    from uavrt.radio import RecordingSource
 
 tags = App(
     name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
@@ -229,26 +229,16 @@ def measure(
     with closing(opened()) as source:
         if source.origin:
             print(source.origin, file=sys.stderr)
-    others_hz: list[float] = [] if frequency is None else [frequency]
-    nothing: UsageError | None = None
     with _progress("measuring") as on_progress, _telling(faults):
-        try:
-            found = measure_tags(
-                opened,
-                frequency_hz=frequency,
-                window_hz=window,
-                on_progress=on_progress,
-                on_fault=faults.append,
-                on_bursts=others_hz.extend,
-            )
-        except UsageError as error:
-            found, nothing = (), error
-        codes = _codes(found, others_hz, opened)
-        if nothing is not None and not codes:
-            raise nothing
-    found = tuple(tag for tag in found if not any(_beside(tag, code) for code in codes))
-    names = _numbered(name, len(found) + len(codes))
-    both: list[MeasuredTag | MeasuredCode] = [*found, *codes]
+        found = measure_tags(
+            opened,
+            frequency_hz=frequency,
+            window_hz=window,
+            on_progress=on_progress,
+            on_fault=faults.append,
+        )
+    names = _numbered(name, len(found.tags) + len(found.codes))
+    both: list[MeasuredTag | MeasuredCode] = [*found.tags, *found.codes]
     entries = [tag.entry(id + 2 * place, names[place]) for place, tag in enumerate(both)]
     for one, entry in zip(both, entries, strict=True):
         if isinstance(one, MeasuredTag):
@@ -256,6 +246,8 @@ def measure(
         else:
             lines = _code_lines(entry.tag_id, one)
         print("\n".join(lines), file=sys.stderr)
+    for doubtful in found.doubtful:
+        print(doubtful, file=sys.stderr)
     with _telling(faults):
         _check_entries(entries)
         if output is None:
@@ -265,26 +257,6 @@ def measure(
             print(f"{output}: {len(entries)} tag(s) written", file=sys.stderr)
     if faults:
         raise faults[0]
-
-
-def _codes(
-    found: "Sequence[MeasuredTag]",
-    others_hz: "Sequence[float]",
-    opened: "Callable[[], SampleSource]",
-) -> "tuple[MeasuredCode, ...]":
-    """Look for codes where pulses are short; what beats there are parts of bursts."""
-    from uavrt.analysis.measure import LONGEST_PULSE_S, measure_codes
-
-    short = [tag.frequency_hz for tag in found if tag.pulse_width_s <= LONGEST_PULSE_S]
-    return measure_codes(opened, [*short, *others_hz])
-
-
-def _beside(tag: "MeasuredTag", code: "MeasuredCode") -> bool:
-    """Whether what beeps at a frequency is part of a coded tag's bursts."""
-    from uavrt.analysis.measure import LONGEST_PULSE_S
-
-    near = abs(tag.frequency_hz - code.frequency_hz) < 1000.0
-    return near and tag.pulse_width_s <= LONGEST_PULSE_S
 
 
 def _code_lines(tag_id: int, code: "MeasuredCode") -> list[str]:

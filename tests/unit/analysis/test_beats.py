@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.beat_chains import chain_with_switches
-from uavrt.analysis.measure.beats import FoundBeat, find_beats
+from uavrt.detection.beeps.beats import FoundBeat, find_beats
+from uavrt.detection.beeps.chains import chain_with_switches
 
 RATIOS = [(1.333, 2.0), (1.0, 1.5), (1.2, 1.8), (1.0, 2.0), (0.75, 1.5), (1.5, 2.0), (1.0, 3.0)]
 

@@ -11,12 +11,12 @@ import pytest
 from command_line import uavrt
 from gapped import GAP_S, KINDS, write_gapped
 
-from uavrt.analysis.measure.beats import find_beats
-from uavrt.analysis.measure.interval_fit import fit_beat
 from uavrt.analysis.measure.measure_tag import measure_tags
 from uavrt.analysis.measure.measured_tag import MeasuredTag
 from uavrt.analysis.measure.pulse_fit import fit_pulse
 from uavrt.config import read_tags
+from uavrt.detection.beeps.beats import find_beats
+from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.errors import ConfigError, UsageError
 from uavrt.radio import open_recording
 
@@ -67,7 +67,7 @@ def measured(
     return measure_tags(
         lambda: open_recording(path, sample_rate_hz=rate_hz, center_frequency_hz=CENTER_HZ),
         **options,
-    )
+    ).tags
 
 
 def assert_within(measured: float, sigma: float, true: float, floor: float) -> None:
@@ -231,7 +231,7 @@ def test_behind_a_gap_pulses_keep_their_true_times(
         gap_s=gap_s,
         kind=kind,
     )
-    (tag,) = measure_tags(lambda: open_recording(path))
+    (tag,) = measure_tags(lambda: open_recording(path)).tags
     (rate,) = tag.rates
     lost = np.count_nonzero((starts > gap_s[0] - 0.02) & (starts < gap_s[1]))
     assert rate.pulses >= starts.size - lost - 1

@@ -1,7 +1,7 @@
 """Search recordings and measure tags after the flight.
 
 `detect` and `redetect` search recordings, `channelize` splits them into channels, `measure_tag`
-measures frequency, interval and width of a tag in your hand, `switched` and `beats` measure
+measures frequency, interval and width of a tag in your hand, `switched` measures
 recordings made with an antenna switch, `waterfall` shows a recording.
 """
 
@@ -12,21 +12,16 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.analysis.measure.antenna_files import antenna_named, write_antenna
     from uavrt.analysis.measure.bag import export_bag
+    from uavrt.analysis.measure.beep_search import BeepSearch, words_of_beeps
     from uavrt.analysis.measure.channel_files import (
         ChannelizeSummary,
         channelize,
         plan_channels,
         ports_of,
     )
-    from uavrt.analysis.measure.coded_bursts import (
-        LONGEST_PULSE_S,
-        MeasuredCode,
-        measure_codes,
-    )
-    from uavrt.analysis.measure.interval_fit import Beat, fit_beat
-    from uavrt.analysis.measure.measure_tag import measure_tags
+    from uavrt.analysis.measure.coded_bursts import MeasuredCode
+    from uavrt.analysis.measure.measure_tag import Measurement, measure_tags
     from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
-    from uavrt.analysis.measure.outside import OutsideSearch
     from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
     from uavrt.analysis.measure.redetect import FlightWriter, posed_in
     from uavrt.analysis.measure.shapes import (
@@ -48,9 +43,8 @@ if TYPE_CHECKING:
     from uavrt.analysis.measure.waterfall import MaximumHold, Waterfall
 
 __all__ = [
-    "LONGEST_PULSE_S",
     "REGION_SHARES",
-    "Beat",
+    "BeepSearch",
     "ChannelizeSummary",
     "DetectionChain",
     "DetectionSummary",
@@ -59,7 +53,7 @@ __all__ = [
     "MeasuredCode",
     "MeasuredRate",
     "MeasuredTag",
-    "OutsideSearch",
+    "Measurement",
     "Point",
     "TagSource",
     "Waterfall",
@@ -67,8 +61,6 @@ __all__ = [
     "channelize",
     "detect",
     "export_bag",
-    "fit_beat",
-    "measure_codes",
     "measure_tags",
     "plan_channels",
     "ports_of",
@@ -85,22 +77,23 @@ __all__ = [
     "switched_bearings",
     "way_of",
     "wedge",
+    "words_of_beeps",
     "write_antenna",
 ]
 __getattr__ = lazily(
     __name__,
     {
-        "Beat": "interval_fit",
+        "BeepSearch": "beep_search",
+        "words_of_beeps": "beep_search",
         "ChannelizeSummary": "channel_files",
         "DetectionChain": "recorded_pulses",
         "DetectionSummary": "recorded_pulses",
         "FlightWriter": "redetect",
         "MaximumHold": "waterfall",
-        "LONGEST_PULSE_S": "coded_bursts",
         "MeasuredCode": "coded_bursts",
         "MeasuredRate": "measured_tag",
         "MeasuredTag": "measured_tag",
-        "OutsideSearch": "outside",
+        "Measurement": "measure_tag",
         "Point": "shapes",
         "REGION_SHARES": "shapes",
         "TagSource": "tag_source",
@@ -109,8 +102,6 @@ __getattr__ = lazily(
         "channelize": "channel_files",
         "detect": "recorded_pulses",
         "export_bag": "bag",
-        "fit_beat": "interval_fit",
-        "measure_codes": "coded_bursts",
         "measure_tags": "measure_tag",
         "plan_channels": "channel_files",
         "ports_of": "channel_files",

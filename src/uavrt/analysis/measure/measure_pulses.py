@@ -8,8 +8,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.beats import FEWEST, FoundBeat
-from uavrt.analysis.measure.interval_fit import fit_beat
 from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
 from uavrt.analysis.measure.pulse_fit import (
     FittedPulse,
@@ -17,6 +15,7 @@ from uavrt.analysis.measure.pulse_fit import (
     without_carriers,
     without_impulses,
 )
+from uavrt.detection.beeps import FEWEST, FoundBeat, fit_beat
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAME_RATE: Final = 0.004

@@ -51,6 +51,9 @@ class DetectionChain:
         Absolute stretches in which no pulse is reported, bounds included.
     on_channel : callable, optional
         Takes each block of a channel before the detectors do; its samples are numbers.
+    on_band : callable, optional
+        Takes each block of the radio, and the same at the rate of the tags' band, if all of
+        its samples are numbers.
 
     Raises
     ------
@@ -72,6 +75,7 @@ class DetectionChain:
         operating_modes: Mapping[int, OperatingMode] | None = None,
         excluded_hz: Sequence[tuple[float, float]] = (),
         on_channel: Callable[[ChannelBlock], None] | None = None,
+        on_band: Callable[[IQBlock, IQBlock], None] | None = None,
     ) -> None:
         if not tags:
             raise ConfigError("there are no tags to look for", remedy="Name a tag file")
@@ -89,6 +93,7 @@ class DetectionChain:
         """So much longer a value that was no number may come out of the channels' filters."""
         self._excluded_hz = tuple(excluded_hz)
         self._on_channel = on_channel
+        self._on_band = on_band
         modes = {} if operating_modes is None else operating_modes
         self._front_end = FrontEnd(
             sample_rate_hz=sample_rate_hz,
@@ -143,6 +148,8 @@ class DetectionChain:
             channels = self._front_end.channelize(band)
         bursts: list[Pulse] = []
         suspect = self._suspect_s > 0.0
+        if self._on_band is not None and not suspect:
+            self._on_band(block, band)
         self._suspect_s -= len(band.samples) / band.sample_rate_hz
         for channel in channels:
             if suspect:
@@ -241,6 +248,7 @@ def detect(
     should_stop: Callable[[], bool] = lambda: False,
     on_progress: Callable[[int, int | None], None] | None = None,
     on_channel: Callable[[ChannelBlock], None] | None = None,
+    on_band: Callable[[IQBlock, IQBlock], None] | None = None,
     on_reports: Callable[[Sequence[SearchReport]], None] | None = None,
     summary: DetectionSummary | None = None,
 ) -> DetectionSummary:
@@ -256,7 +264,7 @@ def detect(
         Takes pulses as soon as they are found.
     frequency_window_hz : float
         Half-width of the search around each tag's nominal frequency.
-    operating_modes, excluded_hz, on_channel
+    operating_modes, excluded_hz, on_channel, on_band
         As of `DetectionChain`.
     should_stop : callable
         Asked at least twice a second; True ends the run in good order.
@@ -281,6 +289,7 @@ def detect(
         operating_modes=operating_modes,
         excluded_hz=excluded_hz,
         on_channel=on_channel,
+        on_band=on_band,
     )
     summary.pulses = {tag.tag_id: 0 for tag in tags}
     summary.confirmed = dict(summary.pulses)

@@ -9,18 +9,19 @@ another: the second rate of the tag, or another tag.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import exp, lgamma, log
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure.beat_chains import (
+from uavrt.detection.beeps.chains import (
     TOLERANCE_S,
     chain_with_switches,
     longest_chain,
     tolerance_s,
 )
-from uavrt.analysis.measure.interval_fit import Beat, fit_beat
+from uavrt.detection.beeps.interval_fit import Beat, fit_beat
 
 SHORTEST_S: Final = 0.25
 LONGEST_S: Final = 6.0
@@ -29,6 +30,8 @@ FEWEST: Final = 5
 """Pulses that make a beat."""
 FEWEST_AT_OTHER_RATE: Final = 6
 """Pulses of another rate for which a beat is cut."""
+MOST_BENDS: Final = 6
+"""Degree of the polynomial that follows the interval's change with temperature."""
 HIGHEST_CHANCE: Final = 1e-4
 """Chance at which noise alone would make such a beat somewhere in the recording."""
 
@@ -70,7 +73,7 @@ def _best_beat(
     times_s: NDArray[np.float64], span_s: float
 ) -> tuple[Beat, NDArray[np.intp]] | None:
     best: tuple[Beat, NDArray[np.intp]] | None = None
-    for interval_s in _candidates(times_s):
+    for interval_s in _others(0.0, _candidates(times_s)):
         chain = longest_chain(times_s, interval_s)
         if chain.size < FEWEST:
             continue
@@ -142,7 +145,16 @@ def _others(interval_s: float, candidates_s: Iterable[float]) -> list[float]:
 
 
 def _sure(beat: Beat, bursts: int, span_s: float) -> bool:
-    return beat.scatter_s <= TOLERANCE_S and _chance(beat, bursts, span_s) <= HIGHEST_CHANCE
+    return _jitter_s(beat) <= TOLERANCE_S and _chance(beat, bursts, span_s) <= HIGHEST_CHANCE
+
+
+def _jitter_s(beat: Beat) -> float:
+    """Scatter of the pulses about a curve: an interval changes with the temperature."""
+    degree = min(beat.numbers.size // 20, MOST_BENDS)
+    if not degree:
+        return beat.scatter_s
+    curve = np.polynomial.Polynomial.fit(beat.numbers, beat.residuals_s, degree)
+    return float(np.std(beat.residuals_s - curve(beat.numbers)))
 
 
 def _merit(beat: Beat) -> float:
@@ -163,10 +175,13 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
         np.add.at(votes, np.round(distance / step_s).astype(np.int64), 1.0)
     smooth = np.convolve(votes, np.ones(5), mode="same")
     smooth[: int(SHORTEST_S / step_s)] = 0.0
+    # Times at random vote for all distances alike.
+    by_chance = times_s.size**2 / max(float(np.ptp(times_s)), 1e-9) * 5.0 * step_s
+    least = max(3.0, by_chance + 4.0 * by_chance**0.5)
     candidates = []
     for _ in range(8):
         at = int(np.argmax(smooth))
-        if smooth[at] < 3.0:
+        if smooth[at] < least:
             break
         near = slice(max(0, at - 3), at + 4)
         center = float((votes[near] * np.arange(votes.size)[near]).sum() / votes[near].sum())
@@ -189,8 +204,6 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     count, places = beat.numbers.size, int(beat.numbers[-1]) + 1
     pairs = bursts * density * (LONGEST_S - SHORTEST_S)
     # Binomial tail, by its largest term: choose which of the places are hit.
-    from scipy.special import gammaln
-
-    ways = gammaln(places - 1) - gammaln(count - 1) - gammaln(max(places - count, 0) + 1)
-    exponent = np.log(max(pairs, 1e-9)) + ways + (count - 2) * np.log(hit)
-    return float(np.exp(min(exponent, 50.0)))
+    ways = lgamma(places - 1) - lgamma(count - 1) - lgamma(max(places - count, 0) + 1)
+    exponent = log(max(pairs, 1e-9)) + ways + (count - 2) * log(hit)
+    return exp(min(exponent, 50.0))

@@ -1,4 +1,4 @@
-"""Bursts that follow each other at one interval, or at one and then at another."""
+"""Follow points from pulse to pulse, at one interval or at two in turn."""
 
 from itertools import pairwise
 from typing import Final

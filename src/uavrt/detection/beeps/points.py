@@ -1,0 +1,303 @@
+"""Find strong pulses anywhere in a band, without knowing any tag.
+
+A cell of the spectrogram is a point if it stands above three things: its own frequency at other
+times, which removes carriers; other frequencies at its own time, which removes impulses, noise
+in bursts and voice; and what lies 0.6 to 1.1 kHz beside it, which removes the spectrum that a
+strong pulse's keying spreads. The cost is proportional to the samples.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from uavrt.dsp import medians, transform_columns
+
+WINDOW_S: Final = 0.016
+"""Length of the Hann window [s]; it loses 3 to 5 dB of pulses of 2.5, 20 and 30 ms."""
+HOP_S: Final = 0.008
+BATCH_S: Final = 2.0
+"""Stretch over which a frequency's usual level is its median [s]."""
+_MOST_CELLS_AT_ONCE: Final = 12_500_000
+"""48 MiB of levels: 2 s at 3 MS/s."""
+FALSE_POINTS_PER_S: Final = 3.0
+"""Cells of white noise that pass as points in a second of the whole band."""
+_SEGMENT: Final = 64
+"""Neighbouring frequencies, 4 kHz, whose common rise is not a pulse."""
+_BESIDE: Final = (10, 17)
+"""Distance at which a pulse's spectrum has fallen off, that of 2.5 ms included [bins]."""
+_BESIDE_RATIO: Final = 10.0
+"""A pulse's peak over the mean level beside it, as a power ratio."""
+_AROUND: Final = 13
+"""Frames before and after a point by which its length is judged; 104 ms."""
+_LONGEST_S: Final = 0.1
+"""A signal that is up for longer is a transmission and not a pulse [s]."""
+_MOST_CANDIDATES: Final = 200_000
+"""Cells of one batch that are examined, the strongest ones."""
+_STRONG_DB: Final = 32.0
+"""From here on the spectrum of a pulse's edges may make points of its own [dB]."""
+_EDGE_S: Final = 0.03
+"""Time between a pulse's point and those of its edges, at most [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Pulses found, in order of time."""
+
+    times_s: NDArray[np.float64]
+    """(n,) their middles since the first sample, within about 2 ms."""
+    frequencies_hz: NDArray[np.float64]
+    """(n,) relative to the band's centre, within about 10 Hz."""
+    widths_s: NDArray[np.float64]
+    """(n,) lengths, within about 5 ms; 0 for pulses that are much shorter than the window."""
+    levels_db: NDArray[np.float64]
+    """(n,) power over the noise in 94 Hz."""
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return self.times_s.size
+
+    def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
+        """Select points by a mask or by places."""
+        return Points(
+            self.times_s[chosen],
+            self.frequencies_hz[chosen],
+            self.widths_s[chosen],
+            self.levels_db[chosen],
+        )
+
+    def moved(self, times_s: NDArray[np.float64], center_hz: float = 0.0) -> "Points":
+        """Give them other times, and frequencies relative to zero; sort them again."""
+        order = np.argsort(times_s, kind="stable")
+        moved = Points(times_s, self.frequencies_hz + center_hz, self.widths_s, self.levels_db)
+        return moved.take(order)
+
+
+class PointSearch:
+    """Finds pulses in a stream of samples.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Rate of the samples.
+    low_hz, high_hz : float
+        Frequencies to search, relative to the band's centre.
+    """
+
+    def __init__(self, *, sample_rate_hz: float, low_hz: float, high_hz: float) -> None:
+        self._rate_hz = sample_rate_hz
+        length = max(16, round(WINDOW_S * sample_rate_hz))
+        self._hop = max(4, round(HOP_S * sample_rate_hz))
+        self._size = _fast_length(length)
+        self._window = np.hanning(length + 2)[1:-1].astype(np.float32)
+        self._step_hz = sample_rate_hz / self._size
+        half = self._size // 2
+        first = max(-half, int(np.ceil(low_hz / self._step_hz)))
+        last = min(self._size - half - 1, int(np.floor(high_hz / self._step_hz)))
+        self._first_bin, self._bins = first, max(last - first + 1, 1)
+        self._low_hz = first * self._step_hz
+        frames = min(BATCH_S / HOP_S, _MOST_CELLS_AT_ONCE / self._bins)
+        self._held = 2 * _AROUND
+        """Frames of the batch before with which a batch begins."""
+        self._power = np.zeros((max(4 * _AROUND, round(frames)), self._bins), np.float32)
+        self._filled = 0
+        self._first_frame = 0
+        self._from = 0
+        """First frame in the batch that was not examined yet."""
+        cells_per_s = self._bins / HOP_S
+        # The power of noise is exponential: P(x times its median) = 2^-x.
+        self._factor = np.log2(max(cells_per_s / FALSE_POINTS_PER_S, 16.0))
+        self._tail = np.zeros(0, np.complex64)
+        self._found: list[NDArray[np.float64]] = []
+        self.dropped = 0
+        """Cells that stood out and were not examined, since too many did at a time."""
+
+    def process(self, samples: NDArray[np.complex64]) -> None:
+        """Take the next samples, without those that are missing."""
+        data = np.concatenate((self._tail, samples))
+        length, hop = self._window.size, self._hop
+        frames = (data.size - length) // hop + 1 if data.size >= length else 0
+        step = max(1, (1 << 19) // length)  # some 4 MiB of windows at a time
+        done = 0
+        while done < frames:
+            count = min(step, frames - done, len(self._power) - self._filled)
+            windows = sliding_window_view(data[done * hop :], length)[: count * hop : hop]
+            self._transform(windows, self._power[self._filled : self._filled + count])
+            self._filled += count
+            done += count
+            if self._filled == len(self._power):
+                self._search(len(self._power) - _AROUND)
+        self._tail = data[frames * hop :].copy()
+
+    def finish(self) -> Points:
+        """Examine the rest, and return all points."""
+        if self._filled > self._from:
+            self._search(self._filled)
+        return self.found()
+
+    def found(self, since_s: float = 0.0) -> Points:
+        """Return the points found so far, and forget those before some time."""
+        rows = np.concatenate(self._found) if self._found else np.zeros((0, 4))
+        rows = rows[rows[:, 0] >= since_s]
+        self._found = [rows]
+        return _without_edges(Points(*rows[np.argsort(rows[:, 0], kind="stable")].T))
+
+    def _transform(self, windows: NDArray[np.complex64], power: NDArray[np.float32]) -> None:
+        framed = np.zeros((len(windows), self._size), np.complex64)
+        np.multiply(windows, self._window, out=framed[:, : self._window.size])
+        spectrum = transform_columns(framed.T).T
+        negative = min(max(0, -self._first_bin), self._bins)
+        for target, source in (
+            (power[:, :negative], spectrum[:, self._first_bin + self._size :]),
+            (power[:, negative:], spectrum[:, max(0, self._first_bin) :]),
+        ):
+            part = source[:, : target.shape[1]]
+            np.multiply(part.real, part.real, out=target)
+            target += part.imag**2
+
+    def _search(self, until: int) -> None:
+        """Find the points of the frames that wait, up to one in the batch."""
+        power = self._power[: self._filled]
+        held = power[-self._held :].copy()
+        usual = medians(power[::2])
+        # A frequency whose level is next to nothing (a filter's stop band) never stands out.
+        usual = np.maximum(usual, np.float32(1e-6) * np.median(usual) + np.float32(1e-37))
+        power *= 1.0 / usual
+        row, column, over = self._candidates(power, self._from, until)
+        if row.size:
+            self._found.append(self._points(power, row, column, over))
+        self._first_frame += self._filled - len(held)
+        self._from = until - (self._filled - len(held))
+        self._power[: len(held)] = held
+        self._filled = len(held)
+
+    def _candidates(
+        self, power: NDArray[np.float32], first: int, until: int
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+        """Cells above the threshold: frame, frequency, power over the segment's."""
+        segments = max(1, self._bins // _SEGMENT)
+        places = []
+        for segment in range(0, segments, 256):  # 16384 bins at a time, in the cache's reach
+            count = min(256, segments - segment)
+            low = segment * _SEGMENT
+            high = self._bins if segment + count == segments else low + count * _SEGMENT
+            part = power[first:until, low:high]
+            if segments == 1:
+                rise = np.median(part, axis=1)[:, None]
+            else:
+                whole = part[:, : count * _SEGMENT].reshape(len(part), count, _SEGMENT)
+                rise = np.partition(whole, _SEGMENT // 2, axis=2)[:, :, _SEGMENT // 2]
+            rise = np.maximum(rise, np.float32(1.0))
+            at = np.minimum(np.arange(high - low) // _SEGMENT, rise.shape[1] - 1)
+            row, column = np.nonzero(part > np.float32(self._factor))
+            over = part[row, column] / rise[row, at[column]]
+            up = over > self._factor
+            places.append((row[up] + first, column[up] + low, over[up]))
+        row, column, over = (np.concatenate(one) for one in zip(*places, strict=True))
+        if row.size > _MOST_CANDIDATES:
+            self.dropped += row.size - _MOST_CANDIDATES
+            most = np.argpartition(-over, _MOST_CANDIDATES)[:_MOST_CANDIDATES]
+            row, column, over = row[most], column[most], over[most]
+        return row, column, over
+
+    def _points(
+        self,
+        power: NDArray[np.float32],
+        row: NDArray[np.intp],
+        column: NDArray[np.intp],
+        over: NDArray[np.float32],
+    ) -> NDArray[np.float64]:
+        """Judge cells by their surroundings; measure those that are pulses."""
+        frames, bins = power.shape
+
+        def around(rows: range, columns: range) -> NDArray[np.float32]:
+            """Levels about each cell, shape (cells, rows, columns); zero outside."""
+            at = row[:, None, None] + np.array(rows)[:, None]
+            beside = column[:, None, None] + np.array(columns)
+            inside = (at >= 0) & (at < frames) & (beside >= 0) & (beside < bins)
+            values = power[np.clip(at, 0, frames - 1), np.clip(beside, 0, bins - 1)]
+            return np.where(inside, values, np.float32(0.0))
+
+        own = power[row, column]
+        keep = own >= around(range(-2, 3), range(-4, 5)).max(axis=(1, 2))
+        row, column, over, own = row[keep], column[keep], over[keep], own[keep]
+        low, high = _BESIDE
+        sides = np.concatenate(
+            [around(range(1), range(-high, 1 - low)), around(range(1), range(low, high + 1))],
+            axis=2,
+        )[:, 0]
+        beside = sides.sum(axis=1) / np.maximum((sides > 0.0).sum(axis=1), 1)
+        keep = own >= _BESIDE_RATIO * beside
+        row, column, over, own = row[keep], column[keep], over[keep], own[keep]
+        levels = around(range(-_AROUND, _AROUND + 1), range(-1, 2)).max(axis=2)
+        up = levels > 0.25 * own[:, None]
+        before, after = (
+            np.where(side.all(axis=1), _AROUND + 1, np.argmin(side, axis=1))
+            for side in (up[:, _AROUND::-1], up[:, _AROUND:])
+        )
+        offset = np.arange(-_AROUND, _AROUND + 1)
+        during = (offset > -before[:, None]) & (offset < after[:, None])
+        weight = np.where(during, levels, np.float32(0.0))
+        # One point for each pulse, where it is strongest.
+        keep = ((before + after) * HOP_S <= _LONGEST_S) & (weight.max(axis=1) <= own)
+        row, column, over = row[keep], column[keep], over[keep]
+        weight, own = weight[keep], own[keep]
+        total = weight.sum(axis=1, dtype=np.float64)
+        middle = (weight * offset).sum(axis=1) / total
+        width_s = total / own * HOP_S - 0.375 * WINDOW_S
+        frame = self._first_frame + row + middle
+        return np.stack(
+            (
+                (frame * self._hop + 0.5 * self._window.size) / self._rate_hz,
+                self._low_hz + self._step_hz * (column + _peak(power, row, column)),
+                np.maximum(width_s, 0.0),
+                10.0 * np.log10(over * np.log(2.0)),
+            ),
+            axis=1,
+        )
+
+
+def _without_edges(points: Points) -> Points:
+    """Leave out points that are no more than the edges of a strong pulse.
+
+    Edges of a rectangular pulse have at most 1 / (pi df T)^2 of what its middle has in a window
+    of T; twice the amplitude is allowed, for noise.
+    """
+    keep = np.ones(len(points), dtype=bool)
+    for at in np.flatnonzero(points.levels_db >= _STRONG_DB):
+        time_s, level_db = points.times_s[at], points.levels_db[at]
+        low, high = np.searchsorted(points.times_s, (time_s - _EDGE_S, time_s + _EDGE_S))
+        near = slice(int(low), int(high))
+        apart_hz = np.abs(points.frequencies_hz[near] - points.frequencies_hz[at])
+        apart = np.maximum(np.pi * apart_hz * WINDOW_S, 1.0)
+        weak = points.levels_db[near] <= level_db + 6.0 - 20.0 * np.log10(apart)
+        keep[near] &= ~(weak & (points.levels_db[near] < level_db - 6.0))
+    return points.take(keep)
+
+
+def _fast_length(least: int) -> int:
+    """Return the next length that has no prime factor above 11: quick to transform."""
+    length = least
+    while True:
+        rest = length
+        for prime in (2, 3, 5, 7, 11):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return length
+        length += 1
+
+
+def _peak(
+    power: NDArray[np.float32], at: NDArray[np.intp], column: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Place of a spectral line between bins, by a parabola through the logarithms [bins]."""
+    inner = np.clip(column, 1, power.shape[1] - 2)
+    below, here, above = (
+        np.log(np.maximum(power[at, inner + d].astype(np.float64), 1e-37)) for d in (-1, 0, 1)
+    )
+    bend = below - 2.0 * here + above
+    shift = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, 1.0), 0.0)
+    return np.asarray(np.clip(shift, -0.5, 0.5) * (inner == column), dtype=np.float64)

@@ -1,0 +1,277 @@
+"""Sort points into trains of pulses, each of one sender.
+
+Points of one frequency vote with their time differences for an interval (`beats`). A train is
+refused if its pulses do not agree in frequency, since chance and voice make such trains, and
+doubtful if most of the points at its frequency are not explained by any train.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from uavrt.config import Receiver
+from uavrt.detection.beeps.beats import FEWEST, FoundBeat, find_beats
+from uavrt.detection.beeps.points import Points
+
+GATHER_HZ: Final = 150.0
+"""Points this close in frequency may be one tag that warms up [Hz]."""
+_STEP_HZ: Final = 25.0
+_MOST_BEATS: Final = 8
+_STRAYS: Final = 2
+"""Points of a beat within another beat's time that do not make two senders."""
+_MOST_SCATTER_HZ: Final = 30.0
+"""Scatter of a train's frequencies about a line; chance makes 87 Hz."""
+_LEAST_EXPLAINED: Final = 0.5
+"""Share of the points at a frequency that are in trains; less is doubtful."""
+_SAME_TIME_S: Final = 0.012
+_IMAGE_SHARE: Final = 0.8
+"""Share of a train's pulses that come together with a stronger train's: it is an image."""
+_IMAGE_DB: Final = 3.0
+"""How much weaker an image is, at a frequency at which receivers make images [dB]."""
+_ANYWHERE_DB: Final = 25.0
+"""How much weaker pulses at any other frequency are if they are an image [dB]."""
+_ALIKE_DB: Final = 10.0
+"""Difference in level of the tones of one device, such as a data sender [dB]."""
+_ALIKE_S: Final = 0.001
+_FLANK_HZ: Final = 20_000.0
+"""An image this close is not mentioned: the spectrum of the stronger pulses, or a product."""
+BURST_S: Final = 0.25
+"""Pulses further apart are of two bursts [s]."""
+FEWEST_BURSTS: Final = 3
+MOST_IN_BURST: Final = 8
+_BURST_SHARE: Final = 0.5
+"""Share of the points that come in bursts, where a coded tag is suspected."""
+_MOST_BURSTS_PER_S: Final = 1.0
+"""More are voice or data."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Train:
+    """Pulses of one sender."""
+
+    points: Points
+    beats: tuple[FoundBeat, ...]
+    """One for each stretch of one interval; members are places in `points`."""
+    frequency_hz: float
+    level_db: float
+    doubt: str | None = None
+    """Why this may be no sender."""
+    image_of_hz: float | None = None
+    """Frequency of the stronger train with which its pulses come together."""
+    together: int = 1
+    """Frequencies, its own included, at which equally strong pulses come at the same times."""
+
+    def moved(self, center_hz: float) -> "Train":
+        """Give the frequencies from another origin, as absolute ones."""
+        image_hz = self.image_of_hz
+        return replace(
+            self,
+            points=self.points.moved(self.points.times_s, center_hz),
+            frequency_hz=self.frequency_hz + center_hz,
+            image_of_hz=None if image_hz is None else image_hz + center_hz,
+        )
+
+    @property
+    def interval_s(self) -> float:
+        """Interval of the stretch with the most pulses."""
+        return self._longest.beat.interval_s
+
+    @property
+    def interval_sigma_s(self) -> float:
+        """One standard deviation of the interval, that of the points' times included."""
+        beat = self._longest.beat
+        return max(beat.sigma_s, 0.002 / max(int(beat.numbers[-1]), 1))
+
+    @property
+    def _longest(self) -> FoundBeat:
+        return max(self.beats, key=lambda one: one.members.size)
+
+
+def find_trains(
+    points: Points, span_s: float, receiver: Receiver
+) -> tuple[list[Train], list[float]]:
+    """Find all trains among points.
+
+    Parameters
+    ----------
+    points : Points
+        In order of time.
+    span_s : float
+        Duration of the samples.
+    receiver : Receiver
+        The radio's centre, on the same scale as the frequencies of the points, and its rate.
+
+    Returns
+    -------
+    trains : list of Train
+        The strongest first; images come with `Train.image_of_hz`.
+    bursts_hz : list of float
+        Frequencies where pulses come in bursts, as a coded tag's do, the purest first.
+    """
+    free = np.ones(len(points), dtype=bool)
+    by_frequency = np.argsort(points.frequencies_hz, kind="stable")
+    ordered = points.frequencies_hz[by_frequency]
+    trains: list[Train] = []
+    suspects: list[tuple[float, float]] = []
+    for center_hz in _centers(points):
+        low, high = np.searchsorted(ordered, (center_hz - GATHER_HZ, center_hz + GATHER_HZ))
+        near = np.sort(by_frequency[low:high])
+        near = near[free[near]]
+        if near.size < FEWEST:
+            continue
+        here = points.take(near)
+        found = [
+            (train, members)
+            for group in _of_one_sender(find_beats(here.times_s, span_s, _MOST_BEATS), here)
+            for train, members in [_train(group, here)]
+            if _scatter_hz(train.points) <= _MOST_SCATTER_HZ
+        ]
+        used = np.zeros(near.size, dtype=bool)
+        for _, members in found:
+            used[members] = True
+        if share := _burst_share(here.times_s, span_s):
+            suspects.append((share, float(np.median(here.frequencies_hz))))
+        if not found:
+            continue
+        trains += _with_doubt([train for train, _ in found], here, used)
+        free[near[used]] = False
+    trains.sort(key=lambda train: -train.level_db)
+    suspects.sort(reverse=True)
+    return _with_images(trains, receiver), [frequency_hz for _, frequency_hz in suspects]
+
+
+def split_bursts(times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Group pulse times to bursts of 2 to 8 pulses."""
+    bursts = np.split(times_s, np.flatnonzero(np.diff(times_s) > BURST_S) + 1)
+    return [one for one in bursts if 2 <= len(one) <= MOST_IN_BURST]
+
+
+def _burst_share(times_s: NDArray[np.float64], span_s: float) -> float:
+    """Share of the points that come in bursts; 0 unless bursts are as rare as a code's."""
+    bursts = split_bursts(times_s)
+    share = sum(one.size for one in bursts) / times_s.size
+    rare = FEWEST_BURSTS <= len(bursts) <= _MOST_BURSTS_PER_S * span_s
+    return share if rare and share >= _BURST_SHARE else 0.0
+
+
+def _centers(points: Points) -> list[float]:
+    """Frequencies about which most points lie, the ones with the strongest points first."""
+    if len(points) < FEWEST:
+        return []
+    low_hz = float(points.frequencies_hz.min()) - 2.0 * GATHER_HZ
+    place = np.round((points.frequencies_hz - low_hz) / _STEP_HZ).astype(np.intp)
+    reach = round(GATHER_HZ / _STEP_HZ)
+    size = int(place.max()) + 2 * reach + 1
+    weight = np.bincount(place, np.maximum(points.levels_db, 0.1), size)
+    count = np.bincount(place, minlength=size)
+    half = reach // 2
+    weights = np.convolve(weight, np.ones(2 * half + 1), mode="same")
+    counts = np.convolve(count, np.ones(2 * reach + 1), mode="same")
+    highest = sliding_window_view(np.pad(weights, reach), 2 * reach + 1).max(axis=1)
+    tops = np.flatnonzero((weights >= highest) & (weights > 0.0) & (counts >= FEWEST))
+    # Equal neighbours are one top.
+    tops = tops[np.diff(tops, prepend=-2) > 1]
+    return [float(low_hz + _STEP_HZ * top) for top in tops[np.argsort(-weights[tops])]]
+
+
+def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.intp]]:
+    """Make a train of the beats of one sender."""
+    members = np.unique(np.concatenate([beat.members for beat in group]))
+    own = here.take(members)
+    beats = tuple(
+        FoundBeat(beat.beat, np.searchsorted(members, beat.members)) for beat in group
+    )
+    frequency_hz = float(np.median(own.frequencies_hz))
+    return Train(own, beats, frequency_hz, float(np.median(own.levels_db))), members
+
+
+def _scatter_hz(points: Points) -> float:
+    """Scatter of the frequencies about a line through them, without outliers."""
+    time_s = points.times_s - points.times_s.mean()
+    slope, value = np.polyfit(time_s, points.frequencies_hz, 1)
+    off_hz = np.abs(points.frequencies_hz - value - slope * time_s)
+    return float(1.4826 * np.median(off_hz))
+
+
+def _with_doubt(trains: list[Train], here: Points, used: NDArray[np.bool_]) -> list[Train]:
+    """Mark trains of a frequency where most of the points are in none."""
+    weakest_db = min(train.level_db for train in trains)
+    strong = here.levels_db >= weakest_db - 3.0
+    explained = float((used & strong).sum()) / max(float(strong.sum()), 1.0)
+    if explained >= _LEAST_EXPLAINED:
+        return trains
+    doubt = f"only {100.0 * explained:.0f} % of the pulses at its frequency keep the interval"
+    return [replace(train, doubt=doubt) for train in trains]
+
+
+def _with_images(trains: list[Train], receiver: Receiver) -> list[Train]:
+    """Mark what comes together with stronger pulses; drop it where those are close by."""
+    kept: list[Train] = []
+    for train in trains:
+        others = [one for one in kept if one.image_of_hz is None]
+        originals_hz = [
+            one.frequency_hz for one in others if _is_image(train, one, others, receiver)
+        ]
+        if not originals_hz:
+            kept.append(train)
+        elif abs(originals_hz[0] - train.frequency_hz) > _FLANK_HZ:
+            kept.append(replace(train, image_of_hz=originals_hz[0]))
+    return [replace(one, together=sum(_alike(one, other) for other in kept)) for one in kept]
+
+
+def _alike(train: Train, other: Train) -> bool:
+    """Whether pulses at two frequencies, as strong, always come together."""
+    return (
+        abs(train.interval_s - other.interval_s) <= _ALIKE_S
+        and abs(train.level_db - other.level_db) <= _ALIKE_DB
+        and _coincide(train, other)
+        and _coincide(other, train)
+    )
+
+
+def _is_image(
+    train: Train, other: Train, stronger: Sequence[Train], receiver: Receiver
+) -> bool:
+    """Whether the receiver may have made a train of a stronger one."""
+    below_db = other.level_db - train.level_db
+    if below_db < _IMAGE_DB or not _coincide(train, other):
+        return False
+    partners_hz = [one.frequency_hz for one in stronger if one is not other]
+    return below_db >= _ANYWHERE_DB or receiver.makes(
+        train.frequency_hz, other.frequency_hz, partners_hz
+    )
+
+
+def _coincide(train: Train, other: Train) -> bool:
+    """Whether nearly every pulse of a train comes together with one of another."""
+    theirs_s, times_s = other.points.times_s, train.points.times_s
+    place = np.clip(np.searchsorted(theirs_s, times_s), 1, theirs_s.size - 1)
+    gap_s = np.minimum(np.abs(theirs_s[place - 1] - times_s), np.abs(theirs_s[place] - times_s))
+    return bool(np.mean(gap_s <= _SAME_TIME_S) >= _IMAGE_SHARE)
+
+
+def _of_one_sender(beats: Sequence[FoundBeat], here: Points) -> list[list[FoundBeat]]:
+    """Group beats by sender: one tag has one interval at a time, so those do not overlap."""
+    groups: list[list[FoundBeat]] = []
+    for beat in beats:
+        times_s = here.times_s[beat.members]
+        for group in groups:
+            if not any(_overlap(times_s, here.times_s[one.members]) for one in group):
+                group.append(beat)
+                break
+        else:
+            groups.append([beat])
+    return groups
+
+
+def _overlap(first_s: NDArray[np.float64], second_s: NDArray[np.float64]) -> bool:
+    """Whether both beat at a time; a false point or two make a beat seem longer than it is."""
+    inside = (
+        int(((one >= other[0]) & (one <= other[-1])).sum())
+        for one, other in ((first_s, second_s), (second_s, first_s))
+    )
+    return min(inside) > _STRAYS

@@ -1,0 +1,76 @@
+"""Short forms of the bars of the search for beeps; `uavrt_experiments` has the long ones."""
+
+import time
+
+import numpy as np
+import pytest
+
+from uavrt.analysis.measure import measure_tags
+from uavrt.config import Receiver
+from uavrt.detection.beeps import Points, find_trains
+from uavrt_experiments.detection.beeping import (
+    Beeper,
+    Scene,
+    five,
+    ghosts,
+    names_right,
+    regular,
+)
+
+pytestmark = pytest.mark.slow
+
+
+def test_five_unknown_tags_are_measured_among_carriers_voice_and_impulses() -> None:
+    result = five(30.0, 250e3, seed=12)
+    assert (result.right, result.wrong, result.doubtful) == (5, (), ())
+    assert result.cpu_share < 0.5
+
+
+@pytest.mark.parametrize("what", ["offset", "rate"])
+def test_a_wrong_label_and_a_rate_that_is_not_listed_are_named(what: str) -> None:
+    assert names_right(16, what) >= 15 / 16
+
+
+def test_bands_in_which_nothing_beeps_have_no_trains() -> None:
+    found = ghosts(5 * 80.0 / 3600.0, 48e3, at_once_s=80.0)
+    assert {kind: len(trains) for kind, trains in found.items()} == dict.fromkeys(found, 0)
+    assert len(found) == 5
+
+
+def test_the_cost_of_trains_grows_with_the_length() -> None:
+    def spent_s(duration_s: float) -> float:
+        rng = np.random.default_rng(6)
+        tags = [regular(duration_s, interval_s, 0.5) for interval_s in (0.9, 1.1, 1.333, 2.2)]
+        voice = rng.uniform(0.0, duration_s, round(5.0 * duration_s))
+        times_s = np.concatenate((*tags, voice))
+        frequencies_hz = np.concatenate(
+            (
+                *(np.full(one.size, 2e4 * place) for place, one in enumerate(tags)),
+                rng.uniform(-8e3, -4e3, voice.size),
+            )
+        )
+        points = Points(times_s, frequencies_hz, 0.0 * times_s, 20.0 + 0.0 * times_s)
+        begun_s = time.process_time()
+        trains, _ = find_trains(points.moved(times_s), duration_s, Receiver(0.0, 3e6))
+        assert len(trains) == len(tags)
+        return time.process_time() - begun_s
+
+    assert spent_s(400.0) < 16.0 * spent_s(50.0) + 0.2
+
+
+def test_a_tag_at_the_bands_edge_is_doubtful_and_discards_no_other() -> None:
+    beepers = [
+        Beeper(
+            offset_hz=offset_hz,
+            enr_db=24.0,
+            width_s=0.02,
+            starts_s=regular(30.0, interval_s, 0.4),
+        )
+        for offset_hz, interval_s in ((4000.0, 1.1), (23_000.0, 1.3))
+    ]
+    found = measure_tags(lambda: Scene(duration_s=30.0, sample_rate_hz=48e3, beepers=beepers))
+    (tag,) = found.tags
+    assert tag.rates[0].interval_s == pytest.approx(1.1, abs=1e-4)
+    (doubtful,) = found.doubtful
+    assert doubtful.interval_s == pytest.approx(1.3, abs=1e-3)
+    assert "edge" in str(doubtful)

@@ -1,0 +1,262 @@
+"""Everything that beeps is found and named, and nothing else is."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uavrt.analysis.measure import BeepSearch, words_of_beeps
+from uavrt.config import Receiver
+from uavrt.detection.beeps import (
+    FoundBeat,
+    Kind,
+    NamedTrain,
+    Points,
+    PointSearch,
+    Train,
+    find_beats,
+    find_trains,
+    fit_beat,
+    name_trains,
+    shared_offset_ppm,
+)
+from uavrt.messages import Tag
+from uavrt_experiments.detection.beeping import (
+    Beeper,
+    Scene,
+    blocks_of,
+    named,
+    regular,
+    trains_of,
+)
+from uavrt_experiments.detection.signals import THESIS_TAG
+
+RATE_HZ = 24_000.0
+CENTER_HZ = 148_700_000.0
+RADIO = Receiver(0.0, RATE_HZ)
+TAG = replace(THESIS_TAG, frequency_hz=CENTER_HZ)
+OTHER = replace(TAG, tag_id=4, frequency_hz=CENTER_HZ + 4000.0)
+
+
+def scene(*beepers: Beeper, duration_s: float = 30.0, **disturbed: Any) -> Scene:
+    return Scene(duration_s=duration_s, sample_rate_hz=RATE_HZ, beepers=beepers, **disturbed)
+
+
+def beeper(
+    offset_hz: float, interval_s: float, *, enr_db: float = 20.0, first_s: float = 0.3
+) -> Beeper:
+    return Beeper(
+        offset_hz=offset_hz,
+        enr_db=enr_db,
+        width_s=0.02,
+        starts_s=regular(600.0, interval_s, first_s),
+    )
+
+
+def points_of(samples: NDArray[np.complex64]) -> Points:
+    search = PointSearch(sample_rate_hz=RATE_HZ, low_hz=-12_000.0, high_hz=12_000.0)
+    for first in range(0, len(samples), 7000):
+        search.process(samples[first : first + 7000])
+    return search.finish()
+
+
+def samples_of(one: Scene) -> NDArray[np.complex64]:
+    return np.concatenate([block.samples for block in blocks_of(one)])
+
+
+@pytest.mark.parametrize("width_s", [0.0025, 0.008, 0.02, 0.05])
+def test_each_strong_pulse_is_one_point_at_its_time_and_frequency(width_s: float) -> None:
+    starts_s = regular(20.0, 0.7, 0.3) + np.random.default_rng(2).uniform(0.0, 0.02, 29)[:28]
+    one = Beeper(offset_hz=3210.0, enr_db=30.0, width_s=width_s, starts_s=starts_s)
+    points = points_of(samples_of(scene(one, duration_s=20.0)))
+    near = points.take(np.abs(points.frequencies_hz - 3210.0) < 150.0)
+    near = near.take(near.levels_db > 14.0)
+    assert len(near) == starts_s.size
+    assert np.abs(near.times_s - starts_s - width_s / 2.0).max() < 0.005
+    assert abs(np.median(near.frequencies_hz) - 3210.0) < 15.0
+    assert len(points) - len(near) < 3 * 20.0 * 2
+
+
+def test_carriers_impulses_and_loud_stretches_are_no_points() -> None:
+    rng = np.random.default_rng(3)
+    samples = samples_of(scene(duration_s=20.0, impulses_per_s=5.0, mains_db=15.0))
+    at = np.arange(samples.size)
+    samples += (3.0 * np.exp(2j * np.pi * 0.1 * at)).astype(np.complex64)
+    begun = at > 7.3 * RATE_HZ  # a carrier that begins is no pulse
+    samples += np.where(begun, np.exp(-2j * np.pi * 0.2 * at), 0.0).astype(np.complex64)
+    for first_s in rng.uniform(0.0, 19.0, 20):
+        first = round(first_s * RATE_HZ)
+        samples[first : first + 400] *= np.float32(6.0)
+    assert len(points_of(samples)) < 3 * 20.0 * 2
+
+
+def test_a_tag_off_its_label_is_named_with_its_offset_and_a_remedy() -> None:
+    (one,) = named(scene(beeper(1640.0, 1.26)), [TAG], 500.0)
+    assert one.kind is Kind.OFF_LABEL
+    assert one.away_hz == pytest.approx(1640.0, abs=10.0)
+    (line,) = words_of_beeps([one])
+    assert "tag 2, 1.6 kHz above its label? List it at this frequency" in line
+
+
+def test_samples_lost_in_each_second_hide_no_tag() -> None:
+    made = samples_of(scene(beeper(1500.0, 1.26)))
+    search = PointSearch(sample_rate_hz=RATE_HZ, low_hz=-12_000.0, high_hz=12_000.0)
+    kept_s = []
+    for first in range(0, len(made), 2000):
+        if first // 2000 % 12 >= 3:
+            search.process(made[first : first + 2000])
+            kept_s.append(first / RATE_HZ)
+    points = search.finish()
+    place = np.minimum((points.times_s * RATE_HZ / 2000.0).astype(int), len(kept_s) - 1)
+    true_s = np.array(kept_s)[place] + points.times_s - place * 2000.0 / RATE_HZ
+    (train,) = find_trains(points.moved(true_s), 30.0, RADIO)[0]
+    assert train.interval_s == pytest.approx(1.26, abs=2e-3)
+
+
+@pytest.mark.parametrize("enr_db", [48.0, 54.0])
+def test_the_edges_of_a_strong_tags_pulses_are_no_other_tags(enr_db: float) -> None:
+    (train,) = trains_of(scene(beeper(2000.0, 1.0, enr_db=enr_db)))
+    assert train.frequency_hz == pytest.approx(2000.0, abs=5.0)
+
+
+def test_tags_that_always_beep_together_are_two_and_an_image_is_none() -> None:
+    pair = beeper(3000.0, 1.1), replace(beeper(-5000.0, 2.2), enr_db=25.0)
+    assert all(one.image_of_hz is None for one in trains_of(scene(*pair)))
+    mirrored = beeper(-10_500.0, 1.1, enr_db=17.0), beeper(10_500.0, 1.1, enr_db=30.0)
+    found = named(
+        scene(*mirrored), [replace(THESIS_TAG, frequency_hz=CENTER_HZ + 10_500.0)], 500.0
+    )
+    image = next(one for one in found if one.frequency_hz < CENTER_HZ)
+    assert image.kind is Kind.IMAGE
+    assert image.image_of_hz == pytest.approx(CENTER_HZ + 10_500.0, abs=10.0)
+
+
+def train(
+    frequency_hz: float, interval_s: float, *, first_s: float = 0.5, level_db: float = 20.0
+) -> Train:
+    """Make a train of one minute without errors."""
+    times_s = np.arange(first_s, 60.0, interval_s)
+    values = np.ones(times_s.size)
+    points = Points(times_s, frequency_hz * values, 0.02 * values, level_db * values)
+    beat = FoundBeat(fit_beat(times_s, interval_s), np.arange(times_s.size))
+    return Train(points, (beat,), frequency_hz, level_db)
+
+
+def names(*trains: Train, tags: tuple[Tag, ...]) -> list[NamedTrain]:
+    return name_trains(trains, tags, 500.0)
+
+
+def test_where_two_listed_tags_could_be_meant_both_are_named_the_nearer_first() -> None:
+    (one,) = names(train(CENTER_HZ + 2500.0, 1.254), tags=(TAG, OTHER))
+    assert [tag.tag_id for tag in one.tags] == [4, 2]
+    assert "tag 4, 1.5 kHz below its label or tag 2, 2.5 kHz above its label?" in str(one)
+    # A tag that beeps at its own place is not meant.
+    found = names(
+        train(CENTER_HZ + 2500.0, 1.254), train(CENTER_HZ + 4000.0, 1.254), tags=(TAG, OTHER)
+    )
+    assert [tag.tag_id for tag in found[0].tags] == [2]
+
+
+@pytest.mark.parametrize("interval_s", [0.31, 0.627, 0.75, 2.4])
+def test_another_rate_at_a_listed_frequency_is_named_and_twice_the_rate_explained(
+    interval_s: float,
+) -> None:
+    (one,) = names(train(CENTER_HZ + 300.0, interval_s), tags=(TAG,))
+    assert one.kind is Kind.OTHER_RATE
+    assert one.interval_s == pytest.approx(interval_s)
+    assert ("(mortality)" in str(one)) is (interval_s == 0.627)
+
+
+def test_the_same_error_of_all_tags_is_the_receivers() -> None:
+    shift = 50e-6 * CENTER_HZ
+    found = names(
+        train(TAG.frequency_hz + shift, 1.254),
+        train(OTHER.frequency_hz + shift, 1.27, first_s=0.9),
+        tags=(TAG, OTHER),
+    )
+    assert shared_offset_ppm(found) is None  # 4 kHz apart, either tag may be meant
+    far = replace(OTHER, frequency_hz=CENTER_HZ + 40_000.0)
+    found = names(
+        train(TAG.frequency_hz + shift, 1.254),
+        train(far.frequency_hz + shift, 1.27, first_s=0.9),
+        tags=(TAG, far),
+    )
+    assert shared_offset_ppm(found) == pytest.approx(50.0, abs=0.1)
+    assert "+50 ppm off their labels: the receiver's own error" in words_of_beeps(found)[-1]
+
+
+def test_a_sender_of_data_bursts_is_no_animal() -> None:
+    rng = np.random.default_rng(8)
+    samples = samples_of(scene(duration_s=30.0))
+    length = round(0.0267 * RATE_HZ)
+    for start_s in np.arange(0.5, 29.0, 1.2):
+        tones_hz = np.repeat(rng.choice([-600.0, 600.0], 40), 20)[:length]
+        cycles = np.cumsum(4000.0 + tones_hz) / RATE_HZ
+        first = round(start_s * RATE_HZ)
+        samples[first : first + length] += (5.0 * np.exp(2j * np.pi * cycles)).astype(
+            np.complex64
+        )
+    trains, _ = find_trains(points_of(samples), 30.0, RADIO)
+    assert [one.together for one in trains] == [2, 2]
+    assert {one.kind for one in names(*trains, tags=(TAG,))} == {Kind.NOT_ANIMAL}
+
+
+@pytest.mark.parametrize(("amplitude", "width_s"), [(300.0, 4e-5), (30.0, 3e-4), (20.0, 2e-3)])
+def test_an_electric_fence_is_no_beeper(amplitude: float, width_s: float) -> None:
+    rng = np.random.default_rng(9)
+    samples = samples_of(scene(duration_s=30.0))
+    length = max(1, round(width_s * RATE_HZ))
+    spark = rng.standard_normal((length, 2), dtype=np.float32).view(np.complex64).ravel()
+    for start_s in np.arange(0.5, 29.0, 1.2):
+        first = round(start_s * RATE_HZ)
+        samples[first : first + length] += np.float32(amplitude) * spark
+    assert find_trains(points_of(samples), 30.0, RADIO)[0] == []
+
+
+def test_a_listed_tag_is_not_mentioned_and_an_unlisted_one_is() -> None:
+    listed, stranger = names(
+        train(CENTER_HZ - 460.0, 1.26), train(CENTER_HZ + 235_200.0, 1.102), tags=(TAG,)
+    )
+    assert (listed.kind, stranger.kind) == (Kind.LISTED, Kind.UNLISTED)
+    (line,) = words_of_beeps([listed, stranger])
+    assert line == "20 dB at 148.935200 MHz, 54 pulses every 1102 ms (54 a minute): unlisted"
+
+
+def test_pulses_without_a_steady_interval_at_a_tags_frequency_are_doubtful() -> None:
+    rng = np.random.default_rng(5)
+    steady = beeper(2000.0, 1.254).starts_s[:9]
+    other = np.sort(rng.uniform(12.0, 59.0, 40))
+    one = Beeper(
+        offset_hz=2000.0, enr_db=25.0, width_s=0.02, starts_s=np.concatenate((steady, other))
+    )
+    found = named(
+        scene(one, duration_s=60.0), [replace(TAG, frequency_hz=CENTER_HZ + 2000.0)], 500.0
+    )
+    assert all(each.kind in (Kind.DOUBTFUL, Kind.LISTED) for each in found)
+
+
+def test_an_interval_that_changes_with_the_temperature_is_one_train_of_ten_minutes() -> None:
+    rng = np.random.default_rng(7)
+    number = np.arange(500)
+    times_s = 0.5 + np.cumsum(1.2 * (1.0 + 0.002 * number / 500.0))
+    times_s += rng.uniform(-0.005, 0.005, 500)
+    times_s = np.sort(np.concatenate((times_s[rng.random(500) > 0.1], rng.uniform(0, 600, 20))))
+    (one,) = find_beats(times_s, 600.0)
+    assert one.members.size >= 440
+    assert one.beat.interval_s == pytest.approx(1.2012, abs=1e-3)
+
+
+def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, RATE_HZ), live=True)
+    source = scene(beeper(1640.0, 1.26), beeper(-5000.0, 0.8, first_s=31.0), duration_s=100.0)
+    said: list[tuple[float, Kind]] = []
+    for block in blocks_of(source):
+        search.add(block, block)
+        at_s = block.sample_index / RATE_HZ
+        said += [(at_s, one.kind) for one in search.news(block.time_ns)]
+    assert [kind for _, kind in said] == [Kind.OFF_LABEL, Kind.UNLISTED]
+    assert said[0][0] < 40.0
+    assert said[1][0] < 75.0
+    assert search.finish() == []
