@@ -29,7 +29,7 @@ from uavrt.analysis.measure import (
 )
 from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
-from uavrt.clock import parse_iso_utc
+from uavrt.clock import cpu_s, parse_iso_utc
 from uavrt.config import DetectionSettings, OperatingModeName, Receiver
 from uavrt.detection import OperatingMode
 from uavrt.detection.beeps import NamedTrain
@@ -199,7 +199,7 @@ def _name(beeps: Sequence[NamedTrain]) -> None:
 def _warn_of_cost(tags: Sequence[Tag], settings: DetectionSettings, *, live: bool) -> None:
     """Say before the work begins that a tag list needs more than a core in real time."""
     tell_near_codes(tags, settings.frequency_window_hz)
-    cores = search_cost(tags, settings=settings)
+    cores = search_cost(tags, cpu_s, settings=settings)
     if cores <= 1.0:
         return
     effect = (

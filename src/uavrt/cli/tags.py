@@ -13,7 +13,7 @@ from uavrt.cli.examples import examples
 from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
-from uavrt.clock import iso_utc
+from uavrt.clock import cpu_s, iso_utc
 from uavrt.errors import ConfigError, TagFileError, UavrtError
 from uavrt.foreign import TAGS, read_file
 
@@ -59,6 +59,7 @@ def check(
         warnings = () if center_hz is None else warnings_of_band(found, center_hz, rate_hz)
         plan = plan_search(
             tags_with_overrides(settings, found),
+            cpu_s,
             sample_rate_hz=rate_hz,
             detection=detection,
             center_frequency_hz=center_hz,

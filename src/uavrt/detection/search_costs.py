@@ -6,14 +6,13 @@ the detectors are run as they will be.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.clock import cpu_s
 from uavrt.config import DetectionSettings
 from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector
 from uavrt.messages import Tag
@@ -43,6 +42,7 @@ _MOST_CPU_S: Final = 2.0
 
 def search_cost(
     tags: Sequence[Tag],
+    cpu_s: Callable[[], float],
     *,
     settings: DetectionSettings | None = None,
     most_cpu_s: float = _MOST_CPU_S,
@@ -53,6 +53,8 @@ def search_cost(
     ----------
     tags : sequence of Tag
         All that will be searched for.
+    cpu_s : callable
+        Processor time used so far [s].
     settings : DetectionSettings, optional
         How; by default as usual.
     most_cpu_s : float
@@ -76,8 +78,8 @@ def search_cost(
     for kind in dearest_first:
         if spent_s < most_cpu_s:
             begun_s = cpu_s()
-            share = _measure(kind, settings, heard=False)
-            more = max(0.0, _measure(kind, settings, heard=True) - share)
+            share = _measure(kind, settings, cpu_s, heard=False)
+            more = max(0.0, _measure(kind, settings, cpu_s, heard=True) - share)
             spent_s += cpu_s() - begun_s
         cost += kinds[kind] * share + more
     return cost
@@ -92,7 +94,9 @@ def _weight(tag: Tag, settings: DetectionSettings) -> float:
     return tag.k**2 * uncertainty_s * width_hz * rates / _USUAL
 
 
-def _measure(tag: Tag, settings: DetectionSettings, *, heard: bool) -> float:
+def _measure(
+    tag: Tag, settings: DetectionSettings, cpu_s: Callable[[], float], *, heard: bool
+) -> float:
     """Run some detectors of a kind on noise, or one on its tag; the cores that each needs."""
     rng = np.random.default_rng(1)
     together = 1 if heard or _weight(tag, settings) > _DEAR else _TOGETHER

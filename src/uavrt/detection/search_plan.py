@@ -4,7 +4,7 @@ The drone asks at the start of a flight, and `uavrt tags check` beforehand.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from uavrt.config import DetectionSettings
@@ -34,6 +34,7 @@ class SearchPlan:
 
 def plan_search(
     tags: Sequence[Tag],
+    cpu_s: Callable[[], float],
     *,
     sample_rate_hz: float,
     detection: DetectionSettings,
@@ -45,6 +46,8 @@ def plan_search(
     Parameters
     ----------
     tags : sequence of Tag
+    cpu_s : callable
+        Processor time used so far [s], by which the cost of a long list is measured.
     sample_rate_hz : float
         Rate of the radio [Hz].
     detection : DetectionSettings
@@ -71,7 +74,7 @@ def plan_search(
     band = plan_band(sample_rate_hz, reach_hz=max(farthest, default=0.0))
     for tag in received:
         _check_window(tag, center_frequency_hz, band, detection)
-    cores = search_cost(received, settings=detection)
+    cores = search_cost(received, cpu_s, settings=detection)
     if cores > spare_cores:
         raise TunerError(
             f"the search for these {len(received)} tags needs {cores:.1f} processor cores, and "

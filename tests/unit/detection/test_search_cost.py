@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from uavrt.cli import detect
+from uavrt.clock import cpu_s
 from uavrt.config import DetectionSettings
 from uavrt.detection.search_costs import search_cost
 from uavrt.messages import Tag
@@ -23,23 +24,23 @@ def tags(count: int, **changed: object) -> list[Tag]:
 
 
 def test_a_short_list_is_not_measured() -> None:
-    assert search_cost(tags(10)) == 0.0
+    assert search_cost(tags(10), cpu_s) == 0.0
 
 
 def test_the_cost_goes_with_the_number_of_tags_and_with_k() -> None:
-    fifty = search_cost(tags(60))
+    fifty = search_cost(tags(60), cpu_s)
     assert 0.0 < fifty < 5.0  # a busy machine takes several times as long
-    assert search_cost(tags(240)) == pytest.approx(4.0 * fifty, rel=0.6)
-    assert search_cost(tags(60, k=12)) > 1.2 * fifty
+    assert search_cost(tags(240), cpu_s) == pytest.approx(4.0 * fifty, rel=0.6)
+    assert search_cost(tags(60, k=12), cpu_s) > 1.2 * fifty
 
 
 def test_few_tags_of_long_groups_or_over_the_whole_channel_are_dear() -> None:
-    usual = search_cost(tags(60)) / 60.0
-    long = search_cost(tags(3, k=40, interval_uncertainty_s=0.025))
+    usual = search_cost(tags(60), cpu_s) / 60.0
+    long = search_cost(tags(3, k=40, interval_uncertainty_s=0.025), cpu_s)
     assert long > 30.0 * usual
     wide = DetectionSettings(frequency_window_hz=math.inf)
-    assert search_cost(tags(1, k=20), settings=wide) > 30.0 * usual
-    assert search_cost(tags(1, k=20, interval_uncertainty_s=0.002)) == 0.0
+    assert search_cost(tags(1, k=20), cpu_s, settings=wide) > 30.0 * usual
+    assert search_cost(tags(1, k=20, interval_uncertainty_s=0.002), cpu_s) == 0.0
 
 
 @pytest.mark.parametrize(("live", "effect"), [(True, "lose samples"), (False, "times as long")])

@@ -5,6 +5,7 @@ import math
 import made
 import pytest
 
+from uavrt.clock import cpu_s
 from uavrt.config import DetectionSettings
 from uavrt.detection import search_plan
 from uavrt.detection.search_plan import SearchPlan, plan_search
@@ -17,6 +18,7 @@ def planned(
 ) -> SearchPlan:
     return plan_search(
         [made.tag(2 * n + 2, hz, 1.3) for n, hz in enumerate(frequencies_hz)],
+        cpu_s,
         detection=DetectionSettings(frequency_window_hz=window_hz),
         **{"sample_rate_hz": 3e6, **options},
     )

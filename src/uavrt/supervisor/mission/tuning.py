@@ -122,6 +122,7 @@ def _read_all(descriptor: int) -> bytes:
 
 def main() -> None:
     """Answer the question in the descriptor of the command line on standard output."""
+    from uavrt.clock import cpu_s
     from uavrt.detection.search_plan import plan_search
     from uavrt.ipc import die_with_parent
 
@@ -132,6 +133,7 @@ def main() -> None:
     try:
         plan = plan_search(
             question.tags,
+            cpu_s,
             sample_rate_hz=question.sample_rate_hz,
             detection=question.detection,
             center_frequency_hz=question.center_frequency_hz,
