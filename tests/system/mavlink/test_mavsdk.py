@@ -109,7 +109,7 @@ async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
         later = tunnel.AckG0 if generation == "G0" else tunnel.AckG1
         assert [type(ack) for ack in acks] == [tunnel.AckG1, later, later, later]
         assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
-        assert world.mission.state is SystemState.DETECTING
+        assert world.mission.state.name == "DETECTING"
         for index in range(10):
             world.find_pulse(index)
         await until(lambda: len(station.pulses()) == 10)
