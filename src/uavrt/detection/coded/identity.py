@@ -16,7 +16,7 @@ from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 STEPS = 8
-"""Intervals over which bursts are compared."""
+"""Intervals over which bursts are compared, if not said otherwise."""
 _MISSED = 0.7
 """Log likelihood that a missing burst takes from an interval: half are missed."""
 _CLEARLY = 3.0
@@ -33,7 +33,11 @@ _ROWS = 1
 
 
 def in_step(
-    at_s: float, others_s: NDArray[np.float64], tag: Tag, timing_s: float
+    at_s: float,
+    others_s: NDArray[np.float64],
+    tag: Tag,
+    timing_s: float,
+    most: int = STEPS,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
     """Look for bursts whole burst intervals before and after one.
 
@@ -46,15 +50,17 @@ def in_step(
         Whose interval it is.
     timing_s : float
         By which a time may be off.
+    most : int
+        Intervals to either side.
 
     Returns
     -------
-    expected_s, gains : ndarray of float, shape (2 STEPS,)
+    expected_s, gains : ndarray of float, shape (2 most,)
         The places in time, and log odds that a burst found there is the tag's; 0: none found.
-    which : ndarray of int, shape (2 STEPS,)
+    which : ndarray of int, shape (2 most,)
         The nearest of the others to each place.
     """
-    steps = np.concatenate((np.arange(-STEPS, 0), np.arange(1, STEPS + 1)))
+    steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]
     expected_s = at_s + steps * interval_s
     if not len(others_s):
@@ -150,7 +156,8 @@ class Sightings:
     """The bursts of the last intervals."""
 
     def __init__(self) -> None:
-        self._kept: list[Sighting] = []
+        self._by_tag: dict[int, list[Sighting]] = {}
+        self._waiting: list[Sighting] = []
         self._begun_ns = 0
 
     def name(
@@ -173,19 +180,28 @@ class Sightings:
             confirmed.
         """
         self._begun_ns = self._begun_ns or now_ns
-        self._kept = [
-            one for one in self._kept if one.age_in_intervals(now_ns) <= STEPS + 1
-        ] + list(new)
+        concerned = self._waiting
+        for tag in {tag for one in new for tag in one.tags}:
+            kept = [
+                one
+                for one in self._by_tag.get(tag.tag_id, [])
+                if one.age_in_intervals(now_ns) <= STEPS + 1
+            ]
+            concerned = concerned + kept
+            own = [one for one in new if tag in one.tags]
+            self._by_tag[tag.tag_id] = kept + own
+        self._waiting = []
         found: list[tuple[Sighting, Tag, tuple[int, ...]]] = []
-        for one in self._kept:
+        for one in {id(one): one for one in (*concerned, *new)}.values():
             if one.tag_id is not None:
                 continue
             possible = self._possible(one, now_ns)
             if len(possible) == 1 and self._suffices(one, possible[0]):
                 one.tag_id = possible[0].tag_id
-            elif one.unlisted < one.required - DOUBT or (
-                len(one.tags) > 1 and one.age_in_intervals(now_ns) < _WAIT and not last
-            ):
+            elif one.unlisted < one.required - DOUBT:
+                continue
+            elif len(one.tags) > 1 and one.age_in_intervals(now_ns) < _WAIT and not last:
+                self._waiting.append(one)
                 continue
             if not one.told:
                 others = (*(tag.tag_id for tag in possible[1:]), *one.hit)
@@ -197,7 +213,7 @@ class Sightings:
         """Other bursts that a tag may have sent, at the frequency of one."""
         return [
             other
-            for other in self._kept
+            for other in self._by_tag.get(tag.tag_id, [])
             if other is not one and other.may_be(tag) and abs(other.row - one.row) <= _ROWS
         ]
 
