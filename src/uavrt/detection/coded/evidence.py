@@ -17,6 +17,8 @@ _COINCIDENCE = 0.02
 """Chance that a pulse of another code's burst lies at a place: 1 ms of a gap of 50 ms."""
 _HIT = 1e-3
 """Chance that a pulse of any sender lies at a place, at least."""
+_HIDES = 0.5
+"""Of a pulse's amplitude, the least of what hides it."""
 _PLACE_S = 1e-3
 """Time about a place within which a pulse lies at it [s]."""
 _STRENGTHS = 5.0
@@ -75,11 +77,13 @@ def evidence(
     variance = 0.5 + (FADING * tried[:, :, None]) ** 2 / bursts
     pulse = -((x[:, None] - tried[:, :, None]) ** 2) / (2.0 * variance)
     pulse -= 0.5 * np.log(2.0 * np.pi * variance) + noise[:, None]
-    listed = np.where(usable[:, None], np.logaddexp(pulse, foreign[:, None]), 0.0)
+    # A weaker signal hides no pulse.
+    hidden = np.where(x[:, None] >= _HIDES * tried[:, :, None], foreign[:, None], -np.inf)
+    listed = np.where(usable[:, None], np.logaddexp(pulse, hidden), 0.0)
     best = listed.sum(axis=2).argmax(axis=1)
     rows = np.arange(len(x))
     listed_best = listed.sum(axis=2)[rows, best]
-    own = usable & (pulse[rows, best] >= foreign)
+    own = usable & (pulse[rows, best] >= hidden[rows, best])
     over_noise = np.where(own, pulse[rows, best], 0.0).sum(axis=1)
     # An unlisted code has pulses in some places, never in all: summed by the first that it
     # lacks.

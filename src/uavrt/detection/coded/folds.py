@@ -241,11 +241,20 @@ class Folds:
             most=self._clip_of(bursts) * STEP,
         )
         energies = np.minimum(closely.energies, self._clip_of(bursts) * STEP)
-        _, unlisted, _ = evidence(
-            energies.sum(axis=0)[None],
-            np.ones((1, energies.shape[1]), np.bool_),
-            foreign_per_hour=foreign_per_hour,
-            bursts=bursts,
+        # An unlisted tag is in step by chance, or the pulses of several are.
+        by_one, by_several = (
+            float(
+                evidence(
+                    each,
+                    np.ones(each.shape, np.bool_),
+                    foreign_per_hour=foreign_per_hour,
+                    bursts=summed,
+                )[1][0]
+            )
+            for each, summed in (
+                (energies.sum(axis=0)[None], bursts),
+                (energies.reshape(1, -1), 1),
+            )
         )
         by_chance = self._error[code] / interval + 1e-3
         least = amplitude_limit(
@@ -263,7 +272,7 @@ class Folds:
             score=float(np.sqrt(energies).sum()) / least,
             total=float(energies.sum()),
             interval=interval + off,
-            unlisted=float(unlisted[0]) - math.log(min(1.0, 2.0 * by_chance)),
+            unlisted=min(by_one - math.log(min(1.0, 2.0 * by_chance)), by_several),
         )
 
     def _steady(self, one: Found) -> bool:

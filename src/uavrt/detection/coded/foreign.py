@@ -75,14 +75,14 @@ class Foreign:
         new = self._columns[(self._columns >= self._upto) & (self._columns < upto)]
         passed_s = (upto - self._upto) * cells.column_s
         self._count *= math.exp(-passed_s / _MEMORY_S)
-        self._count += sum(self._begins_burst(column) for column in new.tolist())
+        self._count += sum(self._of_burst(column) for column in new.tolist()) / 4.0
         self._upto = max(upto, self._upto)
 
-    def _begins_burst(self, column: int) -> bool:
-        """Whether two more pulses of one sender follow a pulse within a burst's length."""
+    def _of_burst(self, column: int) -> bool:
+        """Whether two more pulses of one sender lie within a burst's length of a pulse."""
         (row,) = self._rows[self._columns == column]
-        behind = (self._columns >= column) & (self._columns <= column + self._span)
-        return int((behind & (np.abs(self._rows - row) <= _ROWS)).sum()) >= 3
+        near = np.abs(self._columns - column) <= self._span
+        return int((near & (np.abs(self._rows - row) <= _ROWS)).sum()) >= 3
 
     def about(self, burst: Burst) -> float:
         """Foreign bursts in an hour: by the last minutes, or by those within a burst."""

@@ -29,7 +29,7 @@ _ALIKE = 0.33
 """Of the amplitude of one pulse of a burst, the least of another."""
 _HIT = 0.5
 """Of the usual amplitude, the least where another signal hides a pulse."""
-_LEAST_EVIDENCE = 4.0
+LEAST_EVIDENCE = 4.0
 """Log likelihood ratio of the listed code to unlisted ones: a burst with less is dropped."""
 _HIGHER = 2.3
 """Noise amplitudes by which a cell near a pulse may be above that of the pulse."""
@@ -37,7 +37,7 @@ _BESIDE = 0.6
 """Of a pulse's amplitude, most that is before and after it, beside noise …"""
 _ENDS = (1.2, 3.2)
 """… at one of these distances [pulse widths]."""
-_ASIDE_S, _ASIDE_NOISE_S = 0.75e-3, 3e-3
+ASIDE_S, ASIDE_NOISE_S = 0.75e-3, 3e-3
 """A pulse that lies so far beside its place by the code, more than the others do, and so much
 over its amplitude for noise, is not the code's: half of the gaps' tolerance. By the flanks of
 its pulses a code was taken for one whose gaps are 4.5 ms away together, at 20 dB."""
@@ -256,7 +256,7 @@ def _aside(
         np.maximum(around[apart:], cells.recent[:-apart], out=around[apart:])
         np.maximum(around[:-apart], cells.recent[apart:], out=around[:-apart])
     highest, shift = _best(around, rows, at, cells.pulse)
-    allowed_s = _ASIDE_S + _ASIDE_NOISE_S / np.sqrt(np.maximum(highest, 1.0))
+    allowed_s = ASIDE_S + ASIDE_NOISE_S / np.sqrt(np.maximum(highest, 1.0))
     usual = np.median(shift, axis=1, keepdims=True)
     return np.abs(shift - usual) * cells.column_s > allowed_s, highest
 
@@ -307,20 +307,18 @@ def weigh(
     energies = np.stack([one.energies for one in bursts])
     good = np.stack([one.good for one in bursts])
     over_noise, unlisted, own = evidence(energies, good, foreign_per_hour=foreign_per_hour)
-    scores = _scores(energies, own, limits)
+    scores = scores_of(energies, own, limits)
     for burst, likelihood, over, is_own, score in zip(
         bursts, over_noise.tolist(), unlisted.tolist(), own, scores.tolist(), strict=True
     ):
         burst.good, burst.score, burst.unlisted = is_own, score, over
         burst.likelihood = likelihood + burst.prior
     return [
-        one
-        for one in bursts
-        if one.score >= 1.0 and one.unlisted + one.prior >= _LEAST_EVIDENCE
+        one for one in bursts if one.score >= 1.0 and one.unlisted + one.prior >= LEAST_EVIDENCE
     ]
 
 
-def _scores(
+def scores_of(
     energies: NDArray[np.float64], own: NDArray[np.bool_], limits: dict[int, float]
 ) -> NDArray[np.float64]:
     """Sums of each burst's own pulses over their least; 0 if these are too few."""
