@@ -6,17 +6,23 @@ each listed code that some of them hit. What judges these energies is the detect
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.config import GAP_TOLERANCE_S
-from uavrt.detection.coded.evidence import evidence, required_evidence
+from uavrt.detection.coded.evidence import (
+    evidence,
+    evidence_of_sums,
+    required_evidence,
+)
 from uavrt.detection.coded.identity import STEPS, Sighting, Sightings
 from uavrt.detection.coded.judging import (
     ASIDE_NOISE_S,
     ASIDE_S,
     LEAST_EVIDENCE,
+    could_be,
     least_pulses,
     scores_of,
 )
@@ -35,6 +41,10 @@ _LOOKS = 20
 """The same for several bursts, whose interval is searched too."""
 _COLUMN_S = 1.4e-4
 """Half of a column: by so much all pulses may lie beside the cells."""
+_LEAST = 0.2
+"""Of a pulse's amplitude, the least of others that count beside it."""
+_ALIKE = 0.3
+"""Of the second weakest place, the least of the weakest that is looked at."""
 _ROW_HZ = 125.0
 _CLIPS = {3: 15.75, 10: 10.0}
 """Most that a cell counts in sums of so many bursts."""
@@ -93,14 +103,17 @@ def _places_s(tag: Tag) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OnAir:
-    """Pulses of the strangers, in order of time."""
+    """Pulses of the strangers, in order of time, and pairs of them within a burst's length."""
 
     times_s: NDArray[np.float64]
     amplitudes: NDArray[np.float64]
     offsets_hz: NDArray[np.float64]
+    apart_s: NDArray[np.float64]
+    """From the first to the second pulse of each pair, sorted."""
+    pairs: NDArray[np.intp]
 
 
-def _on_air(strangers: Sequence[Stranger], seconds: float) -> _OnAir:
+def _on_air(strangers: Sequence[Stranger], seconds: float, length_s: float) -> _OnAir:
     parts = []
     for one in strangers:
         interval_s = one.tag.pulse_intervals_s[0]
@@ -110,7 +123,27 @@ def _on_air(strangers: Sequence[Stranger], seconds: float) -> _OnAir:
         parts.append(np.stack((times_s, level, np.full(len(times_s), one.offset_hz))))
     pulses = np.concatenate(parts, axis=1)
     times_s, amplitudes, offsets_hz = pulses[:, pulses[0].argsort()]
-    return _OnAir(times_s=times_s, amplitudes=amplitudes, offsets_hz=offsets_hz)
+    pairs = []
+    for step in range(1, 40):
+        first = np.flatnonzero(times_s[step:] - times_s[:-step] <= length_s)
+        if not len(first):
+            break
+        second = first + step
+        level = amplitudes[second] * np.abs(
+            np.sinc((offsets_hz[second] - offsets_hz[first]) * WIDTH_S)
+        )
+        loud = level > _LEAST * amplitudes[first]
+        pairs.append(np.stack((first[loud], second[loud])))
+    both = np.concatenate(pairs, axis=1)
+    apart_s = times_s[both[1]] - times_s[both[0]]
+    order = apart_s.argsort()
+    return _OnAir(
+        times_s=times_s,
+        amplitudes=amplitudes,
+        offsets_hz=offsets_hz,
+        apart_s=apart_s[order],
+        pairs=both[:, order],
+    )
 
 
 def _complex_noise(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.complex128]:
@@ -123,7 +156,7 @@ class _Found:
     """What a code has at its places, in order of time."""
 
     times_s: NDArray[np.float64]
-    energies: NDArray[np.float64]
+    alone: NDArray[np.float64]
     own: NDArray[np.bool_]
     unlisted: NDArray[np.float64]
     rows: NDArray[np.intp]
@@ -133,37 +166,6 @@ def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: f
     """Bursts that one code claims: two of the pulses on air at its places, or more."""
     places_s = _places_s(tag)
     stretch_s = GAP_TOLERANCE_S * places_s / places_s[-1]
-    parts = []
-    for aligned in range(len(places_s)):
-        begin_s = air.times_s - places_s[aligned]
-        reach_s = np.abs(stretch_s - stretch_s[aligned]) + _SHIFTS_S[-1]
-        levels = np.zeros((len(begin_s), len(places_s)))
-        away_s = np.zeros(levels.shape)
-        for place, wanted_s in enumerate((begin_s[:, None] + places_s).T):
-            right = np.searchsorted(air.times_s, wanted_s)
-            for near in (right - 2, right - 1, right, right + 1):
-                at = np.clip(near, 0, len(air.times_s) - 1)
-                off_s = air.times_s[at] - wanted_s
-                over_s = np.maximum(np.abs(off_s) - reach_s[place], 0.0)
-                level = air.amplitudes[at] * (over_s < WIDTH_S)
-                level *= np.abs(np.sinc((air.offsets_hz[at] - air.offsets_hz) * WIDTH_S))
-                louder = level * (WIDTH_S - over_s) > levels[:, place] * (
-                    WIDTH_S - np.maximum(np.abs(away_s[:, place]) - reach_s[place], 0.0)
-                )
-                levels[louder, place], away_s[louder, place] = level[louder], off_s[louder]
-        loud = levels > 0.2 * air.amplitudes[:, None]
-        # Each coincidence once: by the first of its pulses.
-        first = ~loud[:, :aligned].any(axis=1) & (loud.sum(axis=1) >= 2)
-        alone = begin_s, air.offsets_hz, levels, away_s
-        parts.append([one[first] for one in alone])
-    begin_s, offset_hz, levels, away_s = (
-        np.concatenate(one) for one in zip(*parts, strict=True)
-    )
-    noise = _complex_noise(rng, (*levels.shape, _CHOICES))
-    # What has not three places above the usual noise is none.
-    able = np.sort(np.abs(levels[:, :, None] + noise).max(axis=2), axis=1)[:, -3] >= 1.7
-    begin_s, offset_hz, levels = begin_s[able], offset_hz[able], levels[able]
-    energies, straight = _searched(levels, away_s[able], noise[able], stretch_s)
     limits = {
         count: sum_limit(
             tag,
@@ -174,19 +176,64 @@ def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: f
         )
         for count in range(least_pulses(len(places_s)), len(places_s) + 1)
     }
-    _, unlisted, own = evidence(
+    parts = []
+    for one, other in combinations(range(len(places_s)), 2):
+        reach_s = stretch_s[other] - stretch_s[one] + 0.5 * WIDTH_S
+        gap_s = places_s[other] - places_s[one]
+        low, high = np.searchsorted(air.apart_s, (gap_s - reach_s, gap_s + reach_s))
+        aligned = air.pairs[0, low:high]
+        begin_s = air.times_s[aligned] - places_s[one]
+        levels, away_s = _levels(air, aligned, begin_s, places_s, stretch_s)
+        # Each coincidence once: by the first two of its pulses.
+        loud = levels > _LEAST * air.amplitudes[aligned][:, None]
+        first = loud[:, one] & loud[:, other] & (loud[:, :other].sum(axis=1) == 1)
+        columns = begin_s, air.offsets_hz[aligned], levels, away_s
+        parts.append([column[first] for column in columns])
+    begin_s, offset_hz, levels, away_s = map(np.concatenate, zip(*parts, strict=True))
+    noise = _complex_noise(rng, (*levels.shape, _CHOICES))
+    most = (np.abs(levels[:, :, None] + noise) ** 2).max(axis=2).astype(np.float32)
+    able = could_be(most, limits)
+    begin_s, offset_hz = begin_s[able], offset_hz[able]
+    energies, straight = _searched(levels[able], away_s[able], noise[able], stretch_s)
+    judged = evidence(
         energies, np.ones(energies.shape, np.bool_), foreign_per_hour=foreign_per_hour
     )
-    taken = straight & (unlisted >= LEAST_EVIDENCE)
-    taken &= scores_of(energies, own, limits) >= 1.0
+    taken = straight & (judged.over_unlisted >= LEAST_EVIDENCE)
+    taken &= scores_of(energies, judged.own, limits) >= 1.0
     order = np.flatnonzero(taken)[begin_s[taken].argsort()]
     return _Found(
         times_s=begin_s[order],
-        energies=energies[order],
-        own=own[order],
-        unlisted=unlisted[order],
+        alone=judged.alone[order],
+        own=judged.own[order],
+        unlisted=judged.over_unlisted[order],
         rows=np.rint(offset_hz[order] / _ROW_HZ).astype(np.intp),
     )
+
+
+def _levels(
+    air: _OnAir,
+    aligned: NDArray[np.intp],
+    begin_s: NDArray[np.float64],
+    places_s: NDArray[np.float64],
+    stretch_s: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Amplitude of what is loudest at each place, and how far it lies beside it."""
+    levels = np.zeros((len(begin_s), len(places_s)))
+    away_s = np.zeros(levels.shape)
+    best = np.zeros(levels.shape)
+    for place, wanted_s in enumerate((begin_s[:, None] + places_s).T):
+        right = np.searchsorted(air.times_s, wanted_s)
+        for near in (right - 1, right):
+            at = np.clip(near, 0, len(air.times_s) - 1)
+            off_s = air.times_s[at] - wanted_s
+            over_s = np.maximum(np.abs(off_s) - stretch_s[place] - _SHIFTS_S[-1], 0.0)
+            apart_hz = air.offsets_hz[at] - air.offsets_hz[aligned]
+            level = air.amplitudes[at] * np.abs(np.sinc(apart_hz * WIDTH_S))
+            heard = level * np.maximum(1.0 - over_s / WIDTH_S, 0.0)
+            louder = heard > best[:, place]
+            best[louder, place] = heard[louder]
+            levels[louder, place], away_s[louder, place] = level[louder], off_s[louder]
+    return levels, away_s
 
 
 def _searched(
@@ -211,10 +258,11 @@ def _searched(
             energies = np.abs(heard + noise[:, np.arange(len(stretch_s)), which]) ** 2
             better = energies.sum(axis=1) > best.sum(axis=1)
             best[better] = energies[better]
-            sent = np.where(heard > 1.0, off_s, np.nan)
-            apart_s = np.abs(sent - np.nanmedian(sent, axis=1, keepdims=True))
-            allowed_s = ASIDE_S + ASIDE_NOISE_S / np.maximum(np.abs(levels), 1.0)
-            straight[better] = ~(apart_s > allowed_s)[better].any(axis=1)
+            sent = (heard > 1.0)[better]
+            usual_s = (off_s[better] * sent).sum(axis=1) / np.maximum(sent.sum(axis=1), 1)
+            allowed_s = ASIDE_S + ASIDE_NOISE_S / np.maximum(levels[better], 1.0)
+            aside = sent & (np.abs(off_s[better] - usual_s[:, None]) > allowed_s)
+            straight[better] = ~aside.any(axis=1)
     return best, straight
 
 
@@ -239,16 +287,15 @@ def _confirmed(tag: Tag, found: _Found, foreign_per_hour: float) -> bool:
             hit=(),
             start_ns=start_ns,
             starts_ns=[start_ns],
-            heard=found.energies[place],
+            heard=np.ones(1),
             offset_hz=0.0,
             noise=1.0,
             row=int(found.rows[place]),
             score=1.0,
-            energies=found.energies[place],
+            alone=found.alone[place],
             good=found.own[place],
             unlisted=float(found.unlisted[place]),
             required=required,
-            foreign_per_hour=foreign_per_hour,
         )
         named = sightings.name([sighting], start_ns, last=False)
         if any(one.tag_id is not None for one, _, _ in named):
@@ -275,8 +322,8 @@ def _summed(
         pulses=bursts * len(places_s),
         false_per_hour=FALSE_PER_HOUR,
     )
-    apart = (tag.interval_uncertainty_s / tag.pulse_intervals_s[0]) + 1e-3
-    required = required_evidence(foreign_per_hour, FALSE_PER_HOUR) + np.log(2.0 * apart)
+    in_step = 2.0 * (tag.interval_uncertainty_s + 1e-3) / tag.pulse_intervals_s[0]
+    required = required_evidence(foreign_per_hour, FALSE_PER_HOUR)
     for aligned in range(len(places_s)):
         for sent in range(len(sent_s)):
             away_s = np.abs(
@@ -285,20 +332,21 @@ def _summed(
             reach_s = GAP_TOLERANCE_S * np.abs(places_s - places_s[aligned]) / places_s[-1]
             away_s = np.maximum(away_s - reach_s - _COLUMN_S, 0.0)
             levels = 10.0 ** (0.05 * one.enr_db) * np.maximum(1.0 - away_s / WIDTH_S, 0.0)
-            if (levels > 0.0).sum() < 2:
+            if (levels > 0.0).sum() < 3:
                 continue
             shape = windows, _LOOKS, len(places_s), bursts
             energies = np.abs(levels[:, None] + _complex_noise(rng, shape)) ** 2
             energies = np.minimum(energies, clip)
-            best = energies.sum(axis=3).max(axis=1)
-            enough = np.sqrt(energies).sum(axis=3).max(axis=1).sum(axis=1) >= least
-            _, unlisted, _ = evidence(
-                best,
-                np.ones(best.shape, np.bool_),
-                foreign_per_hour=foreign_per_hour,
-                bursts=bursts,
+            # The three most alike places are one tag's; what the fourth is decides.
+            looks = energies[np.sqrt(energies).sum(axis=(2, 3)) >= least]
+            least_place = np.sort(looks.sum(axis=2), axis=1)
+            looks = looks[least_place[:, 0] >= _ALIKE * least_place[:, 1]]
+            if not len(looks):
+                continue
+            unlisted = evidence_of_sums(
+                looks.transpose(0, 2, 1), foreign_per_hour=foreign_per_hour, in_step=in_step
             )
-            if bool((enough & (unlisted >= required)).any()):
+            if bool((unlisted >= required).any()):
                 return True
     return False
 
@@ -336,7 +384,7 @@ def confusions(
     """
     listed, others = codes_and_strangers(rng, codes, strangers)
     seconds = 3600.0 * hours
-    air = _on_air(others, seconds)
+    air = _on_air(others, seconds, max(tag.length_s for tag in listed))
     if foreign_per_hour is None:
         foreign_per_hour = sum(3600.0 / one.tag.pulse_intervals_s[0] for one in others)
     claims = wrong = by_sums = 0

@@ -406,11 +406,10 @@ class CodedDetector:
             noise=float(cells.noise[burst.row]),
             row=burst.row,
             score=burst.score,
-            energies=burst.energies,
+            alone=burst.alone,
             good=good,
             unlisted=burst.unlisted,
             required=0.0 if burst.prior else self._required(rate),
-            foreign_per_hour=rate,
         )
 
     def _beside(self, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.coded.cells import CLIP, STEP, Cells
 from uavrt.detection.coded.closely import look
-from uavrt.detection.coded.evidence import evidence
+from uavrt.detection.coded.evidence import evidence_of_sums
 from uavrt.detection.coded.limits import amplitude_limit, longest, sum_limit
 from uavrt.detection.coded.sums import FIELDS, STRETCHES, CodeBook, find_seeds, fold
 from uavrt.messages import Tag
@@ -231,6 +231,7 @@ class Folds:
     ) -> Found:
         code, row, stretch, column, _ = seed
         interval = float(self._book.intervals[code])
+        interval_s = interval * self._cells.column_s
         places = np.arange(first, first + bursts)
         begins = column + np.floor(places * interval + 0.5) + np.floor(places * off + 0.5)
         closely = look(
@@ -241,22 +242,11 @@ class Folds:
             most=self._clip_of(bursts) * STEP,
         )
         energies = np.minimum(closely.energies, self._clip_of(bursts) * STEP)
-        # An unlisted tag is in step by chance, or the pulses of several are.
-        by_one, by_several = (
-            float(
-                evidence(
-                    each,
-                    np.ones(each.shape, np.bool_),
-                    foreign_per_hour=foreign_per_hour,
-                    bursts=summed,
-                )[1][0]
-            )
-            for each, summed in (
-                (energies.sum(axis=0)[None], bursts),
-                (energies.reshape(1, -1), 1),
-            )
+        (unlisted,) = evidence_of_sums(
+            energies[None],
+            foreign_per_hour=foreign_per_hour,
+            in_step=2.0 * (self._error[code] * self._cells.column_s + 1e-3) / interval_s,
         )
-        by_chance = self._error[code] / interval + 1e-3
         least = amplitude_limit(
             self._book.tags[code],
             bandwidth_hz=self._bandwidth_hz,
@@ -272,7 +262,7 @@ class Folds:
             score=float(np.sqrt(energies).sum()) / least,
             total=float(energies.sum()),
             interval=interval + off,
-            unlisted=min(by_one - math.log(min(1.0, 2.0 * by_chance)), by_several),
+            unlisted=float(unlisted),
         )
 
     def _steady(self, one: Found) -> bool:

@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.judging import Burst
 
-_PER_HOUR = 0.1
+_PER_HOUR = 0.02
 """Foreign bursts on a channel where none was seen."""
 _MEMORY_S = 300.0
 """Time over which foreign bursts are averaged."""

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.coded.evidence import evidence
+from uavrt.detection.coded.evidence import evidence_in_step
 from uavrt.messages import Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 STEPS = 8
 """Intervals over which bursts are compared, if not said otherwise."""
-_MISSED = 0.7
-"""Log likelihood that a missing burst takes from an interval: half are missed."""
+_MISSED = 1.0
+"""Log likelihood that a missing burst takes from an interval: most are found."""
 _CLEARLY = 3.0
 """Log likelihood by which one interval must fit better than the others."""
 _TIMING_S = 1e-3
@@ -26,8 +26,6 @@ _WAIT = 2.2
 """Intervals for which a burst of several possible tags waits for those after it."""
 DOUBT = math.log(100.0)
 """Evidence that a record may lack; it is not confirmed then."""
-_SUMMED = 3
-"""Bursts in step that are summed with one."""
 _ROWS = 1
 """Rows by which bursts of one tag may differ."""
 
@@ -126,15 +124,14 @@ class Sighting:
     noise: float
     row: int
     score: float
-    energies: NDArray[np.float64]
-    """At all places of the code, in noise energies."""
+    alone: NDArray[np.float64]
+    """Log likelihood ratio of each of the code's pulses to noise or another's pulse."""
     good: NDArray[np.bool_]
-    """Places that count."""
+    """Pulses that count."""
     unlisted: float
     """Log likelihood ratio to codes that are not listed."""
     required: float
     """That it must reach."""
-    foreign_per_hour: float
     told: bool = False
     tag_id: int | None = None
     """Whose it is, when that is known."""
@@ -196,7 +193,7 @@ class Sightings:
             if one.tag_id is not None:
                 continue
             possible = self._possible(one, now_ns)
-            if len(possible) == 1 and self._suffices(one, possible[0]):
+            if len(possible) == 1 and self._suffices(one, possible[0], now_ns):
                 one.tag_id = possible[0].tag_id
             elif one.unlisted < one.required - DOUBT:
                 continue
@@ -230,29 +227,35 @@ class Sightings:
         )
         return [one.tags[place] for place in places]
 
-    def _suffices(self, one: Sighting, tag: Tag) -> bool:
+    def _suffices(self, one: Sighting, tag: Tag, now_ns: int) -> bool:
         """Whether a burst is a listed tag's, by itself or with those in step with it."""
         if one.hit:
             return False
         if one.unlisted >= one.required:
             return True
         others = self._others(one, tag)
-        _, gains, which = in_step(0.0, _times_s(others, one), tag, _TIMING_S)
-        nearest = np.argsort(-gains)[:_SUMMED]
-        company = [others[which[place]] for place in nearest if gains[place] > 0.0]
-        if not company:
-            return False
-        summed = [one, *company]
-        _, unlisted, _ = evidence(
-            sum(each.energies for each in summed)[None],
-            np.all([each.good for each in summed], axis=0)[None],
-            foreign_per_hour=one.foreign_per_hour,
-            bursts=len(summed),
-        )
-        # One unlisted tag is in step by chance, or the bursts of several are.
-        by_one = float(unlisted[0]) + float(gains.max())
-        by_several = sum(each.unlisted for each in summed)
-        return min(by_one, by_several) >= one.required
+        expected_s, gains, which = in_step(0.0, _times_s(others, one), tag, _TIMING_S)
+        searched = expected_s >= one.seconds_to(self._begun_ns)
+        searched &= expected_s <= one.seconds_to(now_ns)
+        for most in range(1, STEPS + 1):
+            near = slice(STEPS - most, STEPS + most)
+            if not gains[near].any():
+                continue
+            summed = [
+                one,
+                *(others[place] for place in which[near][gains[near] > 0.0].tolist()),
+            ]
+            # One unlisted tag is in step by chance, or the bursts of several are.
+            by_one = evidence_in_step(
+                np.stack([each.alone for each in summed]),
+                np.stack([each.good for each in summed]),
+            )
+            by_one += float(gains[near].max())
+            by_one -= _MISSED * float((searched & (gains == 0.0))[near].sum())
+            by_several = one.unlisted + max(each.unlisted for each in summed[1:])
+            if min(by_one, by_several) >= one.required:
+                return True
+        return False
 
 
 def _times_s(others: Sequence[Sighting], one: Sighting) -> NDArray[np.float64]:

@@ -91,6 +91,8 @@ class Burst:
     likelihood: float = 0.0
     unlisted: float = 0.0
     """Log likelihood ratio to codes that are not listed."""
+    alone: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    """Log likelihood ratio of each pulse to noise or another's pulse in its place."""
     prior: float = 0.0
     """Log odds that it is sent now, over any other time."""
     score: float = 0.0
@@ -306,13 +308,12 @@ def weigh(
         return []
     energies = np.stack([one.energies for one in bursts])
     good = np.stack([one.good for one in bursts])
-    over_noise, unlisted, own = evidence(energies, good, foreign_per_hour=foreign_per_hour)
-    scores = scores_of(energies, own, limits)
-    for burst, likelihood, over, is_own, score in zip(
-        bursts, over_noise.tolist(), unlisted.tolist(), own, scores.tolist(), strict=True
-    ):
-        burst.good, burst.score, burst.unlisted = is_own, score, over
-        burst.likelihood = likelihood + burst.prior
+    found = evidence(energies, good, foreign_per_hour=foreign_per_hour)
+    scores = scores_of(energies, found.own, limits)
+    for i, burst in enumerate(bursts):
+        burst.good, burst.score = found.own[i], float(scores[i])
+        burst.unlisted, burst.alone = float(found.over_unlisted[i]), found.alone[i]
+        burst.likelihood = float(found.over_noise[i]) + burst.prior
     return [
         one for one in bursts if one.score >= 1.0 and one.unlisted + one.prior >= LEAST_EVIDENCE
     ]
