@@ -21,7 +21,8 @@ class Transmitter:
 
     gaps_s: tuple[float, ...]
     interval_s: float
-    key_s: float = 0.0025
+    keys_s: tuple[float, ...] = (0.0025, 0.0025, 0.0025, 0.0025)
+    """For how long each pulse is keyed."""
     offset_hz: float = 0.0
     timer_error: float = 0.0
 
@@ -52,12 +53,12 @@ def send(
         begins.append(begin_s)
         at_s = begin_s
         carrier_hz = one.offset_hz + DRIFT_HZ_PER_S * (begin_s - first_s)
-        for gap_s in (0.0, *one.gaps_s):
+        for gap_s, key_s in zip((0.0, *one.gaps_s), one.keys_s, strict=True):
             at_s += gap_s * (1.0 + one.timer_error)
             _key(
                 samples,
                 at_s + rng.normal(0.0, GAP_JITTER_S),
-                one.key_s,
+                key_s,
                 carrier_hz,
                 enr_db,
                 rng.uniform(-np.pi, np.pi),
