@@ -60,7 +60,7 @@ def in_step(
     """
     steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]
-    expected_s = at_s + steps * interval_s
+    expected_s: NDArray[np.float64] = np.asarray(at_s + steps * interval_s, np.float64)
     if not len(others_s):
         return expected_s, np.zeros(len(steps)), np.zeros(len(steps), np.intp)
     window_s = timing_s + np.abs(steps) * tag.interval_uncertainty_s
