@@ -119,14 +119,17 @@ def _named(
     }
     named = []
     for fits, start_s in zip(chosen, starts_s.tolist(), strict=True):
-        others_s = [of_tag[fit.tag.tag_id] for fit in fits]
-        others_s = [times[times != start_s] for times in others_s]
+        # The gaps did not decide between these tags: only their intervals do.
+        of_any_s = np.unique(np.concatenate([of_tag[fit.tag.tag_id] for fit in fits]))
+        of_any_s = of_any_s[of_any_s != start_s]
         tags = [fit.tag for fit in fits]
         heard_s = float(starts_s.min()), float(starts_s.max())
-        places = likeliest(start_s, tags, others_s, heard_s=heard_s, timing_s=GAP_TOLERANCE_S)
+        places = likeliest(
+            *(start_s, tags, [of_any_s] * len(tags)), heard_s=heard_s, timing_s=GAP_TOLERANCE_S
+        )
         best = places[0]
         _, gains, _ = in_step(
-            *(start_s, others_s[best], tags[best], GAP_TOLERANCE_S), most=_MOST_APART
+            *(start_s, of_any_s, tags[best], GAP_TOLERANCE_S), most=_MOST_APART
         )
         confirmed = len(places) == 1 and bool(gains.any())
         named.append((fits[best], [tags[place].tag_id for place in places[1:]], confirmed))
