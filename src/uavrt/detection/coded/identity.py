@@ -19,6 +19,8 @@ STEPS = 8
 """Intervals over which bursts are compared, if not said otherwise."""
 _MISSED = 1.0
 """Log likelihood that a missing burst takes from an interval: most are found."""
+_TRIED = math.log(STEPS)
+"""Log of how many ranges of steps are tried, of which the best counts."""
 _CLEARLY = 3.0
 """Log likelihood by which one interval must fit better than the others."""
 _TIMING_S = 1e-3
@@ -250,7 +252,7 @@ class Sightings:
                 np.stack([each.alone for each in summed]),
                 np.stack([each.good for each in summed]),
             )
-            by_one += float(gains[near].max())
+            by_one += float(gains[near].max()) - _TRIED
             by_one -= _MISSED * float((searched & (gains == 0.0))[near].sum())
             by_several = one.unlisted + max(each.unlisted for each in summed[1:])
             if min(by_one, by_several) >= one.required:
