@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.config import GAP_TOLERANCE_S
+from uavrt.detection.coded.identity import in_step, likeliest
 from uavrt.errors import UsageError
 from uavrt.messages import PulsePose, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -21,7 +22,9 @@ FREQUENCY_REACH_HZ = 10_000.0
 SAME_BURST_HZ = 500.0
 """Pulses of a burst are of one carrier, each measured to some 100 Hz."""
 _MOST_APART = 20
-"""Bursts between two that confirm each other."""
+"""Intervals between two bursts that confirm each other."""
+_SAME_PULSE_S = 1e-3
+"""Pulses of one carrier nearer than this are one pulse that several antennas received."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +38,10 @@ class _Candidate:
 def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> list[PulsePose]:
     """Find the bursts of listed codes among pulses.
 
-    Each pulse belongs to one burst at most, to that whose gaps fit best; another code that fits
-    the same pulses is named in it. A burst is confirmed where another of its tag lies whole
+    A pulse that several antennas of a station received counts once, where it is strongest.
+    Each pulse belongs to one burst at most, to that whose gaps fit best. Of several tags whose
+    gaps fit, the bursts before and after it show by their intervals which one it is; if that is
+    open, the others are named in it. A burst is confirmed where another of its tag lies whole
     burst intervals away.
 
     Parameters
@@ -54,7 +59,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
     coded = [tag for tag in tags if tag.coded]
     if not coded:
         raise UsageError("no tag of the list has a code", remedy="Give a list with gaps")
-    ordered = sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns)
+    ordered = _of_one_antenna(sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns))
     if not ordered:
         return []
     first_ns = ordered[0].pulse.start_time_ns
@@ -64,18 +69,71 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
     frequencies_hz = np.array([one.pulse.frequency_hz for one in ordered])
     found = [c for tag in coded for c in _candidates(tag, times_s, frequencies_hz)]
     taken: dict[int, int] = {}
-    chosen: list[tuple[_Candidate, list[int]]] = []
+    chosen: list[list[_Candidate]] = []
     for one in sorted(found, key=lambda each: (each.off_s, each.tag.tag_id)):
         owners = {taken[place] for place in one.pulses if place in taken}
         if owners:
             if len(owners) == 1 and chosen[owner := owners.pop()][0].pulses == one.pulses:
-                chosen[owner][1].append(one.tag.tag_id)
+                chosen[owner].append(one)
             continue
         taken |= dict.fromkeys(one.pulses, len(chosen))
-        chosen.append((one, []))
-    bursts = [_burst(ordered, one, others) for one, others in chosen]
-    bursts.sort(key=lambda one: one.pulse.start_time_ns)
-    return _confirmed(bursts, {tag.tag_id: tag for tag in coded})
+        chosen.append([one])
+    named = _named(chosen, times_s)
+    bursts = [_burst(ordered, *one) for one in named]
+    return sorted(bursts, key=lambda one: one.pulse.start_time_ns)
+
+
+def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
+    """Keep the strongest of the pulses of one carrier that lie at one time."""
+    kept: list[PulsePose] = []
+    for one in ordered:
+        for place in range(len(kept) - 1, -1, -1):
+            other = kept[place].pulse
+            apart_s = (one.pulse.start_time_ns - other.start_time_ns) / NANOSECONDS_PER_SECOND
+            if apart_s > _SAME_PULSE_S:
+                kept.append(one)
+                break
+            if abs(one.pulse.frequency_hz - other.frequency_hz) <= SAME_BURST_HZ:
+                if one.pulse.snr_db > other.snr_db:
+                    kept[place] = one
+                break
+        else:
+            kept.append(one)
+    return kept
+
+
+def _named(
+    chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
+) -> list[tuple[_Candidate, list[int], bool]]:
+    """Choose whose bursts they are, by interval; give the other ids and what is confirmed."""
+    starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
+    of_tag: dict[int, NDArray[np.float64]] = {
+        tag_id: np.array(
+            [
+                start_s
+                for fits, start_s in zip(chosen, starts_s.tolist(), strict=True)
+                if any(fit.tag.tag_id == tag_id for fit in fits)
+            ]
+        )
+        for tag_id in {fit.tag.tag_id for fits in chosen for fit in fits}
+    }
+    named = []
+    for fits, start_s in zip(chosen, starts_s.tolist(), strict=True):
+        # The gaps did not decide between these tags: only their intervals do.
+        of_any_s = np.unique(np.concatenate([of_tag[fit.tag.tag_id] for fit in fits]))
+        of_any_s = of_any_s[of_any_s != start_s]
+        tags = [fit.tag for fit in fits]
+        heard_s = float(starts_s.min()), float(starts_s.max())
+        places = likeliest(
+            *(start_s, tags, [of_any_s] * len(tags)), heard_s=heard_s, timing_s=GAP_TOLERANCE_S
+        )
+        best = places[0]
+        _, gains, _ = in_step(
+            *(start_s, of_any_s, tags[best], GAP_TOLERANCE_S), most=_MOST_APART
+        )
+        confirmed = len(places) == 1 and bool(gains.any())
+        named.append((fits[best], [tags[place].tag_id for place in places[1:]], confirmed))
+    return named
 
 
 def _candidates(
@@ -102,7 +160,9 @@ def _candidates(
     ]
 
 
-def _burst(ordered: Sequence[PulsePose], one: _Candidate, others: Sequence[int]) -> PulsePose:
+def _burst(
+    ordered: Sequence[PulsePose], one: _Candidate, others: Sequence[int], confirmed: bool
+) -> PulsePose:
     inside = [ordered[place].pulse for place in one.pulses]
     snr_db = 10.0 * math.log10(
         sum(10.0 ** (pulse.snr_db / 10.0) for pulse in inside) / len(inside)
@@ -115,41 +175,10 @@ def _burst(ordered: Sequence[PulsePose], one: _Candidate, others: Sequence[int])
         end_time_ns=start_ns + ns_from_s(one.tag.length_s),
         snr_db=snr_db,
         group_snr_db=snr_db,
-        detection_status="detected",
-        confirmed=False,
+        detection_status="confirmed" if confirmed else "detected",
+        confirmed=confirmed,
         also_possible_tag_ids=tuple(others),
         burst_starts_ns=tuple(pulse.start_time_ns for pulse in inside),
         burst_snrs_db=tuple(pulse.snr_db for pulse in inside),
     )
     return PulsePose(pulse=pulse, pose=ordered[one.pulses[0]].pose)
-
-
-def _confirmed(bursts: Sequence[PulsePose], tags: dict[int, Tag]) -> list[PulsePose]:
-    """Confirm the bursts that others of their tag agree with."""
-    of_tag: dict[int, list[int]] = {}
-    for one in bursts:
-        of_tag.setdefault(one.pulse.tag_id, []).append(one.pulse.start_time_ns)
-    return [
-        replace(one, pulse=replace(one.pulse, detection_status="confirmed", confirmed=True))
-        if not one.pulse.also_possible_tag_ids
-        and _in_step(one.pulse.start_time_ns, of_tag[one.pulse.tag_id], tags[one.pulse.tag_id])
-        else one
-        for one in bursts
-    ]
-
-
-def _in_step(time_ns: int, times_ns: Sequence[int], tag: Tag) -> bool:
-    """Whether another burst lies whole intervals away, which are off by what is listed.
-
-    The times of two bursts may be off by as much as the gaps of one.
-    """
-    interval_s = tag.pulse_intervals_s[0]
-    for other_ns in times_ns:
-        apart_s = abs(other_ns - time_ns) / NANOSECONDS_PER_SECOND
-        count = round(apart_s / interval_s)
-        if 1 <= count <= _MOST_APART and (
-            abs(apart_s - count * interval_s)
-            <= count * tag.interval_uncertainty_s + GAP_TOLERANCE_S
-        ):
-            return True
-    return False

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from uavrt import native
 from uavrt.detection.coded import CodedDetector
-from uavrt.detection.coded.judging import Burst, plausible, weigh
-from uavrt.detection.coded.sums import make_code_book
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.coded import add_burst, find, some_codes
 from uavrt_experiments.detection.signals import START_NS, noise
@@ -173,33 +171,6 @@ def test_lost_samples_and_a_restart_cost_only_their_bursts() -> None:
     assert len(found) >= len(heard)
     for at in heard:
         assert min(abs(_seconds(one) - at) for one in found) < 1e-3
-
-
-def test_bursts_are_sifted_together_as_each_is_weighed() -> None:
-    rng = np.random.default_rng(4)
-    book = make_code_book(tuple(some_codes(rng, 1)), 2.7e-4)
-    limits = {3: 34.0, 4: 38.0}
-    energies = rng.gamma(1.0, rng.choice([1.0, 4.0, 12.0, 40.0], (3000, 4))).astype(np.float32)
-    good = rng.random((3000, 4)) < 0.9
-    each = [
-        weigh(
-            Burst(
-                book=book,
-                code=0,
-                row=0,
-                stretch=0,
-                column=0,
-                offsets=book.offsets[0, 0],
-                columns=book.offsets[0, 0].astype(np.intp),
-                energies=own.astype(np.float64),
-                good=heard.copy(),
-            ),
-            limits,
-        )
-        for own, heard in zip(energies, good, strict=True)
-    ]
-    assert 100 < sum(each) < 2900
-    assert plausible(energies, good, limits).tolist() == each
 
 
 @pytest.mark.parametrize("enr_db", [20.0, 30.0])

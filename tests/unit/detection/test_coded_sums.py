@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavrt import native
 from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.folds import Waiting
-from uavrt.detection.coded.judging import Burst, Covered, could_be, plausible
+from uavrt.detection.coded.judging import Burst, Covered, could_be, weigh
 from uavrt.detection.coded.sums import (
     FIELDS,
     CodeBook,
@@ -131,19 +131,42 @@ def test_seeds_wait_for_their_last_burst_and_come_out_in_the_order_they_came() -
     assert not len(waiting.due(np.inf))
 
 
-def test_nothing_that_would_be_weighed_is_left_out_before() -> None:
+def _bursts(energies: NDArray[np.float32], good: NDArray[np.bool_]) -> list[Burst]:
+    book = _book(4)
+    return [
+        Burst(
+            book=book,
+            code=0,
+            row=0,
+            stretch=0,
+            column=0,
+            offsets=book.offsets[0, 0],
+            columns=book.offsets[0, 0].astype(np.intp),
+            energies=own.astype(np.float64),
+            good=heard.copy(),
+        )
+        for own, heard in zip(energies, good, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("foreign_per_hour", [0.1, 7000.0])
+def test_nothing_that_would_be_weighed_is_left_out_before(foreign_per_hour: float) -> None:
     rng = np.random.default_rng(4)
     limits = {3: 34.0, 4: 38.0}
-    any_ = rng.gamma(1.0, rng.choice([1.0, 6.0, 14.0, 60.0], (20_000, 4)))
-    any_[:4000] = rng.uniform(8.0, 13.0, (4000, 1))  # about the limit, all equal
+    any_ = rng.gamma(1.0, rng.choice([1.0, 6.0, 14.0, 60.0], (8000, 4)))
+    any_[:1600] = rng.uniform(8.0, 13.0, (1600, 1))  # about the limit, all equal
     energies = any_.astype(np.float32)
     able = could_be(energies, limits)
-    one_is_hit = np.arange(4) != rng.integers(0, 4, (20_000, 1))
-    for good in (one_is_hit, np.ones((20_000, 4), np.bool_)):
-        taken = plausible(energies, good, limits)
-        assert taken.sum() > 500
-        assert not (taken & ~able).any()
-    assert able.sum() < 10_000
+    one_is_hit = np.arange(4) != rng.integers(0, 4, (8000, 1))
+    for good in (one_is_hit, np.ones((8000, 4), np.bool_)):
+        bursts = _bursts(energies, good)
+        taken = weigh(bursts, limits, foreign_per_hour)
+        assert len(taken) > 200
+        places = {id(one): place for place, one in enumerate(bursts)}
+        assert able[[places[id(one)] for one in taken]].all()
+        alone = [len(weigh([one], limits, foreign_per_hour)) for one in _bursts(energies, good)]
+        assert sum(alone) == len(taken)
+    assert able.sum() < 4000
 
 
 def test_pulses_that_lie_on_those_on_air_are_covered_and_the_rest_is_alone() -> None:

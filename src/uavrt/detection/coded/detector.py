@@ -14,15 +14,11 @@ from numpy.typing import NDArray
 
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.coded.cells import CLIP, STEP, Cells
+from uavrt.detection.coded.evidence import required_evidence
 from uavrt.detection.coded.folds import Folds, Found
-from uavrt.detection.coded.judging import (
-    Burst,
-    OnAir,
-    decide,
-    least_pulses,
-    measure,
-    weigh,
-)
+from uavrt.detection.coded.foreign import Foreign
+from uavrt.detection.coded.identity import DOUBT, Sighting, Sightings
+from uavrt.detection.coded.judging import Burst, OnAir, decide, least_pulses, measure
 from uavrt.detection.coded.limits import FALSE_PER_HOUR, limit, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
 from uavrt.detection.coded.tracks import Tracks
@@ -124,6 +120,7 @@ class CodedDetector:
             counters=self.counters,
         )
         self._tracks = Tracks(self.tags)
+        self._sightings = Sightings()
         self._sequence = dict.fromkeys((tag.tag_id for tag in self.tags), 0)
         self._told: dict[int, list[int]] = {tag.tag_id: [] for tag in self.tags}
         self._pulses: list[Pulse] = []
@@ -172,6 +169,7 @@ class CodedDetector:
         self._ahead: list[Burst] = []
         """Accepted, but what comes may yet explain them."""
         self._on_air = OnAir(self._cells)
+        self._foreign = Foreign(self._cells, self._span, self._on_air.guard)
         self._folds = [
             Folds(
                 *(book, self._cells),
@@ -261,12 +259,13 @@ class CodedDetector:
         for book in self._books:
             self._claims += self._claimed(book, whole)
         self._claims += self._expected(whole)
-        self._decide(self._cells.end if last else whole - self._span)
+        self._decide(self._cells.end if last else whole - self._span, last=last)
         seeds_from, seeds_to = self._searched - self._span, whole - self._span
         self._hide(self._searched, self._cells.end if last else whole)
+        rate = self._foreign.per_hour
         for folds in self._folds:
             folds.note(max(seeds_from, 0), seeds_to - max(seeds_from, 0))
-            for found in folds.complete(whole, last=last):
+            for found in folds.complete(whole, foreign_per_hour=rate, last=last):
                 self._tell_several(found)
         self._searched = whole
         self._on_air.forget(whole - 3 * self._span)
@@ -282,7 +281,7 @@ class CodedDetector:
             clip=clip,
             level=int(level / STEP),
         )
-        return [one for one in measure(self._cells, book, seeds, limits) if weigh(one, limits)]
+        return measure(self._cells, book, seeds, limits, self._foreign.per_hour)
 
     def _expected(self, whole: int) -> list[Burst]:
         """Bursts of identified tags, where they are expected; weaker ones do."""
@@ -299,10 +298,8 @@ class CodedDetector:
                 if first >= last:
                     continue
                 seed = self._best_seed(book, code, track.row, first, last)
-                for one in measure(cells, book, seed, limits):
-                    one.prior = _EXPECTED
-                    if weigh(one, limits):
-                        found.append(one)
+                rate = self._foreign.per_hour
+                found += measure(cells, book, seed, limits, rate, prior=_EXPECTED)
         return found
 
     def _best_seed(
@@ -319,16 +316,44 @@ class CodedDetector:
         seed[0] = code, low + int(place), int(stretch), first + int(column), 0
         return seed
 
-    def _decide(self, sure: int) -> None:
+    def _decide(self, sure: int, *, last: bool) -> None:
         """Accept bursts that begin before a column; those after it may yet be explained."""
-        accepted, lost = decide(self._claims, self._on_air, self._least, before=sure)
+        accepted, lost = decide(
+            *(self._claims, self._on_air, self._least),
+            before=sure,
+            foreign_per_hour=self._foreign.per_hour,
+        )
         self.collisions += lost
+        explained = [
+            one
+            for one in (*self._on_air.bursts, *accepted)
+            if one.unlisted + one.prior >= self._required(self._foreign.per_hour)
+        ]
+        self._foreign.note(explained, sure)
+        new = []
         for burst in accepted:
             if burst.column < sure:
                 self._on_air.add(burst)
-                self._tell_one(burst)
+                new.append(self._sighting(burst))
+        now_ns = self._time_ns(sure)
+        for sighting, tag, others in self._sightings.name(new, now_ns, last=last):
+            self._tell(
+                tag,
+                start_ns=sighting.start_ns,
+                starts_ns=sighting.starts_ns,
+                energies=sighting.heard,
+                offset_hz=sighting.offset_hz,
+                noise=sighting.noise,
+                row=sighting.row,
+                score=sighting.score,
+                confirmed=sighting.tag_id is not None,
+                others=others,
+            )
         self._claims = [one for one in self._claims if one.column >= sure]
         self._ahead = [one for one in accepted if one.column >= sure]
+
+    def _required(self, foreign_per_hour: float) -> float:
+        return required_evidence(foreign_per_hour, self._false_per_hour)
 
     def _hide(self, first: int, upto: int) -> None:
         """Take for noise, in sums of several bursts, what is a burst by itself or strong."""
@@ -338,7 +363,10 @@ class CodedDetector:
         for level, reach in ((_STRONG, cells.pulse), (_ECHOING, _ECHO_PULSES * cells.pulse)):
             for column in (np.flatnonzero(tall > level) + first).tolist():
                 cells.hide(column - reach, reach + min(reach + 1, upto - column))
+        required = self._required(self._foreign.per_hour)
         for burst in (*self._on_air.bursts, *self._ahead):
+            if burst.unlisted + burst.prior < required:
+                continue
             for column in burst.columns.tolist():
                 begin, end = column - self._on_air.guard, column + self._on_air.guard + 1
                 if begin < upto:
@@ -356,8 +384,8 @@ class CodedDetector:
         ahead_s = (time_ns - self._stamps[1][at]) / NANOSECONDS_PER_SECOND
         return (self._stamps[0][at] + ahead_s * self.sample_rate_hz) / self._cells.hop
 
-    def _tell_one(self, burst: Burst) -> None:
-        """Report a burst that was found by itself."""
+    def _sighting(self, burst: Burst) -> Sighting:
+        """Measure a burst that was found by itself."""
         cells, good = self._cells, burst.good
         tag = burst.book.tags[burst.code]
         columns = burst.columns[good]
@@ -366,16 +394,22 @@ class CodedDetector:
         start = float(np.mean(places - offsets))
         energies = self._energies(burst.row, start + offsets)
         offset_hz, gained = self._frequency(burst.row, columns)
-        self._tell(
-            tag,
+        rate = self._foreign.per_hour if burst.prior else self._foreign.about(burst)
+        alternatives = [self._tracks.tags[tag_id] for tag_id in burst.rivals]
+        return Sighting(
+            tags=(tag, *alternatives),
+            hit=tuple(burst.hit_by),
             start_ns=self._time_ns(start),
             starts_ns=[self._time_ns(place) for place in places.tolist()],
-            energies=np.maximum(energies * gained - 1.0, 0.05),
+            heard=np.maximum(energies * gained - 1.0, 0.05),
             offset_hz=offset_hz,
             noise=float(cells.noise[burst.row]),
             row=burst.row,
             score=burst.score,
-            rivals=tuple(burst.rivals),
+            alone=burst.alone,
+            good=good,
+            unlisted=burst.unlisted,
+            required=0.0 if burst.prior else self._required(rate),
         )
 
     def _beside(self, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -420,6 +454,9 @@ class CodedDetector:
 
     def _tell_several(self, found: Found) -> None:
         """Report the bursts that only together were found."""
+        required = self._required(self._foreign.per_hour)
+        if found.unlisted < required - DOUBT:
+            return
         over = found.energies.mean(axis=1) - 1.0
         # Before the tag came and after it went there are none.
         own = np.flatnonzero(over >= 0.5 * over.mean())
@@ -438,7 +475,8 @@ class CodedDetector:
                 noise=float(self._cells.noise[found.row]),
                 row=found.row,
                 score=found.score,
-                rivals=found.rivals,
+                confirmed=found.unlisted >= required and not found.rivals,
+                others=found.rivals,
             )
 
     def _tell(
@@ -452,14 +490,15 @@ class CodedDetector:
         noise: float,
         row: int,
         score: float,
-        rivals: tuple[int, ...],
+        confirmed: bool,
+        others: tuple[int, ...],
     ) -> None:
         told = self._told[tag.tag_id]
         if any(abs(start_ns - other) < ns_from_s(_SAME_S) for other in told):
             return
         told.append(start_ns)
         del told[:-64]
-        track = self._tracks.hear(tag.tag_id, start_ns, row) if not rivals else None
+        track = self._tracks.hear(tag.tag_id, start_ns, row) if confirmed else None
         interval_s = tag.pulse_intervals_s[0] if track is None else track.interval_s
         error_s = tag.interval_uncertainty_s if track is None else track.error_s
         self._sequence[tag.tag_id] += 1
@@ -480,12 +519,12 @@ class CodedDetector:
                 group_index=1,
                 group_sequence=self._sequence[tag.tag_id],
                 noise_psd=noise / self.sample_rate_hz,
-                detection_status="detected" if rivals else "confirmed",
-                confirmed=not rivals,
+                detection_status="confirmed" if confirmed else "detected",
+                confirmed=confirmed,
                 rate=1,
                 predicted_next_start_ns=next_ns - ns_from_s(error_s),
                 predicted_next_end_ns=next_ns + ns_from_s(error_s) + length_ns,
-                also_possible_tag_ids=rivals,
+                also_possible_tag_ids=others,
                 burst_starts_ns=tuple(starts_ns),
                 burst_snrs_db=tuple(db_from_power(float(one)) for one in energies),
             )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.coded.cells import CLIP, STEP, Cells
 from uavrt.detection.coded.closely import look
+from uavrt.detection.coded.evidence import evidence_of_sums
 from uavrt.detection.coded.limits import amplitude_limit, longest, sum_limit
 from uavrt.detection.coded.sums import FIELDS, STRETCHES, CodeBook, find_seeds, fold
 from uavrt.messages import Tag
@@ -63,6 +64,8 @@ class Found:
     score: float
     total: float
     interval: float
+    unlisted: float
+    """Log likelihood ratio to codes that are not listed, which are in step by chance."""
     rivals: tuple[int, ...] = ()
 
 
@@ -164,13 +167,15 @@ class Folds:
             ends = own[:, 3] + (bursts - 1) * reach + self._book.span + self._cells.pulse
             waiting.add(own, ends)
 
-    def complete(self, whole: int, *, last: bool) -> list[Found]:
+    def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
         """Sum about the seeds all of whose later bursts have come.
 
         Parameters
         ----------
         whole : int
             Columns before which a burst is complete.
+        foreign_per_hour : float
+            Bursts on the channel that no listed code explains.
         last : bool
             Nothing comes any more.
         """
@@ -178,10 +183,13 @@ class Folds:
         for bursts, waiting in self._waiting.items():
             seeds = waiting.due(math.inf if last else whole)
             for error in np.unique(self._error[seeds[:, 0]]):
-                hits += self._hits(seeds[self._error[seeds[:, 0]] == error], bursts, error)
+                own = seeds[self._error[seeds[:, 0]] == error]
+                hits += self._hits(own, bursts, error, foreign_per_hour)
         return self._apart(hits)
 
-    def _hits(self, seeds: NDArray[np.int32], bursts: int, error: float) -> list[Found]:
+    def _hits(
+        self, seeds: NDArray[np.int32], bursts: int, error: float, foreign_per_hour: float
+    ) -> list[Found]:
         steps = math.ceil((bursts - 1) * error / _COLUMNS_PER_STEP)
         best = fold(
             *(self._cells, self._book, seeds),
@@ -195,7 +203,7 @@ class Folds:
         enough = best[:, 0] * STEP >= nearly
         for seed, one in zip(seeds[enough].tolist(), best[enough].tolist(), strict=True):
             off = error * one[1] / max(steps, 1)
-            found.append(self._found(seed, one[2], off, bursts))
+            found.append(self._found(seed, one[2], off, bursts, foreign_per_hour))
         return [one for one in found if one.score >= 1.0 and self._steady(one)]
 
     def _clip_of(self, bursts: int) -> int:
@@ -218,9 +226,12 @@ class Folds:
             self._least_of[bursts] = np.array(limits)
         return self._least_of[bursts]
 
-    def _found(self, seed: list[int], first: int, off: float, bursts: int) -> Found:
+    def _found(
+        self, seed: list[int], first: int, off: float, bursts: int, foreign_per_hour: float
+    ) -> Found:
         code, row, stretch, column, _ = seed
         interval = float(self._book.intervals[code])
+        interval_s = interval * self._cells.column_s
         places = np.arange(first, first + bursts)
         begins = column + np.floor(places * interval + 0.5) + np.floor(places * off + 0.5)
         closely = look(
@@ -231,6 +242,11 @@ class Folds:
             most=self._clip_of(bursts) * STEP,
         )
         energies = np.minimum(closely.energies, self._clip_of(bursts) * STEP)
+        (unlisted,) = evidence_of_sums(
+            energies[None],
+            foreign_per_hour=foreign_per_hour,
+            in_step=2.0 * (self._error[code] * self._cells.column_s + 1e-3) / interval_s,
+        )
         least = amplitude_limit(
             self._book.tags[code],
             bandwidth_hz=self._bandwidth_hz,
@@ -246,6 +262,7 @@ class Folds:
             score=float(np.sqrt(energies).sum()) / least,
             total=float(energies.sum()),
             interval=interval + off,
+            unlisted=float(unlisted),
         )
 
     def _steady(self, one: Found) -> bool:

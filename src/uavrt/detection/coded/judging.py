@@ -1,23 +1,20 @@
 """Whether a sum of cells is a burst, and whose of several codes that claim it.
 
-The pulses of a burst come from one tag within a quarter of a second: they are equally strong,
-each is where its cell is largest, and each is as short as a pulse. What lies within a stronger
-burst is explained by it; a code is told apart from another by the likelihood of the pulses that
-they do not share (equal priors, noncoherent: I0 of the matched filter).
+The pulses of a burst come from one tag within a quarter of a second: they are equally strong
+(`evidence`), each is where its cell is largest, and each is as short as a pulse. What lies
+within a stronger burst is explained by it; a code is distinguished from another by the
+likelihood of the pulses that they do not share.
 """
 
-import math
 from dataclasses import dataclass, field, replace
-from itertools import combinations
-from statistics import median
 from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.special import i0e
 
 from uavrt.detection.coded.cells import Cells
+from uavrt.detection.coded.evidence import FADING, evidence
 from uavrt.detection.coded.sums import CodeBook
 
 _POOL = 1
@@ -26,17 +23,21 @@ _LEAK = 0.35
 """Of the amplitude of the strongest at any frequency, what may be only that one's leak."""
 _LOUD = 20.0
 """Noise energies from which on a leak is looked for."""
+_NEARLY = 1.0 - 1e-6
+"""Of the least sum: rounding must not decide beforehand."""
+_ALIKE = 0.33
+"""Of the amplitude of one pulse of a burst, the least of another."""
 _HIT = 0.5
 """Of the usual amplitude, the least where another signal hides a pulse."""
-_UNEQUAL = 18.0
-"""Chi square of the pulses' amplitudes at most: of 3 degrees 2 in 10 000 are beyond it."""
-_FADING = 0.12
-"""Standard deviation of the strength within a burst, of its amplitude, beside the noise."""
+LEAST_EVIDENCE = 4.0
+"""Log likelihood ratio of the listed code to unlisted ones: a burst with less is dropped."""
 _HIGHER = 2.3
 """Noise amplitudes by which a cell near a pulse may be above that of the pulse."""
 _BESIDE = 0.6
-"""Of a pulse's amplitude, most that is just before and after it, beside noise."""
-_ASIDE_S, _ASIDE_NOISE_S = 0.75e-3, 3e-3
+"""Of a pulse's amplitude, most that is before and after it, beside noise …"""
+_ENDS = (1.2, 3.2)
+"""… at one of these distances [pulse widths]."""
+ASIDE_S, ASIDE_NOISE_S = 0.75e-3, 3e-3
 """A pulse that lies so far beside its place by the code, more than the others do, and so much
 over its amplitude for noise, is not the code's: half of the gaps' tolerance. By the flanks of
 its pulses a code was taken for one whose gaps are 4.5 ms away together, at 20 dB."""
@@ -50,10 +51,6 @@ _MOST_SWAPS = 3
 """Of codes that explain pulses for others that explain more."""
 _NAMED, _SURE_PULSE = 2, 12.0
 """Pulses that must be alone on air, and how strong each, for a burst that is not identified."""
-_NEARLY = 1.0 - 1e-6
-"""Of the least sum: rounding must not decide beforehand."""
-_ROUNDED = 1.0 + 1e-9
-"""Between sums of the same numbers in another order."""
 _NOWHERE = -(2**40)
 """Column of no pulse."""
 _SATURATED = 12.0
@@ -92,12 +89,18 @@ class Burst:
     energies: NDArray[np.float64]
     good: NDArray[np.bool_]
     likelihood: float = 0.0
+    unlisted: float = 0.0
+    """Log likelihood ratio to codes that are not listed."""
+    alone: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    """Log likelihood ratio of each pulse to noise or another's pulse in its place."""
     prior: float = 0.0
     """Log odds that it is sent now, over any other time."""
     score: float = 0.0
     """Sum over its least."""
     rivals: list[int] = field(default_factory=list)
     """Ids of tags that may have sent it as well."""
+    hit_by: list[int] = field(default_factory=list)
+    """Ids of tags whose bursts lie on too many of its pulses."""
 
     @property
     def tag_id(self) -> int:
@@ -110,7 +113,13 @@ class Burst:
 
 
 def measure(
-    cells: Cells, book: CodeBook, seeds: NDArray[np.int32], limits: dict[int, float]
+    cells: Cells,
+    book: CodeBook,
+    seeds: NDArray[np.int32],
+    limits: dict[int, float],
+    foreign_per_hour: float,
+    *,
+    prior: float = 0.0,
 ) -> list[Burst]:
     """Look at the pulses of seeds among the recent cells; leave out what is no burst.
 
@@ -121,7 +130,11 @@ def measure(
     seeds : ndarray of int32, shape (n, 5)
         All pulses lie among the recent cells.
     limits : dict of int to float
-        As for `weigh`, which the bursts pass.
+        Least sum by the number of pulses.
+    foreign_per_hour : float
+        Bursts on the channel that no listed code explains.
+    prior : float
+        Log odds that a burst is sent now, over any other time.
     """
     if not len(seeds):
         return []
@@ -145,12 +158,14 @@ def measure(
         ),
     )
     amplitude = np.sqrt(energies)
-    far = round(1.2 * cells.pulse)
-    before = np.sqrt(cells.recent[rows, np.maximum(at - far, 0)])
-    after = np.sqrt(cells.recent[rows, np.minimum(at + far, last)])
-    beside = np.maximum(before, after)
-    good = np.sqrt(tall) <= amplitude * (1.0 + _FADING) + _HIGHER
+    # It ends on both sides; older tags send pulses up to three times as long as usual.
+    far = np.rint(np.array(_ENDS) * cells.pulse).astype(np.intp)[:, None, None]
+    before = cells.recent[rows, np.maximum(at - far, 0)].min(axis=0)
+    after = cells.recent[rows, np.minimum(at + far, last)].min(axis=0)
+    beside = np.sqrt(np.maximum(before, after))
+    good = np.sqrt(tall) <= amplitude * (1.0 + FADING) + _HIGHER
     good &= beside <= _BESIDE * amplitude + _HIGHER
+    aside &= amplitude < _FLANK * np.sqrt(highest)
     good &= ~aside
     # A much stronger signal at another frequency leaks into all rows.
     everywhere = sliding_window_view(
@@ -167,13 +182,10 @@ def measure(
     # flanks of two pulses make a burst with nothing in the other places.
     tops = np.sqrt(highest)
     usual = _median(tops, good)[:, np.newaxis]
-    alike = np.abs(tops - usual) <= 3.0 * _FADING * tops + _HIGHER
-    aside &= amplitude < _FLANK * tops
+    alike = np.abs(tops - usual) <= 3.0 * FADING * tops + _HIGHER
     enough &= ~((aside & alike) | (good & (tops < _HIT * usual))).any(axis=1)
-    own = np.flatnonzero(enough)
-    for i in own[plausible(energies[own], good[own], limits)].tolist():
+    for i in np.flatnonzero(enough).tolist():
         seed = seeds[i].tolist()
-        columns = at[i] + cells.recent_from
         burst = Burst(
             book=book,
             code=seed[0],
@@ -181,12 +193,13 @@ def measure(
             stretch=seed[2],
             column=seed[3],
             offsets=offsets[i],
-            columns=columns,
+            columns=at[i] + cells.recent_from,
             energies=energies[i].astype(np.float64),
             good=good[i].copy(),
+            prior=prior,
         )
         found.append(burst)
-    return found
+    return weigh(found, limits, foreign_per_hour)
 
 
 def _centred(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -245,7 +258,7 @@ def _aside(
         np.maximum(around[apart:], cells.recent[:-apart], out=around[apart:])
         np.maximum(around[:-apart], cells.recent[apart:], out=around[:-apart])
     highest, shift = _best(around, rows, at, cells.pulse)
-    allowed_s = _ASIDE_S + _ASIDE_NOISE_S / np.sqrt(np.maximum(highest, 1.0))
+    allowed_s = ASIDE_S + ASIDE_NOISE_S / np.sqrt(np.maximum(highest, 1.0))
     usual = np.median(shift, axis=1, keepdims=True)
     return np.abs(shift - usual) * cells.column_s > allowed_s, highest
 
@@ -278,92 +291,56 @@ def _median(values: NDArray[np.floating[Any]], of: NDArray[np.bool_]) -> NDArray
     return np.asarray(0.5 * (ordered[rows, low] + ordered[rows, high]))
 
 
-def plausible(
-    energies: NDArray[np.float32], good: NDArray[np.bool_], limits: dict[int, float]
-) -> NDArray[np.bool_]:
-    """Which of many bursts `weigh` takes: codes that share pulses with a loud one are many."""
-    energies, good = energies.astype(np.float64), good.copy()
-    least = np.array([limits.get(count, np.inf) for count in range(good.shape[1] + 1)])
-    amplitude = np.sqrt(energies)
-    open_ = np.ones(len(good), np.bool_)
-    taken = np.zeros(len(good), np.bool_)
-    while open_.any():
-        count = good.sum(axis=1)
-        open_ &= count >= least_pulses(good.shape[1])
-        middle = np.where(good, amplitude, 0.0).sum(axis=1) / np.maximum(count, 1)
-        variance = 0.5 + (_FADING * middle) ** 2
-        unlike = np.where(good, (amplitude - middle[:, np.newaxis]) ** 2, 0.0).sum(axis=1)
-        equal = open_ & (unlike <= _UNEQUAL * variance)
-        limit = least[count]
-        total = np.where(good, np.minimum(energies, 0.5 * limit[:, np.newaxis]), 0.0)
-        taken |= equal & (total.sum(axis=1) >= _NEARLY * limit)
-        open_ &= ~equal
-        usual = _median(amplitude, good)
-        highest = np.where(good, amplitude, -np.inf).max(axis=1)
-        lowest = np.where(good, amplitude, np.inf).min(axis=1)
-        open_ &= highest - usual >= usual - lowest
-        which = np.where(good, energies, 0.0).argmax(axis=1)
-        good[open_, which[open_]] = False
-    return taken
-
-
-def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
-    """Leave out what `plausible` takes whichever of its pulses count: most of many seeds."""
-    pulses = energies.shape[1]
-    amplitude = np.sqrt(energies.astype(np.float64))
-    able = np.zeros(len(energies), np.bool_)
-    for count, limit in limits.items():
-        for own in combinations(range(pulses), count):
-            chosen = amplitude[:, own]
-            middle = chosen.mean(axis=1)
-            unlike = ((chosen - middle[:, np.newaxis]) ** 2).sum(axis=1)
-            total = np.minimum(chosen**2, 0.5 * limit).sum(axis=1)
-            equal = unlike <= _UNEQUAL * (0.5 + (_FADING * middle) ** 2) * _ROUNDED
-            able |= equal & (total * _ROUNDED >= _NEARLY * limit)
-    return able
-
-
-def weigh(burst: Burst, limits: dict[int, float]) -> bool:
-    """Whether a burst's good pulses suffice; its score and likelihood are noted.
+def weigh(
+    bursts: list[Burst], limits: dict[int, float], foreign_per_hour: float
+) -> list[Burst]:
+    """Keep the bursts of equally many pulses whose good ones suffice, and note their scores.
 
     Parameters
     ----------
-    burst : Burst
+    bursts : list of Burst
     limits : dict of int to float
         Least sum by the number of pulses.
+    foreign_per_hour : float
+        Bursts on the channel that no listed code explains.
     """
-    # Plain numbers: of four, arrays would cost more than the sums.
-    energies = burst.energies.tolist()
-    own = [place for place, good in enumerate(burst.good.tolist()) if good]
-    while True:
-        count = len(own)
-        if count < least_pulses(len(energies)):
-            return False
-        amplitude = [math.sqrt(energies[place]) for place in own]
-        middle = sum(amplitude) / count
-        variance = 0.5 + (_FADING * middle) ** 2
-        if sum((one - middle) ** 2 for one in amplitude) <= _UNEQUAL * variance:
-            break
-        # One that stands out may be hit by another signal; one that is not there speaks
-        # against the code.
-        usual = median(amplitude)
-        if max(amplitude) - usual < usual - min(amplitude):
-            return False
-        own.remove(max(own, key=energies.__getitem__))
-        burst.good[:] = False
-        burst.good[own] = True
+    if not bursts:
+        return []
+    energies = np.stack([one.energies for one in bursts])
+    good = np.stack([one.good for one in bursts])
+    found = evidence(energies, good, foreign_per_hour=foreign_per_hour)
+    scores = scores_of(energies, found.own, limits)
+    for i, burst in enumerate(bursts):
+        burst.good, burst.score = found.own[i], float(scores[i])
+        burst.unlisted, burst.alone = float(found.over_unlisted[i]), found.alone[i]
+        burst.likelihood = float(found.over_noise[i]) + burst.prior
+    return [
+        one for one in bursts if one.score >= 1.0 and one.unlisted + one.prior >= LEAST_EVIDENCE
+    ]
+
+
+def scores_of(
+    energies: NDArray[np.float64], own: NDArray[np.bool_], limits: dict[int, float]
+) -> NDArray[np.float64]:
+    """Sums of each burst's own pulses over their least; 0 if these are too few."""
+    least = np.array([limits.get(count, np.inf) for count in range(own.shape[1] + 1)])
+    limit = least[own.sum(axis=1)][:, None]
     # A pulse that is much stronger than the others does not stand for them.
-    least = limits[count]
-    burst.score = sum(min(energies[place], 0.5 * least) for place in own) / least
-    burst.likelihood = _likelihood(burst.energies[own]) + burst.prior
-    return burst.score >= 1.0
+    counted = np.minimum(np.where(own, energies, 0.0), 0.5 * limit)
+    return np.asarray((counted / limit).sum(axis=1))
 
 
-def _likelihood(energies: NDArray[np.float64]) -> float:
-    """Log likelihood, over noise, of pulses that are equally strong."""
-    strength = max(float(energies.mean()) - 1.0, 0.1)
-    z = 2.0 * np.sqrt(strength * energies)
-    return float((np.log(i0e(z)) + z - strength).sum())
+def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray[np.bool_]:
+    """Leave out what `weigh` drops whichever of its pulses count: most of many seeds."""
+    pulses = energies.shape[1]
+    ordered = -np.sort(-energies.astype(np.float64), axis=1)
+    able = np.zeros(len(energies), np.bool_)
+    for count, limit in limits.items():
+        able |= np.minimum(ordered[:, :count], 0.5 * limit).sum(axis=1) >= _NEARLY * limit
+    # Most seeds are one or two pulses: of as many as must count, these are the most alike.
+    least = least_pulses(pulses)
+    able &= ordered[:, least - 1] >= _ALIKE**2 * ordered[:, pulses - least]
+    return able
 
 
 class OnAir:
@@ -459,7 +436,12 @@ class Covered:
 
 
 def decide(
-    claims: list[Burst], on_air: OnAir, limits: dict[int, dict[int, float]], *, before: int
+    claims: list[Burst],
+    on_air: OnAir,
+    limits: dict[int, dict[int, float]],
+    *,
+    before: int,
+    foreign_per_hour: float,
 ) -> tuple[list[Burst], int]:
     """Accept the bursts that together explain the pulses best.
 
@@ -476,6 +458,8 @@ def decide(
         Least sums by the pulses of a burst, and by those that count.
     before : int
         Lost bursts that begin before this column are counted.
+    foreign_per_hour : float
+        Bursts on the channel that no listed code explains.
 
     Returns
     -------
@@ -483,14 +467,15 @@ def decide(
         The accepted ones, and how many collided with others and could not be told.
     """
     without: frozenset[int] = frozenset()
-    best, lost = _greedy(claims, on_air, limits, before, without)
+    best, lost = _greedy(claims, on_air, limits, before, foreign_per_hour, without)
     for _ in range(_MOST_SWAPS):
-        collided = [one for one in best if not one.good.all() or one.rivals]
+        collided = [one for one in best if not one.good.all() or one.rivals or one.hit_by]
         around = {one.tag_id for one in best if any(_meet(one, hit) for hit in collided)}
         others = []
         for tag_id in around:
             tried = without | {tag_id}
-            others.append((*_greedy(claims, on_air, limits, before, tried), tried))
+            found = _greedy(claims, on_air, limits, before, foreign_per_hour, tried)
+            others.append((*found, tried))
         better = max(others, key=lambda one: _total(one[0]), default=None)
         if better is None or _total(better[0]) <= _total(best):
             break
@@ -512,6 +497,7 @@ def _greedy(
     before_now: OnAir,
     limits: dict[int, dict[int, float]],
     before: int,
+    foreign_per_hour: float,
     without: frozenset[int],
 ) -> tuple[list[Burst], int]:
     """Accept the likeliest first, without some tags."""
@@ -536,14 +522,13 @@ def _greedy(
         burst = claim.afresh()
         if covered.count[i]:
             burst.good &= ~covered.pulses[i, :pulses]
-            if not weigh(burst, limits[pulses]):
+            if not weigh([burst], limits[pulses], foreign_per_hour):
                 alone = burst.energies[burst.good]
                 lost += len(alone) > 0 and burst.column < before
                 if len(alone) < _NAMED or alone.min() < _SURE_PULSE:
                     continue
                 # Too much of it is hit; it is named, and others may not have its pulses.
-                burst.likelihood = _likelihood(alone)
-                burst.rivals += [other.tag_id for other in covered.whose(i)]
+                burst.hit_by += [other.tag_id for other in covered.whose(i)]
         accepted.append(burst)
         covered.add(burst)
     return accepted, lost

@@ -64,14 +64,14 @@ class Tracks:
     """
 
     def __init__(self, tags: Sequence[Tag]) -> None:
-        self._tags = {tag.tag_id: tag for tag in tags}
+        self.tags = {tag.tag_id: tag for tag in tags}
         self.alive: dict[int, BurstTrack] = {}
 
     def hear(self, tag_id: int, time_ns: int, row: int) -> BurstTrack:
         """Note a burst of a tag."""
         track = self.alive.get(tag_id)
         if track is None:
-            tag = self._tags[tag_id]
+            tag = self.tags[tag_id]
             track = BurstTrack(
                 tag=tag,
                 time_ns=time_ns,

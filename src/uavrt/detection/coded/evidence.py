@@ -1,0 +1,156 @@
+"""How much the pulses at the places of a listed code speak for that code.
+
+One likelihood ratio: the listed code, whose pulses are equally strong, over one that is not
+listed, of whose pulses some happen to lie at these places, or over noise. An unlisted code
+explains all places but one for the price of the coincidences; the place that it explains worst
+must then show a pulse by itself.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FADING = 0.12
+"""Standard deviation of the strength within a burst, of its amplitude, beside the noise."""
+_COINCIDENCE = 0.05
+"""Chance that a pulse of another code's burst lies at a place: 3 ms of a gap of 57 ms."""
+_HIT = 1e-3
+"""Chance that a pulse of any sender lies at a place, at least."""
+_HIDES = 0.5
+"""Of a pulse's amplitude, the least of what hides it."""
+_PLACE_S = 1e-3
+"""Time about a place within which a pulse lies at it [s]."""
+_LOOKS = 20.0
+"""Independent sums of several bursts that are tried, of which the best counts."""
+_STRENGTHS = 5.0
+"""Log of the ratio of the largest to the smallest amplitude that a pulse may have."""
+_ALIGNMENTS = 16.0
+"""Ways in which a pulse of a burst of four lies at one of four places."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Log likelihood ratios of the listed code."""
+
+    over_noise: NDArray[np.float64]
+    """Of the own pulses, shape (n,)."""
+    over_unlisted: NDArray[np.float64]
+    """To codes that are not listed, shape (n,)."""
+    alone: NDArray[np.float64]
+    """Of each place to noise or a pulse of another burst there, shape (n, places)."""
+    own: NDArray[np.bool_]
+    """Places whose energy is the code's pulse rather than a stronger signal's."""
+
+
+def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
+    """Log likelihood ratio from which a burst is the listed code's.
+
+    Parameters
+    ----------
+    foreign_per_hour : float
+        Bursts that no listed code explains.
+    false_per_hour : float
+        Identities that they may make, of each code.
+    """
+    return math.log(_ALIGNMENTS * foreign_per_hour / false_per_hour)
+
+
+def evidence(
+    energies: NDArray[np.floating],
+    usable: NDArray[np.bool_],
+    *,
+    foreign_per_hour: float,
+    bursts: int = 1,
+) -> Evidence:
+    """Weigh the listed code against noise and against codes that are not listed.
+
+    Parameters
+    ----------
+    energies : ndarray of float, shape (n, places)
+        Sums over the bursts, in noise energies.
+    usable : ndarray of bool, shape (n, places)
+        Places that say something: not hit by another burst.
+    foreign_per_hour : float
+        Bursts that no listed code explains.
+    bursts : int
+        Summed at each place.
+    """
+    x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
+    noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
+    hit = min(0.1, _HIT + 4.0 * foreign_per_hour / 3600.0 * _PLACE_S)
+    foreign = math.log(hit) - np.log(_STRENGTHS * np.maximum(x, math.sqrt(bursts))) - noise
+    # Strengths that are tried: that of each place, and their mean.
+    mean = np.where(usable, x, 0.0).sum(axis=1) / np.maximum(usable.sum(axis=1), 1)
+    tried = np.maximum(np.concatenate((x, mean[:, None]), axis=1), 1.4 * math.sqrt(bursts))
+    variance = 0.5 + (FADING * tried[:, :, None]) ** 2 / bursts
+    pulse = -((x[:, None] - tried[:, :, None]) ** 2) / (2.0 * variance)
+    pulse -= 0.5 * np.log(2.0 * np.pi * variance) + noise[:, None]
+    # A weaker signal hides no pulse.
+    hidden = np.where(x[:, None] >= _HIDES * tried[:, :, None], foreign[:, None], -np.inf)
+    listed = np.where(usable[:, None], np.logaddexp(pulse, hidden), 0.0)
+    best = listed.sum(axis=2).argmax(axis=1)
+    rows = np.arange(len(x))
+    own = usable & (pulse[rows, best] >= hidden[rows, best])
+    over_noise = np.where(own, pulse[rows, best], 0.0).sum(axis=1)
+    # An unlisted code has pulses in some places, never in all: summed by the first that it
+    # lacks.
+    lacks = np.logaddexp(0.0, foreign)[:, None] + np.zeros_like(pulse)
+    has = math.log(_COINCIDENCE) + pulse
+    either = np.where(usable[:, None], np.logaddexp(lacks, has), 0.0)
+    before = np.where(usable[:, None], has, 0.0)
+    before = np.cumsum(before, axis=2) - before
+    behind = either.sum(axis=2, keepdims=True) - np.cumsum(either, axis=2)
+    parts = np.where(usable[:, None], lacks + before + behind, -np.inf)
+    unlisted = np.logaddexp.reduce(parts, axis=2).max(axis=1)
+    alone = listed[rows, best] - lacks[:, 0]
+    return Evidence(
+        over_noise=over_noise,
+        over_unlisted=listed[rows, best].sum(axis=1) - unlisted,
+        alone=np.where(usable, alone, 0.0),
+        own=own,
+    )
+
+
+def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
+    """Log likelihood ratio of bursts in step to one unlisted code's, which are in step, too.
+
+    Parameters
+    ----------
+    alone : ndarray of float, shape (bursts, places)
+        As in `Evidence`.
+    usable : ndarray of bool, shape (bursts, places)
+    """
+    places = alone.sum(axis=0)[usable.any(axis=0)]
+    return float(places.min()) - (len(places) - 1) * math.log(_COINCIDENCE)
+
+
+def evidence_of_sums(
+    energies: NDArray[np.float64], *, foreign_per_hour: float, in_step: float
+) -> NDArray[np.float64]:
+    """Log likelihood ratio of bursts, which only together are found, to unlisted codes.
+
+    Parameters
+    ----------
+    energies : ndarray of float, shape (n, bursts, places)
+        In noise energies.
+    foreign_per_hour : float
+        Bursts that no listed code explains.
+    in_step : float
+        Chance that an unlisted tag's interval is the listed one.
+    """
+    # One unlisted tag is in step by chance, or the pulses of several are.
+    by_one, by_several = (
+        evidence(
+            each,
+            np.ones(each.shape, np.bool_),
+            foreign_per_hour=foreign_per_hour,
+            bursts=summed,
+        ).over_unlisted
+        for each, summed in (
+            (energies.sum(axis=1), energies.shape[1]),
+            (energies.reshape(len(energies), -1), 1),
+        )
+    )
+    return np.minimum(by_one - math.log(min(1.0, _LOOKS * in_step)), by_several)

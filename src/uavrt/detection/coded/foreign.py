@@ -1,0 +1,97 @@
+"""How many bursts on a channel no listed code explains."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from uavrt.detection.coded.cells import Cells
+from uavrt.detection.coded.judging import Burst
+
+_PER_HOUR = 0.02
+"""Foreign bursts on a channel where none was seen."""
+_MEMORY_S = 300.0
+"""Time over which foreign bursts are averaged."""
+_START_S = 10.0
+"""Added to the time since the start: a first burst is no rate."""
+_WEAKEST, _SURE = 10.0, 14.0
+"""Noise energies of a foreign pulse beside two others, and of one alone."""
+_BESIDE = 0.25
+"""Of a burst's mean energy, the least of a foreign pulse that speaks against it."""
+_ROWS = 2
+"""Rows by which pulses of one sender may differ."""
+
+
+class Foreign:
+    """Counts bursts that no listed code explains.
+
+    Parameters
+    ----------
+    cells : Cells
+    span : int
+        Columns of the longest listed burst.
+    guard : int
+        Columns to either side of a pulse's that are its own.
+    """
+
+    def __init__(self, cells: Cells, span: int, guard: int) -> None:
+        self._cells, self._span, self._guard = cells, span, guard
+        self._count = 0.0
+        self._upto = 0
+        self._columns = np.zeros(0, np.intp)
+        self._rows = np.zeros(0, np.intp)
+        self._energies = np.zeros(0, np.float32)
+
+    @property
+    def per_hour(self) -> float:
+        """Foreign bursts in an hour, by the last minutes."""
+        heard_s = min(_MEMORY_S, self._upto * self._cells.column_s) + _START_S
+        return _PER_HOUR + 3600.0 * self._count / heard_s
+
+    def note(self, explained: Sequence[Burst], upto: int) -> None:
+        """Find the foreign pulses among the recent cells, and count their bursts.
+
+        Parameters
+        ----------
+        explained : sequence of Burst
+            Of listed codes.
+        upto : int
+            Column before which foreign bursts are counted.
+        """
+        cells = self._cells
+        loudest = cells.recent.max(axis=0)
+        reach = 2 * cells.pulse
+        padded = np.pad(loudest, reach)
+        top = loudest >= sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+        at = np.flatnonzero(top & (loudest >= _WEAKEST))
+        columns = at + cells.recent_from
+        own = [one.columns for one in explained]
+        if own and len(columns):
+            apart = np.abs(columns[:, None] - np.concatenate(own))
+            at = at[(apart > self._guard).all(axis=1)]
+        self._columns, self._rows = at + cells.recent_from, cells.recent[:, at].argmax(axis=0)
+        self._energies = loudest[at]
+        new = self._columns[(self._columns >= self._upto) & (self._columns < upto)]
+        passed_s = (upto - self._upto) * cells.column_s
+        self._count *= math.exp(-passed_s / _MEMORY_S)
+        self._count += sum(self._of_burst(column) for column in new.tolist()) / 4.0
+        self._upto = max(upto, self._upto)
+
+    def _of_burst(self, column: int) -> bool:
+        """Whether two more pulses of one sender lie within a burst's length of a pulse."""
+        (row,) = self._rows[self._columns == column]
+        near = np.abs(self._columns - column) <= self._span
+        return int((near & (np.abs(self._rows - row) <= _ROWS)).sum()) >= 3
+
+    def about(self, burst: Burst) -> float:
+        """Foreign bursts in an hour: by the last minutes, or by those within a burst."""
+        near = self._columns >= burst.columns[0] - self._span
+        near &= self._columns <= burst.columns[-1] + self._span
+        near &= np.abs(self._rows - burst.row) <= self._cells.rows_of_a_bin
+        near &= self._energies >= max(_SURE, _BESIDE * float(burst.energies.mean()))
+        apart = np.abs(self._columns[:, None] - burst.columns)
+        near &= (apart > self._guard).all(axis=1)
+        if not near.any():
+            return self.per_hour
+        return max(self.per_hour, 3600.0 / (self._span * self._cells.column_s))

@@ -1,0 +1,265 @@
+"""Who sent a burst, by the bursts before and after it: a code and a burst interval are one tag.
+
+Tags with one code and different intervals are distinguished by them alone. A burst that may be
+an unlisted code's is the listed tag's if others lie in step with it and together suffice.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.detection.coded.evidence import evidence_in_step
+from uavrt.messages import Tag
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+STEPS = 8
+"""Intervals over which bursts are compared, if not said otherwise."""
+_MISSED = 1.0
+"""Log likelihood that a missing burst takes from an interval: most are found."""
+_TRIED = math.log(STEPS)
+"""Log of how many ranges of steps are tried, of which the best counts."""
+_CLEARLY = 3.0
+"""Log likelihood by which one interval must fit better than the others."""
+_TIMING_S = 1e-3
+_WAIT = 2.2
+"""Intervals for which a burst of several possible tags waits for those after it."""
+DOUBT = math.log(100.0)
+"""Evidence that a record may lack; it is not confirmed then."""
+_ROWS = 1
+"""Rows by which bursts of one tag may differ."""
+
+
+def in_step(
+    at_s: float,
+    others_s: NDArray[np.float64],
+    tag: Tag,
+    timing_s: float,
+    most: int = STEPS,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+    """Look for bursts whole burst intervals before and after one.
+
+    Parameters
+    ----------
+    at_s : float
+    others_s : ndarray of float, shape (n,)
+        Times of the other bursts.
+    tag : Tag
+        Whose interval it is.
+    timing_s : float
+        By which a time may be off.
+    most : int
+        Intervals to either side.
+
+    Returns
+    -------
+    expected_s, gains : ndarray of float, shape (2 most,)
+        The places in time, and log odds that a burst found there is the tag's; 0: none found.
+    which : ndarray of int, shape (2 most,)
+        The nearest of the others to each place.
+    """
+    steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
+    interval_s = tag.pulse_intervals_s[0]
+    expected_s: NDArray[np.float64] = np.asarray(at_s + steps * interval_s, np.float64)
+    if not len(others_s):
+        return expected_s, np.zeros(len(steps)), np.zeros(len(steps), np.intp)
+    window_s = timing_s + np.abs(steps) * tag.interval_uncertainty_s
+    off_s = np.abs(others_s - expected_s[:, None])
+    gains = np.log(np.maximum(interval_s / (2.0 * window_s), 1.0))
+    found = off_s.min(axis=1) <= window_s
+    return expected_s, np.where(found, gains, 0.0), off_s.argmin(axis=1)
+
+
+def likeliest(
+    at_s: float,
+    tags: Sequence[Tag],
+    others_s: Sequence[NDArray[np.float64]],
+    *,
+    heard_s: tuple[float, float],
+    timing_s: float,
+) -> list[int]:
+    """Say which of several tags sent a burst, by their intervals.
+
+    Parameters
+    ----------
+    at_s : float
+    tags : sequence of Tag
+    others_s : sequence of ndarray of float
+        Times of the other bursts that each of the tags may have sent.
+    heard_s : tuple of float
+        Begin and end of the time that was searched.
+    timing_s : float
+        By which a time may be off.
+
+    Returns
+    -------
+    list of int
+        Places among the tags, the likeliest first; more than one if that is open.
+    """
+    scores = []
+    for tag, times_s in zip(tags, others_s, strict=True):
+        expected_s, gains, _ = in_step(at_s, times_s, tag, timing_s)
+        searched = (expected_s >= heard_s[0]) & (expected_s <= heard_s[1])
+        scores.append(float(gains.sum() - _MISSED * (searched & (gains == 0.0)).sum()))
+    if max(scores) <= 0.0:
+        return list(range(len(tags)))
+    order = sorted(range(len(tags)), key=lambda place: -scores[place])
+    return [place for place in order if scores[place] > scores[order[0]] - _CLEARLY]
+
+
+@dataclass(slots=True, kw_only=True)
+class Sighting:
+    """A burst that was found by itself, until it is known whose it is."""
+
+    tags: tuple[Tag, ...]
+    """Tags that may have sent it, the likeliest first."""
+    hit: tuple[int, ...]
+    """Ids of tags whose bursts lie on too many of its pulses."""
+    start_ns: int
+    starts_ns: list[int]
+    """Of the pulses that were heard."""
+    heard: NDArray[np.float64]
+    """Energies of these pulses over the noise, in noise energies."""
+    offset_hz: float
+    noise: float
+    row: int
+    score: float
+    alone: NDArray[np.float64]
+    """Log likelihood ratio of each of the code's pulses to noise or another's pulse."""
+    good: NDArray[np.bool_]
+    """Pulses that count."""
+    unlisted: float
+    """Log likelihood ratio to codes that are not listed."""
+    required: float
+    """That it must reach."""
+    told: bool = False
+    tag_id: int | None = None
+    """Whose it is, when that is known."""
+
+    def seconds_to(self, time_ns: int) -> float:
+        """Time from the burst's start."""
+        return (time_ns - self.start_ns) / NANOSECONDS_PER_SECOND
+
+    def age_in_intervals(self, now_ns: int) -> float:
+        """Time since the burst, in the longest interval of its tags."""
+        return self.seconds_to(now_ns) / max(tag.pulse_intervals_s[0] for tag in self.tags)
+
+    def may_be(self, tag: Tag) -> bool:
+        """Whether a tag may have sent it."""
+        return self.tag_id == tag.tag_id if self.tag_id else tag in self.tags
+
+
+class Sightings:
+    """The bursts of the last intervals."""
+
+    def __init__(self) -> None:
+        self._by_tag: dict[int, list[Sighting]] = {}
+        self._waiting: list[Sighting] = []
+        self._begun_ns = 0
+
+    def name(
+        self, new: Sequence[Sighting], now_ns: int, *, last: bool
+    ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
+        """Take new bursts; give those that are to be reported, and whose they are.
+
+        Parameters
+        ----------
+        new : sequence of Sighting
+        now_ns : int
+            Time up to which bursts were searched.
+        last : bool
+            Nothing comes any more.
+
+        Returns
+        -------
+        list of (Sighting, Tag, tuple of int)
+            With the ids of other tags that may have sent it; `Sighting.tag_id` is set if it is
+            confirmed.
+        """
+        self._begun_ns = self._begun_ns or now_ns
+        concerned = self._waiting
+        for tag in {tag for one in new for tag in one.tags}:
+            kept = [
+                one
+                for one in self._by_tag.get(tag.tag_id, [])
+                if one.age_in_intervals(now_ns) <= STEPS + 1
+            ]
+            concerned = concerned + kept
+            own = [one for one in new if tag in one.tags]
+            self._by_tag[tag.tag_id] = kept + own
+        self._waiting = []
+        found: list[tuple[Sighting, Tag, tuple[int, ...]]] = []
+        for one in {id(one): one for one in (*concerned, *new)}.values():
+            if one.tag_id is not None:
+                continue
+            possible = self._possible(one, now_ns)
+            if len(possible) == 1 and self._suffices(one, possible[0], now_ns):
+                one.tag_id = possible[0].tag_id
+            elif one.unlisted < one.required - DOUBT:
+                continue
+            elif len(one.tags) > 1 and one.age_in_intervals(now_ns) < _WAIT and not last:
+                self._waiting.append(one)
+                continue
+            if not one.told:
+                others = (*(tag.tag_id for tag in possible[1:]), *one.hit)
+                found.append((one, possible[0], others))
+                one.told = True
+        return found
+
+    def _others(self, one: Sighting, tag: Tag) -> list[Sighting]:
+        """Other bursts that a tag may have sent, at the frequency of one."""
+        return [
+            other
+            for other in self._by_tag.get(tag.tag_id, [])
+            if other is not one and other.may_be(tag) and abs(other.row - one.row) <= _ROWS
+        ]
+
+    def _possible(self, one: Sighting, now_ns: int) -> list[Tag]:
+        """Tags that may have sent a burst, the likeliest first."""
+        if len(one.tags) == 1:
+            return list(one.tags)
+        places = likeliest(
+            0.0,
+            one.tags,
+            [_times_s(self._others(one, tag), one) for tag in one.tags],
+            heard_s=(one.seconds_to(self._begun_ns), one.seconds_to(now_ns)),
+            timing_s=_TIMING_S,
+        )
+        return [one.tags[place] for place in places]
+
+    def _suffices(self, one: Sighting, tag: Tag, now_ns: int) -> bool:
+        """Whether a burst is a listed tag's, by itself or with those in step with it."""
+        if one.hit:
+            return False
+        if one.unlisted >= one.required:
+            return True
+        others = self._others(one, tag)
+        expected_s, gains, which = in_step(0.0, _times_s(others, one), tag, _TIMING_S)
+        searched = expected_s >= one.seconds_to(self._begun_ns)
+        searched &= expected_s <= one.seconds_to(now_ns)
+        for most in range(1, STEPS + 1):
+            near = slice(STEPS - most, STEPS + most)
+            if not gains[near].any():
+                continue
+            summed = [
+                one,
+                *(others[place] for place in which[near][gains[near] > 0.0].tolist()),
+            ]
+            # One unlisted tag is in step by chance, or the bursts of several are.
+            by_one = evidence_in_step(
+                np.stack([each.alone for each in summed]),
+                np.stack([each.good for each in summed]),
+            )
+            by_one += float(gains[near].max()) - _TRIED
+            by_one -= _MISSED * float((searched & (gains == 0.0))[near].sum())
+            by_several = one.unlisted + max(each.unlisted for each in summed[1:])
+            if min(by_one, by_several) >= one.required:
+                return True
+        return False
+
+
+def _times_s(others: Sequence[Sighting], one: Sighting) -> NDArray[np.float64]:
+    """Times of bursts after one."""
+    return np.array([one.seconds_to(other.start_ns) for other in others])
