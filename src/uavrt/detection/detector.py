@@ -22,6 +22,8 @@ from uavrt.detection.signal import (
     LongestBlock,
     Measured,
     Refiner,
+    SparkLimiter,
+    Whitener,
     apart_hz,
     in_channel_hz,
 )
@@ -151,10 +153,17 @@ class PulseDetector:
         """(Re)start everything that hangs on unbroken samples."""
         self._intake.clear()
         self._take_band(self._make_band())
+        band = {
+            "sample_rate_hz": self.sample_rate_hz,
+            "offset_hz": self._home_hz,
+            "half_width_hz": self._bounds.half_width_hz,
+        }
         self._cleaner = Cleaner(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self.tag.pulse_width_s,
             counters=self.counters,
+            whitener=Whitener(**band),
+            limiter=SparkLimiter(**band),
         )
         self._advances = 0
         self._clean = 0

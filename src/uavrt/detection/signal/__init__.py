@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from uavrt.detection.signal.refine import TRACK_BAND_HZ, Measured, Refiner, timing_error_s
     from uavrt.detection.signal.samples import Counters, SampleBuffer
     from uavrt.detection.signal.signal_cleaning import Cleaner
+    from uavrt.detection.signal.sparks import SparkLimiter
+    from uavrt.detection.signal.whitening import Whitener
 
 __all__ = [
     "EDGE_HZ",
@@ -25,6 +27,8 @@ __all__ = [
     "Measured",
     "Refiner",
     "SampleBuffer",
+    "SparkLimiter",
+    "Whitener",
     "apart_hz",
     "in_channel_hz",
     "timing_error_s",
@@ -40,7 +44,9 @@ __getattr__ = lazily(
         "Measured": "refine",
         "Refiner": "refine",
         "SampleBuffer": "samples",
+        "SparkLimiter": "sparks",
         "TRACK_BAND_HZ": "refine",
+        "Whitener": "whitening",
         "apart_hz": "frequency_circle",
         "in_channel_hz": "frequency_circle",
         "timing_error_s": "refine",

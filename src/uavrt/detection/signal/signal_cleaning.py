@@ -6,6 +6,8 @@ import numpy as np
 
 from uavrt.detection.signal.carrier_lines import FEW_LINES, LineCanceller
 from uavrt.detection.signal.samples import Counters, SampleBuffer, blank_impulses
+from uavrt.detection.signal.sparks import SparkLimiter
+from uavrt.detection.signal.whitening import Whitener
 
 _LINES_EVERY_S = 2.4
 """Time between two looks for carriers: one that is there may drift, and 2 Hz/s in 2.5 s is
@@ -22,13 +24,33 @@ class Cleaner:
     ----------
     sample_rate_hz, pulse_width_s : float
     counters : Counters
+    whitener : Whitener, optional
+        Makes the noise white, and
+    limiter : SparkLimiter, optional
+        makes it steady before impulses are looked for.
     """
 
     def __init__(
-        self, *, sample_rate_hz: float, pulse_width_s: float, counters: Counters
+        self,
+        *,
+        sample_rate_hz: float,
+        pulse_width_s: float,
+        counters: Counters,
+        whitener: Whitener | None = None,
+        limiter: SparkLimiter | None = None,
     ) -> None:
         self._counters = counters
         self._lines = LineCanceller(sample_rate_hz)
+        self._whitener = whitener
+        self._limiter = limiter
+        self._steady_ahead = 0 if limiter is None else limiter.reach
+        self._ahead = self._steady_ahead + (0 if whitener is None else whitener.reach)
+        self._without_lines = 0
+        """Index up to which carriers are taken out."""
+        self._white = 0
+        """Index up to which the noise is white."""
+        self._steady = 0
+        """Index up to which it is steady."""
         self.flank = max(2, round(0.35 * pulse_width_s * sample_rate_hz))
         """Samples looked at to either side of an impulse."""
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
@@ -41,6 +63,11 @@ class Cleaner:
     @property
     def margin(self) -> int:
         """Samples that must be there beyond a stretch."""
+        return self._beyond + self._ahead
+
+    @property
+    def _beyond(self) -> int:
+        """Samples beyond a stretch that the search for impulses looks at."""
         return self.flank + self._short
 
     @property
@@ -64,9 +91,42 @@ class Cleaner:
             Measure the floor again.
         """
         buffer.examine(min(buffer.end, last + self.margin))
-        self._cancel_lines(buffer, first, last)
+        if self._whitener is None or self._limiter is None:
+            self._cancel_lines(buffer, first, last)
+        else:
+            self._whiten(self._whitener, buffer, last)
+            self._make_steady(self._limiter, buffer, last)
         buffer.silence(first, last)
         self._blank(buffer, first, last, renew=renew)
+
+    def _whiten(self, whitener: Whitener, buffer: SampleBuffer, last: int) -> None:
+        """Make the noise white up to the samples that the next steps need."""
+        end = min(buffer.end, last + self._beyond + self._steady_ahead)
+        ready = min(buffer.end, last + self.margin)
+        first = max(self._without_lines, buffer.start)
+        self._cancel_lines(buffer, first, ready)
+        buffer.silence(first, ready)
+        whitener.learn(buffer.view(first, ready))
+        begin = max(self._white, buffer.start)
+        whitener.filter(
+            buffer.view(max(buffer.start, begin - whitener.reach), begin),
+            buffer.view(begin, end),
+            buffer.view(end, ready),
+        )
+        if whitener.active:
+            buffer.silence(begin, end)
+        self._without_lines, self._white = ready, end
+
+    def _make_steady(self, limiter: SparkLimiter, buffer: SampleBuffer, last: int) -> None:
+        """Make the noise steady up to the samples that the search for impulses needs."""
+        end = min(self._white, last + self._beyond)
+        begin = max(self._steady, buffer.start)
+        limiter.limit(
+            buffer.view(max(buffer.start, begin - limiter.reach), begin),
+            buffer.view(begin, end),
+            buffer.view(end, self._white),
+        )
+        self._steady = end
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
         """Subtract carriers from [first, last)."""
@@ -84,7 +144,7 @@ class Cleaner:
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Zero impulses in [first, last), looking a flank to either side."""
-        margin = self.flank + self._short
+        margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)
         stretch = buffer.view(low, high)
