@@ -59,7 +59,7 @@ class Neighbour:
 def _keying(
     rng: np.random.Generator, count: int, on_s: float, off_s: float, rate_hz: float
 ) -> NDArray[np.float64]:
-    """One while a transmitter sends and zero in its pauses, of lengths half to 1.5 times usual."""
+    """One while a transmitter sends, zero in its pauses; lengths differ by half."""
     on = np.zeros(count)
     at = -rng.uniform(0.0, on_s + off_s) * rate_hz
     while at < count:
@@ -140,7 +140,5 @@ def sparks() -> Iterator[tuple[str, MainsSparks]]:
                     name = f"{per_s:.0f} per s, duty {100 * duty:.0f} %, {level_db:.0f} dB"
                     yield (
                         name + (", varying" if varying else ""),
-                        MainsSparks(
-                            per_s=per_s, duty=duty, level_db=level_db, varying=varying
-                        ),
+                        MainsSparks(per_s=per_s, duty=duty, level_db=level_db, varying=varying),
                     )

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
+from uavrt.detection.search.null_lattices import LEVEL, NullLattices
 from uavrt.native import kernels
 
 _ANCHORS_AT_ONCE = 96
@@ -51,8 +52,25 @@ class AnchorSearch(RateSearch):
         self.anchor_columns: list[int] = []
         self.anchor_rows: list[int] = []
         self.anchor_powers: list[float] = []
+        self.null: NullLattices | None = None
         self.tested = [0] * k
         """How many of the anchors were tested in each place."""
+
+    def count_null(self, expected_per_column: float, interval: float) -> None:
+        """Count the groups on lattices of no tag, and raise the threshold by their excess."""
+        if self.k > 1:
+            self.null = NullLattices(
+                lows=self.lows,
+                interval=interval,
+                expected_per_column=expected_per_column,
+            )
+
+    @property
+    def margin(self) -> float:
+        """What the threshold is multiplied by for the noise at hand."""
+        if self.null is None:
+            return self.own_margin
+        return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
         """Begin in mid-stream: the first column that will be pushed is this one."""
@@ -171,7 +189,7 @@ class AnchorSearch(RateSearch):
         return self._unknown(score, strength, row, columns)
 
     def candidates(
-        self, due: "_Due", hits: list[tuple[int, float, float, int]]
+        self, due: "_Due", hits: list[tuple[int, float, float, int]], shorter: int = 0
     ) -> list[Candidate]:
         """Make candidates of the anchors that the compiled kernel found above threshold.
 
@@ -180,13 +198,17 @@ class AnchorSearch(RateSearch):
         due : _Due
         hits : list of (int, float, float, int)
             Which of these, the best sum and the strength in noise powers, and the interval.
+        shorter : int
+            Columns by which the intervals looked at were shorter.
         """
         hits = sorted(hits, key=lambda hit: -hit[2])[:_CANDIDATES_AT_ONCE]
         which, score, strength, interval = zip(*hits, strict=True)
         place = np.array([due.places[index] for index in which])
         column = np.array([due.columns[index] for index in which])
         after = np.arange(self.k) - place[:, np.newaxis]
-        columns = column[:, np.newaxis] + after * self.intervals[list(interval), np.newaxis]
+        columns = column[:, np.newaxis] + after * (
+            self.intervals[list(interval), np.newaxis] - shorter
+        )
         row = np.array([due.rows[index] for index in which])
         return self._unknown(np.array(score), np.array(strength), row, columns)
 
@@ -300,13 +322,25 @@ def _search_by_kernel(
     due = _Due()
     if fresh:
         search.take_due(due, 0)
+
+    def rated(lows: NDArray[np.intp], least: float) -> Any:
+        return native.rate(
+            *(*ring, search.stretch, search.reach, search.limit, lows, search.rest, level),
+            *(due.columns, due.rows, due.powers, due.places, least),
+        )
+
+    null = search.null
+
+    def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
+        assert null is not None
+        hits = rated(lows, LEVEL * search.threshold * null.factor(search.threshold))[1]
+        return bool(hits) and bool(search.candidates(due, hits, shorter))
+
+    if fresh and null is not None:
+        null.count(fresh, makes_group if due.columns else None)
     if not due.columns:
         return []
-    least = search.threshold * search.margin
-    largest, hits = native.rate(
-        *(*ring, search.stretch, search.reach, search.limit, search.lows, search.rest, level),
-        *(due.columns, due.rows, due.powers, due.places, least),
-    )
+    largest, hits = rated(search.lows, search.threshold * search.margin)
     search.best = max(search.best, largest / search.threshold)
     if hits and len(due.columns) > _ANCHORS_AT_ONCE:
         found: list[list[Candidate]] = [[]]

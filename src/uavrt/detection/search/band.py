@@ -75,7 +75,7 @@ class SearchBand:
         )
         self._searches = make_searches(tag, grid, half_width_hz)
         for search in self._searches:
-            search.margin = gate(search.k)
+            search.own_margin = gate(search.k)
         steady = self._searches[0]
         self.leveller = Leveller(
             rows=grid.rows,
@@ -297,7 +297,7 @@ class SearchBand:
         error = self._noise.relative_error
         more = _MANY_LINES if self._noise.ragged else 1.0
         for search in self._searches:
-            search.margin = gate(search.k) * young_margin(search.threshold, error) * more
+            search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
         self._unsure = error > USUAL_NOISE_ERROR
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:

@@ -131,7 +131,7 @@ class RateSearch(ABC):
         self.piece = max(16, math.ceil(_PIECE_S / hop_s))
         self.best = 0.0
         """Largest statistic over the threshold since it was last set to zero."""
-        self.margin = 1.0
+        self.own_margin = 1.0
         """What the threshold is multiplied by while the noise is hardly known."""
         self.known: KnownPulses | None = None
         """What they explain need not be returned."""
@@ -141,6 +141,11 @@ class RateSearch(ABC):
     def open_anchors(self) -> Anchors:
         """Get the strong cells that the search is not done with."""
         return [], [], []
+
+    @property
+    def margin(self) -> float:
+        """What the threshold is multiplied by for the noise at hand."""
+        return self.own_margin
 
     @property
     def steady(self) -> bool:

@@ -6,8 +6,8 @@ several times the false groups of steady noise, and a tag is lost in bursts that
 its pulse clean. In noise whose power changes the matched filter weighs each sample by its
 noise; dividing by the standard deviation makes the noise steady.
 
-The level of an instant is that of the frequencies on both sides of the band that is searched,
-the lower of the two: neither a tag's pulse nor a neighbour is a burst.
+The level of an instant is the harmonic mean of those of the frequencies on both sides of the
+band that is searched: neither a tag's pulse nor a neighbour on one side is a burst.
 """
 
 import numpy as np
@@ -111,18 +111,15 @@ class SparkLimiter:
             self._past = None
             return
         self._past = whole[-2 * self.reach : -self.reach].copy()
-        import os
-        P=float(os.environ.get("P","0.5"))
-        samples /= np.maximum(level / np.float32(_MEAN * quiet), np.float32(1.0))**np.float32(P)
+        samples /= np.sqrt(np.maximum(level / np.float32(_MEAN * quiet), np.float32(1.0)))
 
     def _level(self, whole: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Power beside the searched band at each sample but those within `reach` of the ends."""
+        """Power beside the searched band, of all samples but `reach` at both ends."""
         sides = []
         for taps in self._filters:
             beside = np.convolve(whole, taps, "valid")
             power = beside.real**2 + beside.imag**2
             sides.append(np.convolve(power, self._smooth, "valid"))
-        import os
-        if os.environ.get("H","1")=="1":
-            return 2*sides[0]*sides[1]/(sides[0]+sides[1]+np.float32(1e-30))
-        return np.minimum(*sides)
+        # Near the lower of the two, and less scattered.
+        low, high = sides
+        return np.asarray(2.0 * low * high / (low + high + np.float32(1e-30)), np.float32)

@@ -1,4 +1,4 @@
-"""Make the noise of a channel white before the search: suppress neighbours that sound like noise.
+"""Make the noise of a channel white: suppress neighbours that sound like noise.
 
 A window one pulse long has side lobes, and what leaks through them from a band of noise beside
 the tag comes from the window's two ends: such cells change within a fraction of a pulse, agree
