@@ -6,6 +6,7 @@ array for all of them, and a call of NumPy costs more than what a single tag giv
 """
 
 import bisect
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -168,11 +169,23 @@ class AnchorSearch(RateSearch):
             self.tested = [upto - keep for upto in tested]
         due.members += [member] * (len(due.columns) - len(due.members))
 
-    def collect(self, tested: "_Tested", part: slice) -> list[Candidate]:
-        """Make candidates of the hypotheses in `part`, all this search's, above threshold."""
+    def collect(
+        self, tested: "_Tested", part: slice, least: float, shorter: int = 0
+    ) -> list[Candidate]:
+        """Make candidates of the hypotheses in `part`, all this search's.
+
+        Parameters
+        ----------
+        tested : _Tested
+        part : slice
+        least : float
+            Sum that makes a candidate.
+        shorter : int
+            Columns by which the intervals looked at were shorter.
+        """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
-        hits = np.flatnonzero(best >= self.threshold * self.margin)
+        hits = np.flatnonzero(best >= least)
         strengths = (cells[hits].sum(axis=1) + power[hits][:, np.newaxis]) / level[hits][
             :, np.newaxis
         ]
@@ -182,7 +195,7 @@ class AnchorSearch(RateSearch):
         strength = strengths.max(axis=1)
         strongest = np.argsort(-strength)[:_CANDIDATES_AT_ONCE]
         which = hits[strongest]
-        interval = self.intervals[strengths.argmax(axis=1)[strongest]]
+        interval = self.intervals[strengths.argmax(axis=1)[strongest]] - shorter
         after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
         columns = tested.column[part][which][:, np.newaxis] + after * interval[:, np.newaxis]
         score, strength, row = best[which], strength[strongest], tested.row[part][which]
@@ -291,12 +304,15 @@ def search_together(
     found: list[list[Candidate]] = [[] for _ in searches]
     for search, columns in zip(searches, power, strict=True):
         search.append(columns)
-    if not searches[0].fresh:
+    fresh = searches[0].fresh
+    if not fresh:
         return found
     _note_anchors(searches, noise)
     due = _Due()
     for member, search in enumerate(searches):
+        first = len(due.columns)
         search.take_due(due, member)
+        _count_null(search, due, slice(first, None), noise[member], fresh)
     if due.columns:
         _test_all(searches, due, noise, found)
         for some in found:
@@ -347,6 +363,27 @@ def _search_by_kernel(
         _test_all([search], due, level[np.newaxis], found)
         return best_first(found[0])
     return best_first(search.candidates(due, hits)) if hits else []
+
+
+def _count_null(
+    search: AnchorSearch, due: _Due, part: slice, level: NDArray[np.float32], fresh: int
+) -> None:
+    """Count the groups that a search's anchors in `part` make on lattices of no tag."""
+    null = search.null
+    if null is None:
+        return
+    column, row = np.array(due.columns[part]), np.array(due.rows[part])
+    place, power = np.array(due.places[part]), np.array(due.powers[part], np.float32)
+
+    def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
+        lattice = copy.copy(search)
+        lattice.lows = lows
+        member = np.zeros(len(column), np.intp)
+        tested = _test([lattice], member, column, row, place, power, level[np.newaxis])
+        least = LEVEL * search.threshold * null.factor(search.threshold)
+        return bool(search.collect(tested, slice(None), least, shorter))
+
+    null.count(fresh, makes_group if len(column) else None)
 
 
 def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) -> None:
@@ -416,8 +453,9 @@ def _test_all(
             own = slice(own.start - low, own.stop - low)
             largest = max(best[own])
             search.best = max(search.best, largest / search.threshold)
-            if largest >= search.threshold * search.margin:
-                found[index] += search.collect(tested, own)
+            least = search.threshold * search.margin
+            if largest >= least:
+                found[index] += search.collect(tested, own, least)
         begin = number + 1
 
 
