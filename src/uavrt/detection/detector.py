@@ -22,8 +22,6 @@ from uavrt.detection.signal import (
     LongestBlock,
     Measured,
     Refiner,
-    SparkLimiter,
-    Whitener,
     apart_hz,
     in_channel_hz,
 )
@@ -153,17 +151,11 @@ class PulseDetector:
         """(Re)start everything that hangs on unbroken samples."""
         self._intake.clear()
         self._take_band(self._make_band())
-        band = {
-            "sample_rate_hz": self.sample_rate_hz,
-            "offset_hz": self._home_hz,
-            "half_width_hz": self._bounds.half_width_hz,
-        }
         self._cleaner = Cleaner(
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self.tag.pulse_width_s,
             counters=self.counters,
-            whitener=Whitener(**band),
-            limiter=SparkLimiter(**band),
+            band_hz=(self._home_hz, self._bounds.half_width_hz),
         )
         self._advances = 0
         self._clean = 0
@@ -382,7 +374,7 @@ class PulseDetector:
             self.band.know(known)
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()
-        self._reporter.searched(self._buffer.time_ns(upto), self.band)
+        self._reporter.searched(self._buffer.time_ns(upto), self.band, self._cleaner.occupancy)
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""

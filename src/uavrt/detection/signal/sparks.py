@@ -13,23 +13,24 @@ band that is searched: neither a tag's pulse nor a neighbour on one side is a bu
 import numpy as np
 from numpy.typing import NDArray
 
-_SIDE_S = 0.002
+_SIDE_S = 0.0013
 """Half-length of the filters that pass the frequencies beside the band."""
-_SMOOTH_S = 0.0016
+_SMOOTH_S = 0.0011
 """Half-length of the mean over time: three independent values in a kilohertz."""
 _GUARD_HZ = 50.0
 _LEAST_WIDTH_HZ = 300.0
 """Each side must be this wide: of narrower ones the level is not known in a millisecond."""
-_QUIET_SHARE = 0.3
+_QUIET_SHARE = 0.2
 """Quantile of the levels that is the level between bursts."""
-_MEAN = 1.5
-"""Mean level of steady noise over that quantile (1.42), and a little more."""
-_HIGH = 4.0
-"""Levels so many times the quantile are a burst's: 0.4 % of steady noise, 1.2 % with the edges
-of pulses of 60 dB, 14 % or more with sparks of 3 dB mean power."""
-_SPARKING = 0.05
-"""Share of such levels from which on the noise is taken to spark."""
-_STEADY = 0.025
+_MEAN = 1.8
+"""Mean level of steady noise over that quantile (1.79), and a little more."""
+_HIGH = 5.0
+"""Levels so many times the quantile are a burst's: 0.8 % of steady noise, 1.3 % with the edges
+of pulses of 60 dB, 16 % or more with sparks of 3 dB mean power."""
+_SPARKING = 0.135
+"""Share of such levels from which on the noise is taken to spark: rarer bursts are impulses,
+which are taken out; ten of 5 ms in a second make 10 %."""
+_STEADY = 0.11
 _LOOK_EVERY = 5
 """Steps between looks while nothing sparks: a look takes as long as a third of a step."""
 _AVERAGE = 0.2

@@ -33,6 +33,9 @@ _COLOURED = 3.0
 """Highest density over that of the tag's band from which on the samples are filtered."""
 _PLAIN = 2.0
 """The same at which they are left again as they are."""
+_YOUNG_S = 2.0
+_YOUNG_COLOURED = 6.0
+"""The same in the first two seconds, when the density is known to a third."""
 _FEWEST = 6
 """Windows that are looked at while the noise is white."""
 
@@ -112,7 +115,8 @@ class Whitener:
         least = float(density[self._searched].min())
         ratio = density / max(least, 1e-30)
         highest = float(ratio.max())
-        if highest < (_COLOURED if self._taps is None else _PLAIN):
+        least_coloured = _COLOURED if self._seen_s > _YOUNG_S else _YOUNG_COLOURED
+        if highest < (least_coloured if self._taps is None else _PLAIN):
             self._taps = None
             return
         lags = np.fft.ifft(np.sqrt(np.maximum(self._density / max(least, 1e-30), 1.0)))
