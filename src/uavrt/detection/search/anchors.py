@@ -381,7 +381,8 @@ def _count_null(
         member = np.zeros(len(column), np.intp)
         tested = _test([lattice], member, column, row, place, power, level[np.newaxis])
         least = LEVEL * search.threshold * null.factor(search.threshold)
-        return bool(search.collect(tested, slice(None), least, shorter))
+        some = bool((tested.best >= least).any())
+        return some and bool(search.collect(tested, slice(None), least, shorter))
 
     null.count(fresh, makes_group if len(column) else None)
 
