@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 _APART_BINS = 1.0
 """Distance of the frequencies looked at, in bins: the tag's own, and one on each side."""
 _QUARTILE = 0.25
-_AVERAGE = 0.2
 _RISE_S = 120.0
 """Time constant with which the quiet level rises when nothing is as quiet any more."""
-_LOUD = 12.0
-"""Power over the quiet level of an occupied instant: 8 dB over the mean of noise, which one
-instant of noise in ten thousand reaches."""
+_LOUD = 16.0
+"""Power over the quiet level of an occupied instant. The lowest quartile in a minute is about
+0.3 of the mean of noise: one instant of noise in a thousand is so loud."""
+_RECEIVED = 0.5
+"""Least share of a window's samples that are neither lost nor taken out as impulses."""
 
 
 class Occupancy:
@@ -37,7 +38,6 @@ class Occupancy:
         # Side lobes would show a neighbour.
         taper = np.hanning(self._length + 2)[1:-1, np.newaxis]
         self._filters = (taper * np.exp(-2j * np.pi * turn)).astype(np.complex64)
-        self._average = 0.0
         self._quiet = math.inf
         self._usable = self._looked = 0
 
@@ -46,17 +46,15 @@ class Occupancy:
         count = len(samples) // self._length
         if not count:
             return
-        cells = samples[: count * self._length].reshape(count, self._length) @ self._filters
-        power = (cells.real**2 + cells.imag**2).mean(axis=1)
-        power = power[power > 0.0]
-        if not len(power):
+        windows = samples[: count * self._length].reshape(count, self._length)
+        received = (windows != 0.0).mean(axis=1)
+        windows, received = windows[received > _RECEIVED], received[received > _RECEIVED]
+        if not len(windows):
             return
-        quartile = float(np.quantile(power, _QUARTILE))
-        if not self._average:
-            self._average = quartile
-        self._average += _AVERAGE * (quartile - self._average)
+        cells = windows @ self._filters
+        power = (cells.real**2 + cells.imag**2).mean(axis=1) / received
         risen = self._quiet * math.exp(count * self._length_s / _RISE_S)
-        self._quiet = min(risen, self._average)
+        self._quiet = min(risen, float(np.quantile(power, _QUARTILE)))
         self._usable += int(np.count_nonzero(power < _LOUD * self._quiet))
         self._looked += len(power)
 
