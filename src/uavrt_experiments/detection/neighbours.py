@@ -44,21 +44,21 @@ class Neighbour:
         keyed = self.off_s > 0.0
         wave = noise(rng, count)
         if keyed and not self.clicks:
-            wave = wave * _keying(rng, count, self.on_s, self.off_s, self.sample_rate_hz)
+            wave *= _keying(rng, count, self.on_s, self.off_s, self.sample_rate_hz)
         spectrum = np.fft.fft(wave)
         frequency_hz = np.fft.fftfreq(count, 1.0 / self.sample_rate_hz)
         inside = np.clip((frequency_hz - self.edge_hz) / _SLOPE_HZ + 0.5, 0.0, 1.0)
         inside *= np.clip((self.sample_rate_hz / 2.0 - frequency_hz) / _SLOPE_HZ, 0.0, 1.0)
-        wave = np.fft.ifft(spectrum * np.sin(0.5 * np.pi * inside))
-        wave *= math.pow(10.0, self.level_db / 20.0)
+        shaped = np.fft.ifft(spectrum * np.sin(0.5 * np.pi * inside))
+        shaped *= math.pow(10.0, self.level_db / 20.0)
         if keyed and self.clicks:
-            wave *= _keying(rng, count, self.on_s, self.off_s, self.sample_rate_hz)
-        return np.asarray(wave, np.complex64)
+            shaped *= _keying(rng, count, self.on_s, self.off_s, self.sample_rate_hz)
+        return np.asarray(shaped, np.complex64)
 
 
 def _keying(
     rng: np.random.Generator, count: int, on_s: float, off_s: float, rate_hz: float
-) -> NDArray[np.float64]:
+) -> NDArray[np.float32]:
     """One while a transmitter sends, zero in its pauses; lengths differ by half."""
     on = np.zeros(count)
     at = -rng.uniform(0.0, on_s + off_s) * rate_hz
@@ -67,7 +67,7 @@ def _keying(
         on[max(0, round(at)) : max(0, round(at + length))] = 1.0
         at += length + rng.uniform(0.5, 1.5) * off_s * rate_hz
     ramp = np.hanning(9)
-    return np.convolve(on, ramp / ramp.sum(), "same")
+    return np.asarray(np.convolve(on, ramp / ramp.sum(), "same").astype(np.float32))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

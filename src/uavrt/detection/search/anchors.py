@@ -64,6 +64,8 @@ class AnchorSearch(RateSearch):
                 lows=self.lows,
                 interval=interval,
                 expected_per_column=expected_per_column,
+                threshold=self._steady_threshold,
+                limit=self.limit,
             )
 
     @property

@@ -22,8 +22,9 @@ _AT_ONCE = 4
 """Lattices looked at in each step, in turn: each costs a call."""
 _GAIN = 0.08
 """Noise powers by which a group raises the threshold: a fifth of a noise power of scatter."""
-_MOST = 30.0
-"""Noise powers that are added at most."""
+_MOST_SHARE = 0.85
+"""Most of the largest sum, K cells at their limit, that is asked for: strong pulses of other
+transmitters are counted as well, and must not hide a strong tag."""
 _TOLERATED = 1.25
 """Groups counted over those of white noise that leave the threshold where it is."""
 _WHITE_K = np.log(np.array([2.0, 3.0, 5.0, 8.0]))
@@ -46,6 +47,8 @@ class NullLattices:
         Of the tag, in columns.
     expected_per_column : float
         Groups of white noise at `LEVEL` of the threshold, on one lattice.
+    threshold, limit : float
+        Of a sum and of a cell in it, in noise powers.
     """
 
     def __init__(
@@ -54,6 +57,8 @@ class NullLattices:
         lows: NDArray[np.intp],
         interval: float,
         expected_per_column: float,
+        threshold: float,
+        limit: float,
     ) -> None:
         k = len(lows)
         places = np.arange(k)
@@ -64,6 +69,7 @@ class NullLattices:
         self._next = 0
         white = float(np.interp(math.log(k), _WHITE_K, _WHITE))
         self._expected_per_column = _TOLERATED * white * expected_per_column
+        self._most = max(0.0, _MOST_SHARE * k * limit - threshold)
         self._more = 0.0
         """Noise powers added to the threshold."""
 
@@ -83,7 +89,7 @@ class NullLattices:
                 self._next = (self._next + 5) % _LATTICES
                 seen += test(*self._lattices[self._next])
         beyond = seen - _AT_ONCE * columns * self._expected_per_column
-        self._more = min(max(0.0, self._more + _GAIN * beyond), _MOST)
+        self._more = min(max(0.0, self._more + _GAIN * beyond), self._most)
 
     def factor(self, threshold: float) -> float:
         """What to multiply a threshold by for as many false groups as in white noise."""

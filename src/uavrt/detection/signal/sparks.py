@@ -31,7 +31,7 @@ _SPARKING = 0.135
 """Share of such levels from which on the noise is taken to spark: rarer bursts are impulses,
 which are taken out; ten of 5 ms in a second make 10 %."""
 _STEADY = 0.11
-_LOOK_EVERY = 5
+_LOOK_EVERY = 8
 """Steps between looks while nothing sparks: a look takes as long as a third of a step."""
 _AVERAGE = 0.2
 
@@ -104,7 +104,8 @@ class SparkLimiter:
         if not len(there):
             self._past = None
             return
-        quiet = float(np.quantile(there, _QUIET_SHARE))
+        at = int(_QUIET_SHARE * len(there))
+        quiet = float(np.partition(there, at)[at])
         share = float((there > _HIGH * quiet).mean())
         self._share += (_AVERAGE if self.active else 1.0) * (share - self._share)
         self.active = self._share > (_STEADY if self.active else _SPARKING)

@@ -36,8 +36,10 @@ _PLAIN = 2.0
 _YOUNG_S = 2.0
 _YOUNG_COLOURED = 6.0
 """The same in the first two seconds, when the density is known to a third."""
-_FEWEST = 6
-"""Windows that are looked at while the noise is white."""
+_LOOK_EVERY = 4
+"""Steps between looks while the noise is white: a look takes a tenth of a step."""
+_FEWEST = 12
+"""Windows of which a median is known well enough to show a rise."""
 
 
 class Whitener:
@@ -57,7 +59,7 @@ class Whitener:
         self.reach = round(REACH_S * sample_rate_hz)
         self._radian = 2.0 * math.pi * offset_hz / sample_rate_hz
         self._length = 1 << round(math.log2(_SEGMENT_S * sample_rate_hz))
-        self._segment_s = self._length / sample_rate_hz
+        self._sample_s = 1.0 / sample_rate_hz
         self._taper = np.hanning(self._length + 2)[1:-1].astype(np.float32)
         frequencies = np.fft.fftfreq(self._length, 1.0 / sample_rate_hz)
         away = np.abs((frequencies - offset_hz + 0.5 * sample_rate_hz) % sample_rate_hz)
@@ -65,6 +67,7 @@ class Whitener:
         self._searched = away <= half_width_hz + sample_rate_hz / self._length
         self._density = np.zeros(0)
         self._seen_s = 0.0
+        self._steps = 0
         self._past: NDArray[np.complex64] | None = None
         """The newest samples as they were before the filter; None: nothing was filtered."""
         self._taps: NDArray[np.complex64] | None = None
@@ -82,24 +85,27 @@ class Whitener:
         samples : ndarray of complex64, shape (n,)
             Without carriers, not filtered; lost samples are zero.
         """
+        self._steps += 1
+        rests = self._taps is None and self._seen_s > _YOUNG_S
+        if rests and self._steps % _LOOK_EVERY:
+            return
         length = self._length
         hop = length // 2
         count = (len(samples) - length) // hop + 1
         if count < 1:
             return
         starts = np.arange(count) * hop
-        if self._taps is None and count > _FEWEST and self._seen_s:
-            starts = starts[(np.arange(_FEWEST) * count) // _FEWEST]
         pieces = np.lib.stride_tricks.sliding_window_view(samples, length)[starts]
         pieces = pieces[(pieces[:, ::8] != 0.0).mean(axis=1) > 0.9]
         if not len(pieces):
             return
         spectrum = np.fft.fft(pieces * self._taper)
         power = spectrum.real**2 + spectrum.imag**2
-        middle = np.median(power, axis=0) / math.log(2.0)
+        at = len(power) // 2
+        middle = np.partition(power, at, axis=0)[at] / math.log(2.0)
         if not self._seen_s:
             self._density = np.maximum(middle, 1e-30)
-        span_s = len(samples) / len(starts) * len(pieces) * (1.0 / length) * self._segment_s
+        span_s = len(samples) * self._sample_s * (_LOOK_EVERY if rests else 1)
         self._seen_s += span_s
         weight = min(1.0, span_s / min(self._seen_s, _MEMORY_S))
         limited = np.minimum(power, _LIMIT * self._density).mean(axis=0)
@@ -134,7 +140,7 @@ class Whitener:
         taps = np.convolve(predictor, predictor[::-1].conj())
         at = np.arange(-order, order + 1)
         gain = (taps * np.exp(-1j * self._radian * at)).sum().real
-        return (taps / gain).astype(np.complex64)
+        return np.asarray(taps / gain, np.complex64)
 
     def filter(
         self,
