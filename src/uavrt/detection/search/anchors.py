@@ -15,7 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
+from uavrt.detection.search.hypotheses import (
+    MEASURED,
+    Anchors,
+    Candidate,
+    RateSearch,
+    best_first,
+)
 from uavrt.detection.search.null_lattices import LEVEL, NullLattices
 from uavrt.native import kernels
 
@@ -31,8 +37,8 @@ class AnchorSearch(RateSearch):
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
         k, reach = self.k, self.reach
-        self.waits = [math.ceil((k - 1 - p) * self.intervals[-1]) for p in range(k)]
-        """Columns from an anchor in each place to the last pulse, at the longest interval."""
+        self.waits = [MEASURED + math.ceil((k - 1 - p) * self.intervals[-1]) for p in range(k)]
+        """Columns from an anchor in each place until all its pulses can be measured."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
@@ -41,7 +47,7 @@ class AnchorSearch(RateSearch):
         """(places, k - 1): from the anchor to the first column of that stretch."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Columns to look at for one other pulse."""
-        self.length = self.span + self.piece + 2 * reach + 4
+        self.length = self.span + self.piece + 2 * reach + 4 + MEASURED
         """Columns that are kept; column c lies at c modulo this."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
         """Columns with those that lie twice."""
