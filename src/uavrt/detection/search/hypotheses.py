@@ -50,9 +50,9 @@ class Candidate(NamedTuple):
     """Where its pulses should be, in columns since the start."""
 
 
-MEASURED = 2
-"""Columns that must follow a group's last pulse: it is measured a step and two samples beyond
-its window, and one in a hundred first groups of a strong tag lost its last pulse without."""
+MEASURED = 8
+"""Columns that must follow a group's last pulse, one pulse width: a strong one begins with a
+flank that is at the limit, and the group was measured there, 3 dB low, before its top came."""
 EQUAL_SCORES = 4
 """Decimal places of a score that count. Cells are limited before they are summed, so strong
 groups share one score but for the last bits of float32, which must not choose between them."""
