@@ -9,9 +9,9 @@ _APART_BINS = 1.0
 """Distance of the frequencies looked at, in bins: the tag's own, and one on each side."""
 _RISE_S = 120.0
 """Time constant with which the quiet level rises when nothing is as quiet any more."""
-_LOUD = 16.0
+_LOUD = 24.0
 """Power over the quiet level of an occupied instant. The lowest quartile in a minute is about
-0.3 of the mean of noise: one instant of noise in a thousand is so loud."""
+0.3 of the mean of noise: noise alone is hardly ever so loud."""
 _STRIDE = 8
 _RECEIVED = 0.5
 """Least share of a window's samples that are neither lost nor taken out as impulses."""
@@ -30,7 +30,7 @@ class Occupancy:
     def __init__(
         self, *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float
     ) -> None:
-        self._length = max(4, round(1.5 * pulse_width_s * sample_rate_hz))
+        self._length = max(4, round(pulse_width_s * sample_rate_hz))
         self._length_s = self._length / sample_rate_hz
         bin_hz = sample_rate_hz / self._length
         offsets = offset_hz + _APART_BINS * bin_hz * np.array([-1.0, 0.0, 1.0])
