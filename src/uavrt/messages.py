@@ -148,6 +148,10 @@ class SearchReport:
     noise_psd: float
     best_score: float
     """Best statistic over its threshold in the stretch; below 1."""
+    usable_share: float | None = None
+    """Share of the time in which no other signal was on the tag's frequency; None: unknown."""
+    weakest_enr_db: float | None = None
+    """ENR [dB] over `noise_psd` at which nine groups of ten would have been found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

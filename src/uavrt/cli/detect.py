@@ -453,6 +453,11 @@ def _report(
         for tag in tags
     ]
     lines += [
+        f"tag {tag_id}: frequency usable {100.0 * searched.usable_share:.0f} % of the time, "
+        f"pulses of {searched.weakest_enr_db:.1f} dB and more are found"
+        for tag_id, searched in summary.searched.items()
+    ]
+    lines += [
         f"tag {tag.tag_id}: {count} of its confirmed pulses may be of another tag "
         "(also_possible_tag_ids; `uavrt tags check` says what would tell them apart)"
         for tag in tags

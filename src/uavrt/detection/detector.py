@@ -155,6 +155,7 @@ class PulseDetector:
             sample_rate_hz=self.sample_rate_hz,
             pulse_width_s=self.tag.pulse_width_s,
             counters=self.counters,
+            band_hz=(self._home_hz, self._bounds.half_width_hz),
         )
         self._advances = 0
         self._clean = 0
@@ -373,7 +374,7 @@ class PulseDetector:
             self.band.know(known)
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()
-        self._reporter.searched(self._buffer.time_ns(upto), self.band)
+        self._reporter.searched(self._buffer.time_ns(upto), self.band, self._cleaner.occupancy)
 
     def _consider(self, found: list[Candidate], search: RateSearch) -> None:
         """Turn candidates into groups; several candidates of the same pulses are one."""

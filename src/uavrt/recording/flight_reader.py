@@ -129,7 +129,7 @@ def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport
     """
     with flight_database(Path(directory)) as database:
         rows = database.execute(
-            "SELECT time_ns, tag_id, frequency_hz, noise_psd, best_score FROM search_reports"
+            f"SELECT {schema.SEARCH_REPORT_COLUMNS} FROM search_reports"
             " ORDER BY time_ns, tag_id"
         )
         return tuple(map(schema.search_report_from_row, rows))

@@ -26,8 +26,13 @@ from uavrt.messages import (
 )
 from uavrt.recording.fields import SQL_TYPES, fields_of
 
-VERSION = 4
-"""2: pulses say what is in doubt about them; 3: searches are noted; 4: coded tags."""
+VERSION = 5
+"""2: pulses say what is in doubt about them; 3: searches are noted; 4: coded tags; 5: search
+reports hold the usable share of the time and the weakest tag."""
+SEARCH_REPORT_COLUMNS = (
+    "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
+)
+_NEW_OF_SEARCH_REPORTS = ("usable_share", "weakest_enr_db")
 
 _PULSE_FIELDS = fields_of(Pulse)
 _PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
@@ -76,7 +81,8 @@ CREATE TABLE IF NOT EXISTS commands (
     accepted INTEGER, message TEXT
 );
 CREATE TABLE IF NOT EXISTS search_reports (
-    time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL
+    time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL,
+    usable_share REAL, weakest_enr_db REAL
 );
 CREATE TABLE IF NOT EXISTS search_notes (
     time_ns INTEGER, order_id INTEGER, event TEXT, text TEXT, reason TEXT, detail TEXT
@@ -110,9 +116,7 @@ INSERT_STATUS_TEXT = insertion("status_texts", "time_ns, severity, text")
 INSERT_COMMAND = insertion(
     "commands", "time_ns, request_id, name, source, detail, accepted, message"
 )
-INSERT_SEARCH_REPORT = insertion(
-    "search_reports", "time_ns, tag_id, frequency_hz, noise_psd, best_score"
-)
+INSERT_SEARCH_REPORT = insertion("search_reports", SEARCH_REPORT_COLUMNS)
 SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
 """Those that people ask for; the whole record is in ``detail``."""
 INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
@@ -148,6 +152,8 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
         database.execute(f"ALTER TABLE pulses ADD COLUMN {column} {_PULSE_TYPES[column]}")
     if _lacking(database, "tags", ("gaps_s",)):
         database.execute("ALTER TABLE tags ADD COLUMN gaps_s TEXT")
+    for column in _lacking(database, "search_reports", _NEW_OF_SEARCH_REPORTS):
+        database.execute(f"ALTER TABLE search_reports ADD COLUMN {column} REAL")
     database.execute(f"PRAGMA user_version={VERSION}")
 
 
@@ -159,7 +165,11 @@ def read_older(database: sqlite3.Connection) -> None:
     sqlite3.Error
         The database cannot be read.
     """
-    for table, columns in (("pulses", tuple(_PULSE_TYPES)), ("tags", ("gaps_s",))):
+    for table, columns in (
+        ("pulses", tuple(_PULSE_TYPES)),
+        ("tags", ("gaps_s",)),
+        ("search_reports", _NEW_OF_SEARCH_REPORTS),
+    ):
         if lacking := _lacking(database, table, columns):
             nulls = ", ".join(f"NULL AS {column}" for column in lacking)
             database.execute("PRAGMA temp_store=MEMORY")
@@ -279,6 +289,8 @@ def search_report_row(report: SearchReport) -> Row:
         report.frequency_hz,
         report.noise_psd,
         report.best_score,
+        report.usable_share,
+        report.weakest_enr_db,
     )
 
 
@@ -290,6 +302,8 @@ def search_report_from_row(row: Row) -> SearchReport:
         frequency_hz=_number(row[2]),
         noise_psd=_number(row[3]),
         best_score=_number(row[4]),
+        usable_share=row[5],
+        weakest_enr_db=row[6],
     )
 
 

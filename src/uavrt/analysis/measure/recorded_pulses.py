@@ -195,6 +195,31 @@ class DetectionChain:
 
 
 @dataclass(slots=True)
+class Searched:
+    """In what a tag's frequency was searched, over a run."""
+
+    _reports: int = 0
+    _usable: float = 0.0
+    _weakest_db: float = 0.0
+
+    def add(self, usable_share: float, weakest_enr_db: float) -> None:
+        """Add a report of one second."""
+        self._reports += 1
+        self._usable += usable_share
+        self._weakest_db += weakest_enr_db
+
+    @property
+    def usable_share(self) -> float:
+        """Share of the time in which no other signal was on the tag's frequency."""
+        return self._usable / self._reports
+
+    @property
+    def weakest_enr_db(self) -> float:
+        """Mean ENR [dB] at which nine groups of ten would have been found."""
+        return self._weakest_db / self._reports
+
+
+@dataclass(slots=True)
 class DetectionSummary:
     """What a run did."""
 
@@ -219,11 +244,21 @@ class DetectionSummary:
     """Pulses during which the receiver's converter was at its limits."""
     clipped_share: float = 0.0
     """Of the time that in which it was."""
+    searched: dict[int, "Searched"] = field(default_factory=dict)
+    """For each tag's number, in what its frequency was searched."""
 
     @property
     def times_real_time(self) -> float:
         """Speed: seconds of signal in a second."""
         return self.signal_s / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
+
+    def note(self, reports: Sequence[SearchReport]) -> None:
+        """Add what detectors report of the seconds that they have searched."""
+        for report in reports:
+            if report.usable_share is not None and report.weakest_enr_db is not None:
+                self.searched.setdefault(report.tag_id, Searched()).add(
+                    report.usable_share, report.weakest_enr_db
+                )
 
     def count(self, pulse: Pulse) -> None:
         """Count a pulse that was written."""
@@ -316,8 +351,10 @@ def detect(
             summary.elapsed_s = monotonic_s() - begun_s
             if on_progress is not None:
                 on_progress(summary.samples, source.total_samples)
+        reports = chain.search_reports()
+        summary.note(reports)
         if on_reports is not None:
-            on_reports(chain.search_reports())
+            on_reports(reports)
     hand_over(chain.flush())
     summary.stopped = stopped
     summary.invalid_samples = chain.invalid_samples

@@ -15,7 +15,7 @@ from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
 from uavrt.clock import told_utc
 from uavrt.localization import Position, TangentPlane
-from uavrt.messages import STATION_COUNTER, Pulse, Tag
+from uavrt.messages import STATION_COUNTER, Pulse, SearchReport, Tag
 from uavrt.recording import IntegratedVerdict
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
@@ -386,7 +386,7 @@ def _why_no_position(survey: Survey, tag_id: int) -> str:
         best = max((r.best_score for r in reports if math.isfinite(r.best_score)), default=0.0)
         return (
             f"Not heard in {seconds:.0f} s of search; the strongest trace had "
-            f"{100 * best:.0f} % of the threshold."
+            f"{100 * best:.0f} % of the threshold.{_how_searched(reports)}"
         )
     found = survey.position_of(tag_id)
     if found is not None and found.reason:
@@ -394,6 +394,18 @@ def _why_no_position(survey: Survey, tag_id: int) -> str:
     if all(one.pose is None for one in own):
         return f"Heard {len(own)} times, never at a known place."
     return f"Heard {len(own)} times, but there is no turn in place to take a bearing from."
+
+
+def _how_searched(reports: Sequence[SearchReport]) -> str:
+    """Sentence on how much of the time a frequency was usable, and for which tags."""
+    usable = [r.usable_share for r in reports if r.usable_share is not None]
+    weakest = [r.weakest_enr_db for r in reports if r.weakest_enr_db is not None]
+    if not usable or not weakest:
+        return ""
+    return (
+        f" Its frequency was usable {100.0 * sum(usable) / len(usable):.0f} % of the time; "
+        f"pulses of {sum(weakest) / len(weakest):.1f} dB would have been found."
+    )
 
 
 def _count(number: int, word: str) -> str:

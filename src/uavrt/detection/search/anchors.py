@@ -6,6 +6,7 @@ array for all of them, and a call of NumPy costs more than what a single tag giv
 """
 
 import bisect
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,7 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
+from uavrt.detection.search.hypotheses import (
+    MEASURED,
+    Anchors,
+    Candidate,
+    RateSearch,
+    best_first,
+)
+from uavrt.detection.search.null_lattices import LEVEL, NullLattices
 from uavrt.native import kernels
 
 _ANCHORS_AT_ONCE = 96
@@ -29,8 +37,8 @@ class AnchorSearch(RateSearch):
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
         k, reach = self.k, self.reach
-        self.waits = [math.ceil((k - 1 - p) * self.intervals[-1]) for p in range(k)]
-        """Columns from an anchor in each place to the last pulse, at the longest interval."""
+        self.waits = [MEASURED + math.ceil((k - 1 - p) * self.intervals[-1]) for p in range(k)]
+        """Columns from an anchor in each place until all its pulses can be measured."""
         others = np.stack([np.delete(self._offsets[p], p, axis=0) for p in range(k)])
         first = others.min(axis=2, initial=np.iinfo(np.intp).max, keepdims=True)
         self.rest = others - first
@@ -39,7 +47,7 @@ class AnchorSearch(RateSearch):
         """(places, k - 1): from the anchor to the first column of that stretch."""
         self.stretch = int(self.rest.max(initial=0)) + 2 * reach + 1
         """Columns to look at for one other pulse."""
-        self.length = self.span + self.piece + 2 * reach + 4
+        self.length = self.span + self.piece + 2 * reach + 4 + MEASURED
         """Columns that are kept; column c lies at c modulo this."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
         """Columns with those that lie twice."""
@@ -51,8 +59,27 @@ class AnchorSearch(RateSearch):
         self.anchor_columns: list[int] = []
         self.anchor_rows: list[int] = []
         self.anchor_powers: list[float] = []
+        self.null: NullLattices | None = None
         self.tested = [0] * k
         """How many of the anchors were tested in each place."""
+
+    def count_null(self, expected_per_column: float, interval: float) -> None:
+        """Count the groups on lattices of no tag, and raise the threshold by their excess."""
+        if self.k > 1:
+            self.null = NullLattices(
+                lows=self.lows,
+                interval=interval,
+                expected_per_column=expected_per_column,
+                threshold=self._steady_threshold,
+                limit=self.limit,
+            )
+
+    @property
+    def margin(self) -> float:
+        """What the threshold is multiplied by for the noise at hand."""
+        if self.null is None:
+            return self.own_margin
+        return self.own_margin * self.null.factor(self.threshold)
 
     def begin_at(self, column: int) -> None:
         """Begin in mid-stream: the first column that will be pushed is this one."""
@@ -150,11 +177,23 @@ class AnchorSearch(RateSearch):
             self.tested = [upto - keep for upto in tested]
         due.members += [member] * (len(due.columns) - len(due.members))
 
-    def collect(self, tested: "_Tested", part: slice) -> list[Candidate]:
-        """Make candidates of the hypotheses in `part`, all this search's, above threshold."""
+    def collect(
+        self, tested: "_Tested", part: slice, least: float, shorter: int = 0
+    ) -> list[Candidate]:
+        """Make candidates of the hypotheses in `part`, all this search's.
+
+        Parameters
+        ----------
+        tested : _Tested
+        part : slice
+        least : float
+            Sum that makes a candidate.
+        shorter : int
+            Columns by which the intervals looked at were shorter.
+        """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
-        hits = np.flatnonzero(best >= self.threshold * self.margin)
+        hits = np.flatnonzero(best >= least)
         strengths = (cells[hits].sum(axis=1) + power[hits][:, np.newaxis]) / level[hits][
             :, np.newaxis
         ]
@@ -164,14 +203,14 @@ class AnchorSearch(RateSearch):
         strength = strengths.max(axis=1)
         strongest = np.argsort(-strength)[:_CANDIDATES_AT_ONCE]
         which = hits[strongest]
-        interval = self.intervals[strengths.argmax(axis=1)[strongest]]
+        interval = self.intervals[strengths.argmax(axis=1)[strongest]] - shorter
         after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
         columns = tested.column[part][which][:, np.newaxis] + after * interval[:, np.newaxis]
         score, strength, row = best[which], strength[strongest], tested.row[part][which]
         return self._unknown(score, strength, row, columns)
 
     def candidates(
-        self, due: "_Due", hits: list[tuple[int, float, float, int]]
+        self, due: "_Due", hits: list[tuple[int, float, float, int]], shorter: int = 0
     ) -> list[Candidate]:
         """Make candidates of the anchors that the compiled kernel found above threshold.
 
@@ -180,13 +219,17 @@ class AnchorSearch(RateSearch):
         due : _Due
         hits : list of (int, float, float, int)
             Which of these, the best sum and the strength in noise powers, and the interval.
+        shorter : int
+            Columns by which the intervals looked at were shorter.
         """
         hits = sorted(hits, key=lambda hit: -hit[2])[:_CANDIDATES_AT_ONCE]
         which, score, strength, interval = zip(*hits, strict=True)
         place = np.array([due.places[index] for index in which])
         column = np.array([due.columns[index] for index in which])
         after = np.arange(self.k) - place[:, np.newaxis]
-        columns = column[:, np.newaxis] + after * self.intervals[list(interval), np.newaxis]
+        columns = column[:, np.newaxis] + after * (
+            self.intervals[list(interval), np.newaxis] - shorter
+        )
         row = np.array([due.rows[index] for index in which])
         return self._unknown(np.array(score), np.array(strength), row, columns)
 
@@ -269,12 +312,15 @@ def search_together(
     found: list[list[Candidate]] = [[] for _ in searches]
     for search, columns in zip(searches, power, strict=True):
         search.append(columns)
-    if not searches[0].fresh:
+    fresh = searches[0].fresh
+    if not fresh:
         return found
     _note_anchors(searches, noise)
     due = _Due()
     for member, search in enumerate(searches):
+        first = len(due.columns)
         search.take_due(due, member)
+        _count_null(search, due, slice(first, None), noise[member], fresh)
     if due.columns:
         _test_all(searches, due, noise, found)
         for some in found:
@@ -300,19 +346,53 @@ def _search_by_kernel(
     due = _Due()
     if fresh:
         search.take_due(due, 0)
+
+    def rated(lows: NDArray[np.intp], least: float) -> Any:
+        return native.rate(
+            *(*ring, search.stretch, search.reach, search.limit, lows, search.rest, level),
+            *(due.columns, due.rows, due.powers, due.places, least),
+        )
+
+    null = search.null
+
+    def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
+        assert null is not None
+        hits = rated(lows, LEVEL * search.threshold * null.factor(search.threshold))[1]
+        return bool(hits) and bool(search.candidates(due, hits, shorter))
+
+    if fresh and null is not None:
+        null.count(fresh, makes_group if due.columns else None)
     if not due.columns:
         return []
-    least = search.threshold * search.margin
-    largest, hits = native.rate(
-        *(*ring, search.stretch, search.reach, search.limit, search.lows, search.rest, level),
-        *(due.columns, due.rows, due.powers, due.places, least),
-    )
+    largest, hits = rated(search.lows, search.threshold * search.margin)
     search.best = max(search.best, largest / search.threshold)
     if hits and len(due.columns) > _ANCHORS_AT_ONCE:
         found: list[list[Candidate]] = [[]]
         _test_all([search], due, level[np.newaxis], found)
         return best_first(found[0])
     return best_first(search.candidates(due, hits)) if hits else []
+
+
+def _count_null(
+    search: AnchorSearch, due: _Due, part: slice, level: NDArray[np.float32], fresh: int
+) -> None:
+    """Count the groups that a search's anchors in `part` make on lattices of no tag."""
+    null = search.null
+    if null is None:
+        return
+    column, row = np.array(due.columns[part]), np.array(due.rows[part])
+    place, power = np.array(due.places[part]), np.array(due.powers[part], np.float32)
+
+    def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
+        lattice = copy.copy(search)
+        lattice.lows = lows
+        member = np.zeros(len(column), np.intp)
+        tested = _test([lattice], member, column, row, place, power, level[np.newaxis])
+        least = LEVEL * search.threshold * null.factor(search.threshold)
+        some = bool((tested.best >= least).any())
+        return some and bool(search.collect(tested, slice(None), least, shorter))
+
+    null.count(fresh, makes_group if len(column) else None)
 
 
 def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) -> None:
@@ -382,8 +462,9 @@ def _test_all(
             own = slice(own.start - low, own.stop - low)
             largest = max(best[own])
             search.best = max(search.best, largest / search.threshold)
-            if largest >= search.threshold * search.margin:
-                found[index] += search.collect(tested, own)
+            least = search.threshold * search.margin
+            if largest >= least:
+                found[index] += search.collect(tested, own, least)
         begin = number + 1
 
 

@@ -17,7 +17,7 @@ from uavrt.detection.search.levelling import SLOT, Leveller, level_together
 from uavrt.detection.search.noise import RowNoise, update_together
 from uavrt.detection.search.rates import make_searches
 from uavrt.detection.search.spectra import Workspace, columns_ahead, push_together
-from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, young_margin
+from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, weakest_enr_db, young_margin
 from uavrt.detection.signal import SampleBuffer
 from uavrt.detection.track import Bursts, Known
 from uavrt.messages import Tag
@@ -75,7 +75,7 @@ class SearchBand:
         )
         self._searches = make_searches(tag, grid, half_width_hz)
         for search in self._searches:
-            search.margin = gate(search.k)
+            search.own_margin = gate(search.k)
         steady = self._searches[0]
         self.leveller = Leveller(
             rows=grid.rows,
@@ -214,6 +214,11 @@ class SearchBand:
             search.best = 0.0
         return min(best, 0.999)
 
+    def weakest_enr_db(self) -> float:
+        """ENR [dB] at which nine groups of ten reach the threshold in force."""
+        search = self._searches[0]
+        return weakest_enr_db(search.k, search.threshold * search.margin / gate(search.k))
+
     def take_over(self, other: "SearchBand", upto: int) -> None:
         """Begin at an index, in mid-stream, with the noise of a band that holds this one."""
         grid = self._grid
@@ -297,7 +302,7 @@ class SearchBand:
         error = self._noise.relative_error
         more = _MANY_LINES if self._noise.ragged else 1.0
         for search in self._searches:
-            search.margin = gate(search.k) * young_margin(search.threshold, error) * more
+            search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
         self._unsure = error > USUAL_NOISE_ERROR
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:

@@ -50,6 +50,9 @@ class Candidate(NamedTuple):
     """Where its pulses should be, in columns since the start."""
 
 
+MEASURED = 8
+"""Columns that must follow a group's last pulse, one pulse width: a strong one begins with a
+flank that is at the limit, and the group was measured there, 3 dB low, before its top came."""
 EQUAL_SCORES = 4
 """Decimal places of a score that count. Cells are limited before they are summed, so strong
 groups share one score but for the last bits of float32, which must not choose between them."""
@@ -131,7 +134,7 @@ class RateSearch(ABC):
         self.piece = max(16, math.ceil(_PIECE_S / hop_s))
         self.best = 0.0
         """Largest statistic over the threshold since it was last set to zero."""
-        self.margin = 1.0
+        self.own_margin = 1.0
         """What the threshold is multiplied by while the noise is hardly known."""
         self.known: KnownPulses | None = None
         """What they explain need not be returned."""
@@ -141,6 +144,11 @@ class RateSearch(ABC):
     def open_anchors(self) -> Anchors:
         """Get the strong cells that the search is not done with."""
         return [], [], []
+
+    @property
+    def margin(self) -> float:
+        """What the threshold is multiplied by for the noise at hand."""
+        return self.own_margin
 
     @property
     def steady(self) -> bool:
@@ -174,7 +182,7 @@ class RateSearch(ABC):
 
     def finish(self, noise: NDArray[np.float32]) -> list[Candidate]:
         """Test the hypotheses still open, as if only silence followed."""
-        columns = self.longest * (self.k - 1) + 2 * self.reach + 1
+        columns = self.longest * (self.k - 1) + 2 * self.reach + 1 + MEASURED
         if self.columns <= self._first_columns:
             self._first_columns += columns
         return self.push(np.zeros((columns, self.rows), np.float32), noise)

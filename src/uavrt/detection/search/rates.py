@@ -6,11 +6,13 @@ from uavrt.detection.search.anchors import AnchorSearch
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.hypotheses import RateSearch, jitter_reach
 from uavrt.detection.search.long_groups import LongSearch
+from uavrt.detection.search.null_lattices import LEVEL
 from uavrt.detection.search.thresholds import (
     begun_within_s,
     decision_interval_s,
     decision_span_s,
     effective_hypotheses,
+    group_tail,
     spread,
     threshold,
 )
@@ -40,6 +42,8 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
         interval_time_s = decision_interval_s(tag, rate)
         first_s = decision_span_s(tag, rate)
         begun_s = _FIRST_SHARE * min(begun_within_s(tag, rate), interval_time_s)
+        expected = tag.false_alarm_probability / len(tag.pulse_intervals_s)
+        some = spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s)
         steady, first = (
             threshold(
                 k=tag.k,
@@ -51,23 +55,28 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
                     uncertainty_s=tag.interval_uncertainty_s,
                     reach_s=reach_s,
                 ),
-                spread=spread(reach_s=reach_s, pulse_width_s=tag.pulse_width_s),
-                expected_false=tag.false_alarm_probability / len(tag.pulse_intervals_s),
+                spread=some,
+                expected_false=expected,
             )
             for time_s in (interval_time_s, begun_s)
         )
-        searches.append(
-            kind(
-                rows=grid.rows,
-                hop_s=grid.hop_s,
-                interval_s=interval_s,
-                uncertainty_s=tag.interval_uncertainty_s,
-                jitter_s=tag.interval_jitter_s,
-                k=tag.k,
-                threshold=steady,
-                rate=rate,
-                first_threshold=first,
-                first_columns=math.ceil(first_s / grid.hop_s),
-            )
+        search = kind(
+            rows=grid.rows,
+            hop_s=grid.hop_s,
+            interval_s=interval_s,
+            uncertainty_s=tag.interval_uncertainty_s,
+            jitter_s=tag.interval_jitter_s,
+            k=tag.k,
+            threshold=steady,
+            rate=rate,
+            first_threshold=first,
+            first_columns=math.ceil(first_s / grid.hop_s),
         )
+        if isinstance(search, AnchorSearch):
+            at_level = group_tail(tag.k, some, LEVEL * steady) / group_tail(tag.k, some, steady)
+            search.count_null(
+                expected / interval_time_s * grid.hop_s * at_level,
+                interval_s / grid.hop_s,
+            )
+        searches.append(search)
     return searches

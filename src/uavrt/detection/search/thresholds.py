@@ -20,6 +20,8 @@ from uavrt.messages import Tag
 
 _STEP = 0.01
 _ORIGINAL_RATE_HZ = 3750.0
+_NINE_OF_TEN = 1.2816
+"""Quantile of the normal distribution."""
 _LEAST_BEGUN = 0.25
 """Least share of an interval in which a group can have begun; up to K = 40 it is more."""
 USUAL_NOISE_ERROR = 0.033
@@ -177,3 +179,14 @@ def young_margin(
     """
     more = max(0.0, noise_error**2 - usual_error**2)
     return 1.0 + 0.5 * threshold * more
+
+
+def weakest_enr_db(k: int, threshold: float) -> float:
+    """ENR [dB] of K equal pulses whose sum reaches a threshold in nine groups of ten.
+
+    A pulse's cell has the mean 1 + E and the variance 1 + 2 E; their sum is taken as normal.
+    """
+    # With x = 1 + 2 E: K (x + 1) / 2 - z sqrt(K x) = threshold, a square equation in sqrt(x).
+    half = _NINE_OF_TEN / math.sqrt(k)
+    root = half + math.sqrt(max(0.0, half**2 + 2.0 * threshold / k - 1.0))
+    return 10.0 * math.log10(max(0.5 * (root**2 - 1.0), 1e-3))

@@ -102,6 +102,8 @@ class LineCanceller:
         power = spectrum.real**2 + spectrum.imag**2
         middle = _GROUP // 2
         floor = np.partition(power.reshape(-1, _GROUP), middle, axis=1)[:, middle]
+        # Beside an edge of the noise the group on its louder side counts.
+        floor = np.maximum(floor, np.maximum(np.roll(floor, 1), np.roll(floor, -1)))
         over = power > np.repeat(_RATIO * floor, _GROUP)
         for line in self._held:
             line.looks_left -= 1

@@ -3,9 +3,13 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavrt.detection.signal.carrier_lines import FEW_LINES, LineCanceller
+from uavrt.detection.signal.occupancy import Occupancy
 from uavrt.detection.signal.samples import Counters, SampleBuffer, blank_impulses
+from uavrt.detection.signal.sparks import SparkLimiter
+from uavrt.detection.signal.whitening import Whitener
 
 _LINES_EVERY_S = 2.4
 """Time between two looks for carriers: one that is there may drift, and 2 Hz/s in 2.5 s is
@@ -22,13 +26,49 @@ class Cleaner:
     ----------
     sample_rate_hz, pulse_width_s : float
     counters : Counters
+    band_hz : (float, float), optional
+        Offset from the channel's centre and half-width of the band that is searched: the noise
+        is made white and steady there before impulses are looked for.
     """
 
     def __init__(
-        self, *, sample_rate_hz: float, pulse_width_s: float, counters: Counters
+        self,
+        *,
+        sample_rate_hz: float,
+        pulse_width_s: float,
+        counters: Counters,
+        band_hz: tuple[float, float] | None = None,
     ) -> None:
         self._counters = counters
         self._lines = LineCanceller(sample_rate_hz)
+        self._whitener: Whitener | None = None
+        self._limiter: SparkLimiter | None = None
+        self.occupancy: Occupancy | None = None
+        """How much of the time the band's middle is free of other signals."""
+        self._ahead = self._steady_ahead = 0
+        if band_hz is not None:
+            offset_hz, half_width_hz = band_hz
+            self._whitener = Whitener(
+                sample_rate_hz=sample_rate_hz, offset_hz=offset_hz, half_width_hz=half_width_hz
+            )
+            self._limiter = SparkLimiter(
+                sample_rate_hz=sample_rate_hz, offset_hz=offset_hz, half_width_hz=half_width_hz
+            )
+            self.occupancy = Occupancy(
+                sample_rate_hz=sample_rate_hz,
+                pulse_width_s=pulse_width_s,
+                offset_hz=offset_hz,
+            )
+            self._steady_ahead = self._limiter.reach
+            self._ahead = self._steady_ahead + self._whitener.reach
+        self._without_lines = 0
+        """Index up to which carriers are taken out."""
+        self._blanked = 0
+        """Index up to which impulses are taken out."""
+        self._white = 0
+        """Index up to which the noise is white."""
+        self._steady = 0
+        """Index up to which it is steady."""
         self.flank = max(2, round(0.35 * pulse_width_s * sample_rate_hz))
         """Samples looked at to either side of an impulse."""
         self._short = max(2, round(0.05 * pulse_width_s * sample_rate_hz))
@@ -37,21 +77,23 @@ class Cleaner:
         """End of the stretch at which carriers are looked for again."""
         self.floor = 0.0
         """Median power of a sample; zero before the first stretch."""
+        self.mean_floor = 0.0
+        """Mean power of a clean sample without pulses."""
 
     @property
     def margin(self) -> int:
         """Samples that must be there beyond a stretch."""
+        return self._beyond + self._ahead
+
+    @property
+    def _beyond(self) -> int:
+        """Samples beyond a stretch that the search for impulses looks at."""
         return self.flank + self._short
 
     @property
     def many_lines(self) -> bool:
         """Whether more than a few carriers are taken out: mains hum."""
         return len(self._lines.frequencies_hz) > FEW_LINES
-
-    @property
-    def mean_floor(self) -> float:
-        """Mean power of a sample without pulses."""
-        return self.floor / _MEDIAN
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Clean the samples of indices [first, last).
@@ -63,10 +105,51 @@ class Cleaner:
         renew : bool
             Measure the floor again.
         """
-        buffer.examine(min(buffer.end, last + self.margin))
-        self._cancel_lines(buffer, first, last)
-        buffer.silence(first, last)
-        self._blank(buffer, first, last, renew=renew)
+        ready = min(buffer.end, last + self.margin)
+        buffer.examine(ready)
+        if self._whitener is None or self._limiter is None:
+            self._cancel_lines(buffer, first, last)
+            buffer.silence(first, last)
+            self._blank(buffer, first, last, renew=renew)
+            return
+        begin = max(self._without_lines, buffer.start)
+        self._cancel_lines(buffer, begin, ready)
+        buffer.silence(begin, ready)
+        self._without_lines = ready
+        end = min(buffer.end, last + self._ahead)
+        begin = max(self._blanked, buffer.start)
+        self._blank(buffer, begin, end, renew=renew)
+        self._blanked = end
+        self._whitener.learn(buffer.view(begin, end))
+        if self.occupancy is not None:
+            self.occupancy.look(buffer.view(begin, end))
+        self._whiten(self._whitener, buffer, last)
+        self._make_steady(self._limiter, buffer, last)
+        if self._whitener.active or self._limiter.active:
+            self.mean_floor = _median_power(buffer.view(first, last)) / _MEDIAN
+
+    def _whiten(self, whitener: Whitener, buffer: SampleBuffer, last: int) -> None:
+        """Make the noise white up to the samples that the next step needs."""
+        end = min(buffer.end, last + self._steady_ahead)
+        begin = max(self._white, buffer.start)
+        whitener.filter(
+            buffer.view(max(buffer.start, begin - whitener.reach), begin),
+            buffer.view(begin, end),
+            buffer.view(end, self._blanked),
+        )
+        if whitener.active:
+            buffer.silence(begin, end)
+        self._white = end
+
+    def _make_steady(self, limiter: SparkLimiter, buffer: SampleBuffer, last: int) -> None:
+        """Make the noise of a stretch steady."""
+        begin = max(self._steady, buffer.start)
+        limiter.limit(
+            buffer.view(max(buffer.start, begin - limiter.reach), begin),
+            buffer.view(begin, last),
+            buffer.view(last, self._white),
+        )
+        self._steady = last
 
     def _cancel_lines(self, buffer: SampleBuffer, first: int, last: int) -> None:
         """Subtract carriers from [first, last)."""
@@ -84,19 +167,15 @@ class Cleaner:
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Zero impulses in [first, last), looking a flank to either side."""
-        margin = self.flank + self._short
+        margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)
         stretch = buffer.view(low, high)
         if not len(stretch):
             return
         if self.floor <= 0.0 or renew:
-            some = stretch[::_FLOOR_STRIDE]
-            power = some.real**2 + some.imag**2
-            power = power[power > 0.0]  # zeros stand for lost samples
-            if len(power):
-                middle = len(power) // 2
-                self.floor = float(np.partition(power, middle)[middle])
+            self.floor = _median_power(stretch) or self.floor
+            self.mean_floor = self.floor / _MEDIAN
         if self.floor > 0.0:
             blanked = blank_impulses(
                 stretch,
@@ -108,3 +187,12 @@ class Cleaner:
             )
             self._counters.samples_blanked += sum(b - a for a, b in blanked)
             buffer.blanked += [(low + a, low + b) for a, b in blanked]
+
+
+def _median_power(samples: NDArray[np.complex64]) -> float:
+    """Median power of some samples; zeros stand for lost ones. 0: all are lost."""
+    some = samples[::_FLOOR_STRIDE]
+    power = some.real**2 + some.imag**2
+    power = power[power > 0.0]
+    middle = len(power) // 2
+    return float(np.partition(power, middle)[middle]) if len(power) else 0.0

@@ -3,7 +3,14 @@
 import math
 
 from uavrt.detection.search import SearchBand, decision_interval_s
-from uavrt.detection.signal import EDGE_HZ, Counters, Measured, apart_hz, in_channel_hz
+from uavrt.detection.signal import (
+    EDGE_HZ,
+    Counters,
+    Measured,
+    Occupancy,
+    apart_hz,
+    in_channel_hz,
+)
 from uavrt.detection.track.chance import log_doubt
 from uavrt.detection.track.tracks import Slot, Track
 from uavrt.detection.track.two_rates import PATIENCE_INTERVALS
@@ -129,7 +136,9 @@ class Reporter:
         track.in_doubt |= doubtful
         return doubtful or waiting
 
-    def searched(self, time_ns: int, band: SearchBand) -> None:
+    def searched(
+        self, time_ns: int, band: SearchBand, occupancy: Occupancy | None = None
+    ) -> None:
         """Note what a band has searched up to a time; about once a second it is a report."""
         if self._reported_ns is None:
             self._reported_ns = time_ns
@@ -144,6 +153,8 @@ class Reporter:
                 frequency_hz=self._tag.frequency_hz,
                 noise_psd=float(noise[len(noise) // 2]) / self._sample_rate_hz,
                 best_score=band.score(),
+                usable_share=None if occupancy is None else occupancy.take_share(),
+                weakest_enr_db=band.weakest_enr_db(),
             )
         )
         del self._reports[:-3600]

@@ -1,0 +1,96 @@
+"""How often the noise at hand makes groups: the same search on lattices that no tag has.
+
+Thresholds are calculated for white noise. Noise of another kind (bursts of the mains, a
+neighbour that is keyed, hum) makes more groups; how many more is counted on intervals shorter
+than the tag's by more than it may err. Nothing is assumed of the noise but that it does not
+know the tag's interval.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEVEL = 0.85
+"""Share of the threshold in force at which groups are counted: often enough to be counted in
+some ten seconds, and so near the threshold that they come as those that reach it."""
+_SHORTEST, _LONGEST = 0.58, 0.86
+"""Intervals of the lattices over the tag's: two of the shortest are no interval of the tag."""
+_LATTICES = 12
+_AT_ONCE = 4
+"""Lattices looked at in each step, in turn: each costs a call."""
+_GAIN = 0.08
+"""Noise powers by which a group raises the threshold: a fifth of a noise power of scatter."""
+_MOST_SHARE = 0.85
+"""Most of the largest sum, K cells at their limit, that is asked for: strong pulses of other
+transmitters are counted as well, and must not hide a strong tag."""
+_TOLERATED = 1.25
+"""Groups counted over those of white noise that leave the threshold where it is."""
+_WHITE_K = np.log(np.array([2.0, 3.0, 5.0, 8.0]))
+_WHITE = np.array([0.51, 0.68, 1.03, 1.09])
+"""Groups counted in white noise over those that the tail of a sum says, by K: measured. An
+anchor is a Kth of the threshold, and a step counts once on a lattice."""
+Test = Callable[[NDArray[np.intp], int], bool]
+"""Whether anchors at hand make a group at the level on a lattice: `lows` of its other pulses,
+and columns by which its interval is shorter than the tag's."""
+
+
+class NullLattices:
+    """Counts the groups of one search that lie on lattices of no tag.
+
+    Parameters
+    ----------
+    lows : ndarray of intp, shape (places, k - 1)
+        Columns from an anchor in each place to the stretches where the other pulses may lie.
+    interval : float
+        Of the tag, in columns.
+    expected_per_column : float
+        Groups of white noise at `LEVEL` of the threshold, on one lattice.
+    threshold, limit : float
+        Of a sum and of a cell in it, in noise powers.
+    """
+
+    def __init__(
+        self,
+        *,
+        lows: NDArray[np.intp],
+        interval: float,
+        expected_per_column: float,
+        threshold: float,
+        limit: float,
+    ) -> None:
+        k = len(lows)
+        places = np.arange(k)
+        apart = np.stack([np.delete(places, p) - p for p in range(k)])
+        shares = np.linspace(_SHORTEST, _LONGEST, _LATTICES)
+        shorter = [round((1.0 - share) * interval) for share in shares.tolist()]
+        self._lattices = [(np.ascontiguousarray(lows - apart * n), n) for n in shorter]
+        self._next = 0
+        white = float(np.interp(math.log(k), _WHITE_K, _WHITE))
+        self._expected_per_column = _TOLERATED * white * expected_per_column
+        self._most = max(0.0, _MOST_SHARE * k * limit - threshold)
+        self._more = 0.0
+        """Noise powers added to the threshold."""
+
+    def count(self, columns: int, test: Test | None) -> None:
+        """Count the groups that new columns complete, and move the threshold.
+
+        Parameters
+        ----------
+        columns : int
+        test : callable, or None
+            None: there are no anchors.
+        """
+        seen = 0
+        if test is not None:
+            for _ in range(_AT_ONCE):
+                # Neighbours differ by little: those of a step lie far apart.
+                self._next = (self._next + 5) % _LATTICES
+                seen += test(*self._lattices[self._next])
+        beyond = seen - _AT_ONCE * columns * self._expected_per_column
+        self._more = min(max(0.0, self._more + _GAIN * beyond), self._most)
+
+    def factor(self, threshold: float) -> float:
+        """What to multiply a threshold by for as many false groups as in white noise."""
+        return 1.0 + self._more / threshold

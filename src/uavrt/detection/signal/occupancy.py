@@ -1,0 +1,65 @@
+"""Measure in which share of the time a tag's own frequency is free of other signals."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+_APART_BINS = 1.0
+"""Distance of the frequencies looked at, in bins: the tag's own, and one on each side."""
+_RISE_S = 120.0
+"""Time constant with which the quiet level rises when nothing is as quiet any more."""
+_LOUD = 24.0
+"""Power over the quiet level of an occupied instant. The lowest quartile in a minute is about
+0.3 of the mean of noise: noise alone is hardly ever so loud."""
+_STRIDE = 8
+_RECEIVED = 0.5
+"""Least share of a window's samples that are neither lost nor taken out as impulses."""
+
+
+class Occupancy:
+    """Counts the instants, one pulse long, in which a frequency is usable.
+
+    Parameters
+    ----------
+    sample_rate_hz, pulse_width_s : float
+    offset_hz : float
+        The tag's frequency relative to the channel's centre.
+    """
+
+    def __init__(
+        self, *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float
+    ) -> None:
+        self._length = max(4, round(pulse_width_s * sample_rate_hz))
+        self._length_s = self._length / sample_rate_hz
+        bin_hz = sample_rate_hz / self._length
+        offsets = offset_hz + _APART_BINS * bin_hz * np.array([-1.0, 0.0, 1.0])
+        turn = np.arange(self._length)[:, np.newaxis] * offsets / sample_rate_hz
+        # Side lobes would show a neighbour.
+        taper = np.hanning(self._length + 2)[1:-1, np.newaxis]
+        self._filters = (taper * np.exp(-2j * np.pi * turn)).astype(np.complex64)
+        self._quiet = math.inf
+        self._usable = self._looked = 0
+
+    def look(self, samples: NDArray[np.complex64]) -> None:
+        """Count the instants of new samples without carriers; lost samples are zero."""
+        count = len(samples) // self._length
+        if not count:
+            return
+        windows = samples[: count * self._length].reshape(count, self._length)
+        received = (windows[:, ::_STRIDE] != 0.0).mean(axis=1)
+        windows, received = windows[received > _RECEIVED], received[received > _RECEIVED]
+        if not len(windows):
+            return
+        cells = windows @ self._filters
+        power = (cells.real**2 + cells.imag**2).mean(axis=1) / received
+        risen = self._quiet * math.exp(count * self._length_s / _RISE_S)
+        self._quiet = min(risen, float(np.partition(power, len(power) // 4)[len(power) // 4]))
+        self._usable += int(np.count_nonzero(power < _LOUD * self._quiet))
+        self._looked += len(power)
+
+    def take_share(self) -> float | None:
+        """Share of usable instants since the last call; None: all samples were lost."""
+        share = self._usable / self._looked if self._looked else None
+        self._usable = self._looked = 0
+        return share

@@ -1,0 +1,179 @@
+"""Make the noise of a channel white: suppress neighbours that sound like noise.
+
+A window one pulse long has side lobes, and what leaks through them from a band of noise beside
+the tag comes from the window's two ends: such cells change within a fraction of a pulse, agree
+a pulse apart, and make ten times the false groups of white noise of their power. The matched
+filter for noise of a density S is the pulse divided by S; here the samples are filtered by
+S to the power of minus one half, and all that follows may take the noise as white.
+
+The density is a mean over half a minute that learns a rise at once. The filter is symmetric, so
+that no pulse is shifted, and has a gain of one at the tag's frequency. It comes from linear
+prediction (J. Makhoul, Linear prediction: a tutorial review, Proc. IEEE 63, 1975): a predictor
+of noise with the density sqrt(S) leaves it white, and its output filtered backwards has the
+gain of S to the power of minus one half.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+REACH_S = 0.008
+"""Length of the filter to either side: it resolves 100 Hz."""
+_SEGMENT_S = 0.034
+"""Length of the windows that measure the density: bins of 29 Hz, of 44 Hz by Hann's taper."""
+_MEMORY_S = 10.0
+"""Time constant of the density."""
+_LIMIT = 6.0
+"""Most that a window counts, in densities: pulses last for a fiftieth of the time."""
+_RISE = 2.2
+"""A median of new windows so many times the density replaces it; noise errs by a quarter."""
+_SMOOTH_BINS = 5
+_COLOURED = 3.0
+"""Highest density over that of the tag's band from which on the samples are filtered."""
+_PLAIN = 2.0
+"""The same at which they are left again as they are."""
+_YOUNG_S = 2.0
+_YOUNG_COLOURED = 6.0
+"""The same in the first two seconds, when the density is known to a third."""
+_LOOK_EVERY = 4
+"""Steps between looks while the noise is white: a look takes a tenth of a step."""
+_FEWEST = 12
+"""Windows of which a median is known well enough to show a rise."""
+
+
+class Whitener:
+    """Follows the noise density of a channel and filters the samples to make it flat.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+    offset_hz, half_width_hz : float
+        The band that is searched, relative to the channel's centre. Its lowest density is what
+        all higher densities are brought down to.
+    """
+
+    def __init__(
+        self, *, sample_rate_hz: float, offset_hz: float, half_width_hz: float
+    ) -> None:
+        self.reach = round(REACH_S * sample_rate_hz)
+        self._radian = 2.0 * math.pi * offset_hz / sample_rate_hz
+        self._length = 1 << round(math.log2(_SEGMENT_S * sample_rate_hz))
+        self._sample_s = 1.0 / sample_rate_hz
+        self._taper = np.hanning(self._length + 2)[1:-1].astype(np.float32)
+        frequencies = np.fft.fftfreq(self._length, 1.0 / sample_rate_hz)
+        away = np.abs((frequencies - offset_hz + 0.5 * sample_rate_hz) % sample_rate_hz)
+        away = np.abs(away - 0.5 * sample_rate_hz)
+        self._searched = away <= half_width_hz + sample_rate_hz / self._length
+        self._density = np.zeros(0)
+        self._seen_s = 0.0
+        self._steps = 0
+        self._past: NDArray[np.complex64] | None = None
+        """The newest samples as they were before the filter; None: nothing was filtered."""
+        self._taps: NDArray[np.complex64] | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether the samples are being filtered."""
+        return self._taps is not None
+
+    def learn(self, samples: NDArray[np.complex64]) -> None:
+        """Follow the density with new samples, and make the filter for them.
+
+        Parameters
+        ----------
+        samples : ndarray of complex64, shape (n,)
+            Without carriers, not filtered; lost samples are zero.
+        """
+        self._steps += 1
+        rests = self._taps is None and self._seen_s > _YOUNG_S
+        if rests and self._steps % _LOOK_EVERY:
+            return
+        length = self._length
+        hop = length // 2
+        count = (len(samples) - length) // hop + 1
+        if count < 1:
+            return
+        starts = np.arange(count) * hop
+        pieces = np.lib.stride_tricks.sliding_window_view(samples, length)[starts]
+        pieces = pieces[(pieces[:, ::8] != 0.0).mean(axis=1) > 0.9]
+        if not len(pieces):
+            return
+        spectrum = np.fft.fft(pieces * self._taper)
+        power = spectrum.real**2 + spectrum.imag**2
+        at = len(power) // 2
+        middle = np.partition(power, at, axis=0)[at] / math.log(2.0)
+        if not self._seen_s:
+            self._density = np.maximum(middle, 1e-30)
+        span_s = len(samples) * self._sample_s * (_LOOK_EVERY if rests else 1)
+        self._seen_s += span_s
+        weight = min(1.0, span_s / min(self._seen_s, _MEMORY_S))
+        limited = np.minimum(power, _LIMIT * self._density).mean(axis=0)
+        self._density += weight * (limited - self._density)
+        if len(pieces) >= _FEWEST:
+            risen = _smooth(middle) > _RISE * _smooth(self._density)
+            self._density[risen] = middle[risen]
+        self._choose()
+
+    def _choose(self) -> None:
+        """Make the filter for the density, or none where the noise is white."""
+        density = _smooth(self._density)
+        least = float(density[self._searched].min())
+        ratio = density / max(least, 1e-30)
+        highest = float(ratio.max())
+        least_coloured = _COLOURED if self._seen_s > _YOUNG_S else _YOUNG_COLOURED
+        if highest < (least_coloured if self._taps is None else _PLAIN):
+            self._taps = None
+            return
+        lags = np.fft.ifft(np.sqrt(np.maximum(self._density / max(least, 1e-30), 1.0)))
+        self._taps = self._filter(lags)
+
+    def _filter(self, lags: NDArray[np.complex128]) -> NDArray[np.complex64]:
+        """Predict noise of such autocorrelations; the predictor against itself, backwards."""
+        order = self.reach
+        order = min(order, len(lags) // 2 - 1)
+        index = np.arange(order)
+        apart = index[:, np.newaxis] - index[np.newaxis, :]
+        matrix = np.where(apart >= 0, lags[np.abs(apart)], lags[np.abs(apart)].conj())
+        matrix[index, index] *= 1.0 + 1e-6
+        predictor = np.concatenate(([1.0], -np.linalg.solve(matrix, lags[1 : order + 1])))
+        taps = np.convolve(predictor, predictor[::-1].conj())
+        at = np.arange(-order, order + 1)
+        gain = (taps * np.exp(-1j * self._radian * at)).sum().real
+        return np.asarray(taps / gain, np.complex64)
+
+    def filter(
+        self,
+        before: NDArray[np.complex64],
+        samples: NDArray[np.complex64],
+        after: NDArray[np.complex64],
+    ) -> None:
+        """Filter new samples in place.
+
+        Parameters
+        ----------
+        before : ndarray of complex64
+            Up to `reach` samples before them, in whatever state the last call left them.
+        samples : ndarray of complex64, shape (n,)
+            That follow those of the last call.
+        after : ndarray of complex64
+            Up to `reach` samples after them; what is not there counts as zero.
+        """
+        if self._taps is None:
+            self._past = None
+            return
+        side = (len(self._taps) - 1) // 2
+        past = before if self._past is None else self._past
+        zeros = np.zeros(2 * side, np.complex64)
+        past = np.concatenate((zeros, past))[-side:]
+        ahead = np.concatenate((after, zeros))[:side]
+        whole = np.concatenate((past, samples, ahead))
+        self._past = np.concatenate((past, samples))[-side:].copy()
+        samples[:] = np.convolve(whole, self._taps, "valid")
+
+
+def _smooth(density: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean of each bin and its neighbours, around the circle of frequencies."""
+    side = _SMOOTH_BINS // 2
+    sums = np.cumsum(np.concatenate(([0.0], density[-side:], density, density[:side])))
+    return np.asarray((sums[_SMOOTH_BINS:] - sums[:-_SMOOTH_BINS]) / _SMOOTH_BINS)
