@@ -6,7 +6,7 @@ a pulse apart, and make ten times the false groups of white noise of their power
 filter for noise of a density S is the pulse divided by S; here the samples are filtered by
 S to the power of minus one half, and all that follows may take the noise as white.
 
-The density is a mean over half a minute that learns a rise at once. The filter is symmetric, so
+The density is a mean over ten seconds that learns a rise at once. The filter is symmetric, so
 that no pulse is shifted, and has a gain of one at the tag's frequency. It comes from linear
 prediction (J. Makhoul, Linear prediction: a tutorial review, Proc. IEEE 63, 1975): a predictor
 of noise with the density sqrt(S) leaves it white, and its output filtered backwards has the
