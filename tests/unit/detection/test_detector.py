@@ -227,7 +227,7 @@ def test_a_tag_that_cannot_be_searched_is_refused_with_a_remedy(
     assert refusal.value.remedy
 
 
-@pytest.mark.parametrize("window_hz", [1e6, 400.0])
+@pytest.mark.parametrize("window_hz", [math.inf, 400.0])
 @pytest.mark.parametrize("offset_hz", [1870.0, -1870.0, 1875.0])
 def test_a_tag_at_the_edge_of_the_channel_is_reported_where_it_is(
     offset_hz: float, window_hz: float

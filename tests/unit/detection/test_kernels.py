@@ -1,5 +1,6 @@
 """Detectors find the same pulses with the compiled kernels and without."""
 
+import math
 from dataclasses import replace
 from functools import cache
 
@@ -67,7 +68,7 @@ def found_by_numpy(tag: Tag, *, window_hz: float, enr_db: float) -> list[Pulse]:
     [
         (THESIS_TAG, 500.0, 20.0),
         (THESIS_TAG, 500.0, 11.0),
-        (THESIS_TAG, 1e6, 14.0),
+        (THESIS_TAG, math.inf, 14.0),
         (replace(THESIS_TAG, k=1), 500.0, 18.0),
         (replace(THESIS_TAG, k=5), 200.0, 10.0),
         (NARROW, 100.0, 9.0),

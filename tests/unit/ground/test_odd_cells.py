@@ -26,7 +26,7 @@ MORE = {
     "health": (NOW_NS, "receiver", "ready", 1, '{"noise_dbfs": -60.0}'),
     "status_texts": (NOW_NS, 4, "hello"),
     "commands": (NOW_NS, 1, "start", "ground", "", 1, "ok"),
-    "search_reports": (NOW_NS, 2, 148e6, 1e-12, 1.0),
+    "search_reports": (NOW_NS, 2, 148e6, 1e-12, 1.0, 1.0, 10.0),
     "search_notes": (NOW_NS, 1, "begun", "text", "reason", "{}"),
     "notes": (NOW_NS, "vehicle 3, otter"),
 }

@@ -50,8 +50,8 @@ class Candidate(NamedTuple):
     """Where its pulses should be, in columns since the start."""
 
 
-MEASURED = 8
-"""Columns that must follow a group's last pulse, one pulse width: a strong one begins with a
+MEASURED = 4
+"""Columns that must follow a group's last pulse, half a pulse width: a strong one begins with a
 flank that is at the limit, and the group was measured there, 3 dB low, before its top came."""
 EQUAL_SCORES = 4
 """Decimal places of a score that count. Cells are limited before they are summed, so strong
