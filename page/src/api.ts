@@ -36,6 +36,8 @@ export class ApiError extends Error {
   }
 }
 
+const AGAIN_MS = 2000;
+
 /** Explain to the operator why a request failed. */
 export function reasonOf(error: unknown): string {
   return error instanceof ApiError ? error.message : "the server cannot be reached";
@@ -43,6 +45,17 @@ export function reasonOf(error: unknown): string {
 
 export async function get<T>(path: string): Promise<T> {
   return answer<T>(await fetch(`${BASE}/api${path}`));
+}
+
+/** What cannot be had now comes later: the station may be starting or busy. */
+export async function getOnceThere<T>(path: string): Promise<T> {
+  for (;;) {
+    try {
+      return await get<T>(path);
+    } catch {
+      await new Promise((done) => setTimeout(done, AGAIN_MS));
+    }
+  }
 }
 
 export async function send<T>(

@@ -1,6 +1,6 @@
 /** Past flights: the list by tag and day, and each to be looked at and exported. */
 
-import { BASE, get, reasonOf, send } from "./api";
+import { BASE, get, getOnceThere, reasonOf, send } from "./api";
 import { archiveSection, showArchive } from "./archive";
 import { compare } from "./compare";
 import { by, describe, fill, h, say } from "./dom";
@@ -57,12 +57,12 @@ export function buildFlights(go: (name: string) => void): void {
     seasonSection(),
     downloadSection(() => void refresh()),
   );
-  void get<Choices>("/choices").then(
-    (choices) => {
-      exports = choices.exports;
-    },
-    () => undefined,
-  );
+  void getOnceThere<Choices>("/choices").then((choices) => {
+    exports = choices.exports;
+    if (!drawn) return;
+    drawn = "";
+    void refresh();
+  });
 }
 
 /** Both lists, with what is sought. */

@@ -1,7 +1,7 @@
 /** The view of a flight: buttons, tags, map, and where to walk. */
 
 import { afterPanel, openAfter } from "./after";
-import { get, reasonOf, send } from "./api";
+import { getOnceThere, reasonOf, send } from "./api";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { mayCommand } from "./commands";
 import { append, by, describe, fill, h, say } from "./dom";
@@ -107,7 +107,7 @@ export function buildFly(go: (name: string) => void): void {
   });
   store.on(["state", "reset"], drawMarks);
   setInterval(drawCards, 1000);
-  void get<Choices>("/choices").then(offerMaps, () => undefined);
+  void getOnceThere<Choices>("/choices").then(offerMaps);
 }
 
 /** Beside the map: the tags, what moves the drone, or what is said after the landing. */

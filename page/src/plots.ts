@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { get } from "./api";
+import { getOnceThere } from "./api";
 import { snrColour, tagColour } from "./colour";
 import { by, fill, h, say, svg } from "./dom";
 import { store } from "./store";
@@ -38,7 +38,7 @@ export function buildPlots(): void {
       waterfallFigure(),
     ),
   );
-  void get<Choices>("/choices").then((choices) => {
+  void getOnceThere<Choices>("/choices").then((choices) => {
     antennas = choices.antennas;
     draw();
   });

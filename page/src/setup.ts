@@ -1,6 +1,6 @@
 /** Set-up: connection, tags, antenna, radio. Mistakes are shown where they are made. */
 
-import { ApiError, BASE, get, reasonOf, send } from "./api";
+import { ApiError, BASE, getOnceThere, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
 import { doorsSection } from "./doors";
 import { droneSection } from "./drone";
@@ -107,7 +107,7 @@ export function buildSetup(): void {
     if (changed) event.preventDefault();
   });
   store.on(["state", "online"], drawConnection);
-  void get<Choices>("/choices").then((found) => {
+  void getOnceThere<Choices>("/choices").then((found) => {
     choices = found;
     offer();
     drawSettings();

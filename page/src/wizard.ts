@@ -3,7 +3,7 @@
  * each judged and written by the server. It comes by itself until it has been finished.
  */
 
-import { ApiError, BASE, get, reasonOf, send } from "./api";
+import { ApiError, BASE, get, getOnceThere, reasonOf, send } from "./api";
 import { fill, h, say } from "./dom";
 import { choose, language, LANGUAGES } from "./i18n";
 import type { Choices, Finding, SetUp } from "./types";
@@ -181,9 +181,8 @@ function autopilotFields(): Node[] {
     if (ports.value) input("address").value = ports.value;
     forgetTest();
   } }, h("option", { value: "" }, "as below"));
-  void get<Choices>("/choices").then(
-    (choices) => choices.ports.forEach((port) => ports.append(h("option", { value: port.address, translate: "no" }, `${port.device} ${port.description}`))),
-    () => undefined,
+  void getOnceThere<Choices>("/choices").then((choices) =>
+    choices.ports.forEach((port) => ports.append(h("option", { value: port.address, translate: "no" }, `${port.device} ${port.description}`))),
   );
   return [
     h("label", {}, h("span", {}, "Serial ports that are here"), ports),
