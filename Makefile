@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/pytest -r fEsxR --durations 15 --durations-min 5
 # Real time is mostly waiting: more workers than cores. Flights come first: they are the longest.
-TIMED  := -n 4 --dist loadfile --no-loadscope-reorder
+TIMED  := -n 3 --dist loadfile --no-loadscope-reorder
 CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q

@@ -33,11 +33,13 @@ def piped(folder: Path, *options: str, seconds: float, pause_s: float = 0.0) -> 
     recording = (folder / "a.cf32").read_bytes()
     times = math.ceil(seconds / SECONDS)
     samples = (recording * times)[: round(seconds * 3750) * 8]
+    begun_s = time.monotonic()
     with program.stdin as pipe:
-        for begin in range(0, len(samples), 3000):
+        for number, begin in enumerate(range(0, len(samples), 3000), 1):
             pipe.write(samples[begin : begin + 3000])
             pipe.flush()
-            time.sleep(pause_s)
+            # A radio makes up for what a busy computer delays.
+            time.sleep(max(0.0, begun_s + number * pause_s - time.monotonic()))
     said = program.stderr.read().decode()
     program.stderr.close()
     assert program.wait(timeout=60) == 0, said

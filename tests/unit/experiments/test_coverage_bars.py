@@ -64,7 +64,7 @@ def test_outcomes_of_another_seed_or_of_another_kind_are_refused(tmp_path: Path)
     path = tmp_path / "runs.jsonl"
     with KeptOutcomes(path, made_with="seed 1") as kept:
         kept.take("C1 0 0", lambda: True)
-    with pytest.raises(UsageError, match=r"made with seed 1, and this is seed 2.*another place"):
+    with pytest.raises(UsageError, match=r"with seed 1, and this is seed 2.*another place"):
         KeptOutcomes(path, made_with="seed 2")
     path.write_text('{"latitude": 3}\n', "utf-8")
     with pytest.raises(FormatError, match="does not hold outcomes"):
