@@ -4,8 +4,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/pytest -r fEsxR --durations 15 --durations-min 5
-# Real time is mostly waiting: more workers than cores. Flights come first: they are the longest.
-TIMED  := -n 3 --dist loadfile --no-loadscope-reorder
+# Real time is mostly waiting: more workers than cores.
+TIMED  := -n 3 --dist loadfile
 CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
@@ -18,7 +18,7 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test computing unit timed system flights claims lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check test computing unit system flights claims lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -27,17 +27,14 @@ check: $(STAMP)         ## before each commit: style, types, import contracts, q
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools  ## everything that belongs to a change: check, manual, all tests
-	$(MAKE) --no-print-directory -j 2 timed computing
+	$(MAKE) --no-print-directory -j 2 flights computing
+	$(MAKE) --no-print-directory system
 
-computing: $(STAMP)     ## what only computes, at low priority: it takes what the timed tests leave
+computing: $(STAMP)     ## what only computes, at low priority: flights run at the same time
 	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
 
 unit: $(STAMP)          ## all unit tests
 	$(PYTEST) -n 2 --dist loadfile tests/unit
-
-timed: $(STAMP)         ## tests in real time: flights that need a core of their own, then all others
-	$(PYTEST) -m full_rate tests/flight
-	$(PYTEST) $(TIMED) -m "not full_rate" tests/flight tests/system
 
 system: $(STAMP)        ## tests with sockets, programs and threads in real time
 	$(PYTEST) $(TIMED) tests/system

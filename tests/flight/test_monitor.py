@@ -52,9 +52,9 @@ def test_a_cart_without_autopilot_is_started_watched_and_stopped(
 
     view = MonitorView()
     assert "waiting for the supervisor" in drawn(view)
+    assert '"idle"' in uavrt("--json")
     with pytest.raises(CommandRefused, match="no tag"):
         start_detection(drone.status, ())
-    assert '"idle"' in uavrt("--json")
     first = uavrt("--start", str(tags)).replace("\n", "")
     assert "detecting; flight:" in first
     assert "detecting" in uavrt("--once")
