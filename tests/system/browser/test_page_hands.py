@@ -96,8 +96,8 @@ def pins_are_seen(page: Page) -> None:
     assert walk is not None
     assert replay is not None
     # All in one moment: the plain map draws its marks anew once a second.
-    boxes = "(all) => all.map((one) => one.getBoundingClientRect().toJSON())"
-    found = page.locator(".fix-pin, .drone-marker").evaluate_all(boxes)
+    marks = "[...document.querySelectorAll('.fix-pin, .drone-marker')]"
+    found = page.evaluate(f"{marks}.map((one) => one.getBoundingClientRect().toJSON())")
     assert len(found) == 2
     for place in found:
         assert frame["x"] < place["x"] < frame["x"] + frame["width"] - place["width"]

@@ -74,7 +74,8 @@ def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
     without.mkdir()
     (without / "duckdb.py").write_text("raise ImportError(name='duckdb')\n")
     monkeypatch.setenv("PYTHONPATH", str(without))
-    ground = start_ground(tmp_path, 0)
+    link = ("--mavlink", f"udpin://127.0.0.1:{free_udp_port()}")
+    ground = start_ground(tmp_path, 0, *link)
     watched = watch(ground.address, color_scheme="light", plain_map=False)
     page = watched.page
     rows, archived = page.locator("tr[data-flight]"), page.locator("tr[data-archived]")
@@ -84,7 +85,7 @@ def test_many_flights_are_sought_by_tag_and_day_here_and_in_the_archive(
     expect(rows).to_have_count(25)
     ground.stop()
     monkeypatch.delenv("PYTHONPATH")
-    ground = start_ground(tmp_path, ground.port)
+    ground = start_ground(tmp_path, ground.port, *link)
     page.reload()
     page.click("#tab-flights")
     expect(archived).to_have_count(9)
