@@ -41,7 +41,7 @@ class _Band:
     Parameters
     ----------
     turns : (float, float, float)
-        Listen for the first seconds, then so many seconds at the end of each period.
+        Listen for this many seconds at the start, and at the end of each period.
     """
 
     def __init__(self, turns: tuple[float, float, float]) -> None:

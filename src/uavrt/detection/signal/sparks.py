@@ -13,6 +13,8 @@ band that is searched: neither a tag's pulse nor a neighbour on one side is a bu
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.signal.in_place import Surroundings
+
 _SIDE_S = 0.0013
 """Half-length of the filters that pass the frequencies beside the band."""
 _SMOOTH_S = 0.0011
@@ -25,10 +27,10 @@ _QUIET_SHARE = 0.2
 _MEAN = 1.8
 """Mean level of steady noise over that quantile (1.79), and a little more."""
 _HIGH = 5.0
-"""Levels so many times the quantile are a burst's: 0.8 % of steady noise, 1.3 % with the edges
-of pulses of 60 dB, 16 % or more with sparks of 3 dB mean power."""
+"""Level of a burst over that quantile. Of steady noise 0.8 % is higher, with the edges of pulses of
+60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
 _SPARKING = 0.135
-"""Share of such levels from which on the noise is taken to spark: rarer bursts are impulses,
+"""Share of such levels at which the noise begins to count as sparks: rarer bursts are impulses,
 which are taken out; ten of 5 ms in a second make 10 %."""
 _STEADY = 0.11
 _LOOK_EVERY = 8
@@ -65,8 +67,7 @@ class SparkLimiter:
         self._smooth = (smooth / smooth.sum()).astype(np.float32)
         self.reach = side + (len(smooth) - 1) // 2 if self._filters else 0
         """Samples looked at to either side of each."""
-        self._past: NDArray[np.complex64] | None = None
-        """The newest samples as they were before the division; None: nothing was divided."""
+        self._surroundings = Surroundings()
         self._share = 0.0
         self._steps = 0
         self.active = False
@@ -78,31 +79,17 @@ class SparkLimiter:
         samples: NDArray[np.complex64],
         after: NDArray[np.complex64],
     ) -> None:
-        """Divide new samples in place, where the noise sparks.
-
-        Parameters
-        ----------
-        before : ndarray of complex64
-            Up to `reach` samples before them, in whatever state the last call left them.
-        samples : ndarray of complex64, shape (n,)
-            That follow those of the last call.
-        after : ndarray of complex64
-            Up to `reach` samples after them; what is not there counts as zero.
-        """
+        """Divide new samples in place where the noise sparks; see `Surroundings.of`."""
         self._steps += 1
         idle = not self.active and self._steps % _LOOK_EVERY != 1
         if not self._filters or len(samples) <= 2 * self.reach or idle:
-            self._past = None
+            self._surroundings.unfiltered()
             return
-        zeros = np.zeros(self.reach, np.complex64)
-        past = before if self._past is None else self._past
-        past = np.concatenate((zeros, past))[-self.reach :]
-        ahead = np.concatenate((after, zeros))[: self.reach]
-        whole = np.concatenate((past, samples, ahead))
+        whole = self._surroundings.of(before, samples, after, self.reach)
         level = self._level(whole)
         there = level[samples != 0.0]
         if not len(there):
-            self._past = None
+            self._surroundings.unfiltered()
             return
         at = int(_QUIET_SHARE * len(there))
         quiet = float(np.partition(there, at)[at])
@@ -110,9 +97,9 @@ class SparkLimiter:
         self._share += (_AVERAGE if self.active else 1.0) * (share - self._share)
         self.active = self._share > (_STEADY if self.active else _SPARKING)
         if not self.active or quiet <= 0.0:
-            self._past = None
+            self._surroundings.unfiltered()
             return
-        self._past = whole[-2 * self.reach : -self.reach].copy()
+        self._surroundings.filtered(whole, self.reach)
         samples /= np.sqrt(np.maximum(level / np.float32(_MEAN * quiet), np.float32(1.0)))
 
     def _level(self, whole: NDArray[np.complex64]) -> NDArray[np.float32]:

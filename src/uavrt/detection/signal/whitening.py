@@ -18,6 +18,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.detection.signal.in_place import Surroundings
+
 REACH_S = 0.008
 """Length of the filter to either side: it resolves 100 Hz."""
 _SEGMENT_S = 0.034
@@ -27,10 +29,11 @@ _MEMORY_S = 10.0
 _LIMIT = 6.0
 """Most that a window counts, in densities: pulses last for a fiftieth of the time."""
 _RISE = 2.2
-"""A median of new windows so many times the density replaces it; noise errs by a quarter."""
+"""Ratio of a median of new windows to the density from which it replaces the density; noise alone
+errs by a quarter."""
 _SMOOTH_BINS = 5
 _COLOURED = 3.0
-"""Highest density over that of the tag's band from which on the samples are filtered."""
+"""Highest density over that of the tag's band at which the samples begin to be filtered."""
 _PLAIN = 2.0
 """The same at which they are left again as they are."""
 _YOUNG_S = 2.0
@@ -68,8 +71,7 @@ class Whitener:
         self._density = np.zeros(0)
         self._seen_s = 0.0
         self._steps = 0
-        self._past: NDArray[np.complex64] | None = None
-        """The newest samples as they were before the filter; None: nothing was filtered."""
+        self._surroundings = Surroundings()
         self._taps: NDArray[np.complex64] | None = None
 
     @property
@@ -148,27 +150,13 @@ class Whitener:
         samples: NDArray[np.complex64],
         after: NDArray[np.complex64],
     ) -> None:
-        """Filter new samples in place.
-
-        Parameters
-        ----------
-        before : ndarray of complex64
-            Up to `reach` samples before them, in whatever state the last call left them.
-        samples : ndarray of complex64, shape (n,)
-            That follow those of the last call.
-        after : ndarray of complex64
-            Up to `reach` samples after them; what is not there counts as zero.
-        """
+        """Filter new samples in place; for the others see `Surroundings.of`."""
         if self._taps is None:
-            self._past = None
+            self._surroundings.unfiltered()
             return
         side = (len(self._taps) - 1) // 2
-        past = before if self._past is None else self._past
-        zeros = np.zeros(2 * side, np.complex64)
-        past = np.concatenate((zeros, past))[-side:]
-        ahead = np.concatenate((after, zeros))[:side]
-        whole = np.concatenate((past, samples, ahead))
-        self._past = np.concatenate((past, samples))[-side:].copy()
+        whole = self._surroundings.of(before, samples, after, side)
+        self._surroundings.filtered(whole, side)
         samples[:] = np.convolve(whole, self._taps, "valid")
 
 
