@@ -40,14 +40,14 @@ _SHIFTS_S = (-6e-4, 0.0, 6e-4)
 _LOOKS = 20
 """The same for several bursts, whose interval is searched too."""
 _COLUMN_S = 1.4e-4
-"""Half of a column: by so much all pulses may lie beside the cells."""
+"""Half of a column: the most by which all pulses may lie beside the cells."""
 _LEAST = 0.2
 """Of a pulse's amplitude, the least of others that count beside it."""
 _ALIKE = 0.3
 """Of the second weakest place, the least of the weakest that is looked at."""
 _ROW_HZ = 125.0
 _CLIPS = {3: 15.75, 10: 10.0}
-"""Most that a cell counts in sums of so many bursts."""
+"""Most that a cell counts in sums of this number of bursts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

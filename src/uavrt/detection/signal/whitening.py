@@ -29,8 +29,8 @@ _MEMORY_S = 10.0
 _LIMIT = 6.0
 """Most that a window counts, in densities: pulses last for a fiftieth of the time."""
 _RISE = 2.2
-"""Ratio of a median of new windows to the density from which it replaces the density; noise alone
-errs by a quarter."""
+"""Ratio of a median of new windows to the density from which it replaces the density; noise
+alone errs by a quarter."""
 _SMOOTH_BINS = 5
 _COLOURED = 3.0
 """Highest density over that of the tag's band at which the samples begin to be filtered."""
