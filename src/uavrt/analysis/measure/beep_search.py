@@ -1,7 +1,7 @@
 """Find what beeps in a recording beside the listed tags, while these are detected.
 
 A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
-or the animal is somebody else's. The detector then finds nothing, and nothing says why.
+or the animal may belong to another study. The detector then finds nothing and gives no reason.
 """
 
 from collections.abc import Sequence

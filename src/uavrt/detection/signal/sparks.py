@@ -27,8 +27,8 @@ _QUIET_SHARE = 0.2
 _MEAN = 1.8
 """Mean level of steady noise over that quantile (1.79), and a little more."""
 _HIGH = 5.0
-"""Level of a burst over that quantile. Of steady noise 0.8 % is higher, with the edges of pulses
-of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
+"""Level of a burst over that quantile. Of steady noise 0.8 % is higher, with the edges of
+pulses of 60 dB 1.3 %, with sparks of 3 dB mean power 16 % or more."""
 _SPARKING = 0.135
 """Share of such levels at which the noise begins to count as sparks: rarer bursts are impulses,
 which are taken out; ten of 5 ms in a second make 10 %."""
