@@ -134,7 +134,7 @@ class Sighting:
     """Log likelihood ratio to codes that are not listed."""
     required: float
     """That it must reach."""
-    told: bool = False
+    reported: bool = False
     tag_id: int | None = None
     """Whose it is, when that is known."""
 
@@ -202,10 +202,10 @@ class Sightings:
             elif len(one.tags) > 1 and one.age_in_intervals(now_ns) < _WAIT and not last:
                 self._waiting.append(one)
                 continue
-            if not one.told:
+            if not one.reported:
                 others = (*(tag.tag_id for tag in possible[1:]), *one.hit)
                 found.append((one, possible[0], others))
-                one.told = True
+                one.reported = True
         return found
 
     def _others(self, one: Sighting, tag: Tag) -> list[Sighting]:

@@ -52,7 +52,7 @@ MOST_OTHERS = 20_000
 RETRY_S = 1.0
 """Between two tries of a disk that fails."""
 SLOW_S = 2.0
-"""A write that takes longer is reported [s]; a sound card or SSD takes some milliseconds."""
+"""A write that takes longer is reported [s]; a healthy memory card takes some milliseconds."""
 TURN_S = 0.01
 """Between two looks at whether the disk has written."""
 BURST_COMES_WITHIN_S = 60.0
