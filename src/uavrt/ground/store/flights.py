@@ -273,10 +273,10 @@ class FlightLibrary:
         stamp = stamp_of(str(path))
         read = self._quiet.get(flight_id)
         if read is None or read[0] != stamp:
-            level_db = None
-            with suppress(FormatError):
-                level_db = read_quiet_noise_db(path)
-            read = self._quiet[flight_id] = (stamp, level_db)
+            try:
+                read = self._quiet[flight_id] = (stamp, read_quiet_noise_db(path))
+            except FormatError:  # damaged, or only busy: the next time tells
+                return None
         return read[1]
 
     def places(self, flight_id: str) -> Places:
