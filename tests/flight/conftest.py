@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import made
-import msgspec
 import pytest
 
-from uavrt.clock import Clock
 from uavrt.config.settings import Settings
-from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
-from uavrt.monitor import StatusReader, status_socket_path
-from uavrt.simulation import Scenario, write_scenario
+from uavrt.demo.programs import DemoPaths, Program
+from uavrt.demo.rig import Rig, starting_in
+from uavrt.monitor import StatusReader
+from uavrt.simulation import Scenario
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.scenario import Radio
 
@@ -61,73 +60,49 @@ class Drone:
     directory: Path
 
 
-class DroneBay:
-    """Starts drones; ends everything it started."""
+class DroneBay(Rig):
+    """Starts drones below a directory; ends everything it started."""
 
     def __init__(self, directory: Path) -> None:
+        super().__init__()
         self._directory = directory
-        self._stack = ExitStack()
-        self._number = 0
 
     def launch(
         self,
         scenario: Scenario,
         *arguments: str,
+        flies: bool = False,
         autopilot_options: tuple[str, ...] = (),
         **changes: object,
     ) -> Drone:
-        self._number += 1
-        work = self._directory / f"drone{self._number}"
+        def changed(settings: Settings) -> Settings:
+            """Replace tables, each by one or by what a function makes of it."""
+            made = {
+                name: change(getattr(settings, name)) if callable(change) else change
+                for name, change in changes.items()
+            }
+            return replace(settings, **made)  # type: ignore[arg-type]
+
+        number = 1 + sum(1 for _ in self._directory.glob("drone*"))
+        work = self._directory / f"drone{number}"
         work.mkdir()
-        paths = DemoPaths(directory=work, flights=work / "flights")
-        scenario = scenario.starting_at(Clock.start().now_ns() + 1_000_000_000)
-        write_scenario(scenario, paths.scenario)
-        companion_port, ground_port = free_udp_port(), free_udp_port()
-        flies = "--flies" in autopilot_options
-        if flies:
-            autopilot_options += ("--path", str(paths.flown))
-        settings = drone_settings(scenario, paths, companion_port, flies=flies)
-        # A table as such, or made from the one for this place.
-        made = {
-            name: change(getattr(settings, name)) if callable(change) else change
-            for name, change in changes.items()
-        }
-        settings = replace(settings, **made)  # type: ignore[arg-type]
-        autopilot = self._program(
-            work,
-            "autopilot",
-            "uavrt.simulation.autopilot",
-            *("--scenario", str(paths.scenario)),
-            *("--companion", f"127.0.0.1:{companion_port}"),
-            *("--ground", f"127.0.0.1:{ground_port}"),
-            *autopilot_options,
+        drone = self.drone(
+            starting_in(scenario, 1.0),
+            DemoPaths(directory=work, flights=work / "flights"),
+            flies=flies,
+            autopilot=autopilot_options,
+            supervisor=arguments,
+            settings=changed,
         )
-        supervisor = self._program(
-            work,
-            "supervisor",
-            "uavrt.supervisor",
-            msgspec.json.encode(settings).decode(),
-            *arguments,
-        )
-        status = StatusReader(status_socket_path(settings), 20.0, supervisor.check)
-        self._stack.callback(status.close)
         return Drone(
-            scenario=scenario,
-            settings=settings,
-            supervisor=supervisor,
-            autopilot=autopilot,
-            status=status,
-            ground_port=ground_port,
+            scenario=drone.scenario,
+            settings=drone.settings,
+            supervisor=drone.supervisor,
+            autopilot=drone.autopilot,
+            status=self.reader(drone, 20.0),
+            ground_port=drone.ground_port,
             directory=work,
         )
-
-    def _program(self, work: Path, name: str, *arguments: str) -> Program:
-        program = Program(name, arguments, work / f"{name}.log")
-        self._stack.callback(program.stop)
-        return program
-
-    def close(self) -> None:
-        self._stack.close()
 
 
 @pytest.fixture

@@ -169,7 +169,8 @@ class Field:
         self.drone: Drone = bay.launch(
             scenario or hovering_scenario(),
             *arguments,
-            autopilot_options=("--flies", "--flavour", flavour, *options),
+            flies=True,
+            autopilot_options=("--flavour", flavour, *options),
             mavlink=lambda m: replace(
                 m,
                 direct_links=(f"udpin://127.0.0.1:{self.port}",),

@@ -14,9 +14,8 @@ from uavrt.cli.kinds import Between, Port, Seconds, Seed
 from uavrt.cli.outputs import check_place
 from uavrt.cli.screen import has_page, has_screen
 from uavrt.demo import (
+    Demo,
     flight_world,
-    run_demo,
-    run_fleet_demo,
     run_search_demo,
     run_together_demo,
     search_world,
@@ -96,31 +95,34 @@ def demo(
             _search(world, limit_s, flight_dir, json_summary=json_summary)
         return
     world = flight_world(scenario, duration_s=duration, seed=seed, coded=coded)
-    if drones > 1:
-        _fleet(drones, world, flight_dir, port, browser, json_summary)
-        return
     if picture is not None:
         check_place(picture, overwrite=True)
     console = None if headless else Console(stderr=json_summary)
     if headless:
         text = f"Flying for {world.duration_s:.0f} s without a display; then the result."
         print(text, file=sys.stderr, flush=True)
-    summary = run_demo(
-        scenario=world,
+    flown = Demo(
+        scenarios=[world] if drones == 1 else fleet_scenarios(drones, world),
         flight_dir=flight_dir,
         console=console,
-        picture=picture,
-        page_port=port if not headless and has_page() else None,
+        page_port=port if drones > 1 or (not headless and has_page()) else None,
         on_page=_opener(browser, console),
         on_ros_domain=_print_domain if headless else None,
-    )
+    ).run(picture)
     if json_summary:
-        print(json.dumps(summary.as_dict(), allow_nan=False))
-    else:
-        out = Console()
-        out.print(summary.table())
-        out.print(f"samples lost: {summary.samples_lost}")
-        out.print(f"flight: {summary.flight_directory}", soft_wrap=True)
+        accounts = {str(number): one.as_dict() for number, one in flown.items()}
+        print(
+            json.dumps({"drones": accounts} if drones > 1 else accounts["1"], allow_nan=False)
+        )
+        return
+    screen = Console()
+    for number, summary in flown.items():
+        if drones > 1:
+            screen.print(f"[bold]drone {number}[/bold]", summary.table())
+        else:
+            screen.print(summary.table())
+        screen.print(f"samples lost: {summary.samples_lost}")
+        screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
 
 
 def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
@@ -170,33 +172,6 @@ def _search_together(
         )
     if not summary.complete:
         sys.exit(1)
-
-
-def _fleet(
-    drones: int,
-    world: Scenario,
-    flight_dir: Path,
-    port: int,
-    browser: bool,
-    json_summary: bool,
-) -> None:
-    """Fly several drones."""
-    screen = Console(stderr=json_summary)
-    summaries = run_fleet_demo(
-        scenarios=fleet_scenarios(drones, world),
-        flight_dir=flight_dir,
-        page_port=port,
-        say=lambda line: screen.print(line, highlight=False),
-        on_page=_opener(browser, screen),
-    )
-    if json_summary:
-        told = {str(number): one.as_dict() for number, one in summaries.items()}
-        print(json.dumps({"drones": told}, allow_nan=False))
-        return
-    for number, summary in summaries.items():
-        screen.print(f"[bold]drone {number}[/bold]", summary.table())
-        screen.print(f"samples lost: {summary.samples_lost}")
-        screen.print(f"flight: {summary.flight_directory}", soft_wrap=True)
 
 
 def _print_domain(domain: int) -> None:

@@ -27,7 +27,6 @@ from uavrt.config import (
     MavlinkSettings,
     RadioSettings,
     RecordingSettings,
-    Ros2Settings,
     Settings,
 )
 from uavrt.errors import LinkError, UavrtError
@@ -51,6 +50,13 @@ class DemoPaths:
     flights: Path
     """Where the drone makes its flight directory."""
 
+    def below(self, name: str) -> "DemoPaths":
+        """Get those of one of several drones, whose directories are made."""
+        own = DemoPaths(directory=self.directory / name, flights=self.flights / name)
+        own.directory.mkdir()
+        own.flights.mkdir(parents=True, exist_ok=True)
+        return own
+
     @property
     def scenario(self) -> Path:
         """The world, as the simulated radio and autopilot read it."""
@@ -70,11 +76,6 @@ class DemoPaths:
     def flown(self) -> Path:
         """Where a drone that flies commands was."""
         return self.directory / "flown.path"
-
-    @property
-    def ground(self) -> Path:
-        """The ground station's own recording."""
-        return self.directory / "ground"
 
 
 def free_udp_port(host: str = "127.0.0.1") -> int:
@@ -134,14 +135,12 @@ def drone_settings(
     paths: DemoPaths,
     companion_port: int,
     *,
-    ros_domain: int | None = None,
     flies: bool = False,
 ) -> Settings:
     """Make the drone side's settings: as in a real ``uavrt.toml`` except for the radio program.
 
-    With `ros_domain`, the drone is also seen as ROS 2 nodes, in that domain and on this
-    computer only. With `flies`, the radio hears what there is to hear where the drone flies by
-    commands, not on the scenario's flight.
+    With `flies`, the radio hears what there is to hear where the drone flies by commands, not
+    on the scenario's flight.
     """
     antenna = scenario.antenna
     return Settings(
@@ -168,7 +167,6 @@ def drone_settings(
             offset_down_m=antenna.offset_down_m,
         ),
         recording=RecordingSettings(directory=str(paths.flights)),
-        ros2=Ros2Settings(enabled=ros_domain is not None, domain_id=ros_domain),
         status_socket=str(paths.status_socket),
     )
 

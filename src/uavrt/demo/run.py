@@ -1,25 +1,20 @@
-"""Run the demo: start the programs, fly, show, stop, account."""
+"""Run the demo: start the programs, fly one drone or several, show, stop, account."""
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-import msgspec
 from rich.console import Console
 from rich.live import Live
 
 from uavrt.clock import Clock
-from uavrt.config import write_tags
-from uavrt.demo.programs import (
-    DemoPaths,
-    Program,
-    drone_settings,
-    free_ros_domain,
-    free_udp_port,
-)
+from uavrt.config import Ros2Settings, Settings, write_tags
+from uavrt.demo.programs import DemoPaths, Program, free_ros_domain, free_udp_port
+from uavrt.demo.rig import Rig, SimulatedDrone
 from uavrt.demo.summary import DemoSummary, summarize_tag
 from uavrt.demo.view import DemoView, TagView
 from uavrt.demo.watch import RECEIVER, Cpu, samples_lost
@@ -29,7 +24,7 @@ from uavrt.ground.store import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
 from uavrt.monitor import StatusReader
 from uavrt.recording import read_flight, require_writable
-from uavrt.simulation import Flight, Scenario, World, write_scenario
+from uavrt.simulation import Flight, Scenario, World
 from uavrt.units import ns_from_s
 
 START_LEAD_S = 2.5
@@ -37,6 +32,40 @@ START_LEAD_S = 2.5
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
+SAY_EVERY_S = 10.0
+
+
+@dataclass(slots=True)
+class _Drone:
+    """One drone, and what it has reported."""
+
+    side: SimulatedDrone
+    reader: StatusReader
+    view: DemoView
+    cpu: Cpu = field(default_factory=Cpu)
+    flight_directory: str = ""
+
+    @property
+    def heard_samples(self) -> bool:
+        """Whether there is something to account for."""
+        return bool(self.flight_directory and self.cpu.counters(RECEIVER).get("last_sample_ns"))
+
+    def read(self, wait_s: float, ground: Program) -> None:
+        """Read what its supervisor shows."""
+        for topic, record in self.reader.read(wait_s):
+            match record:
+                case Pulse() if record.tag_id in self.view.tags:
+                    self.view.tags[record.tag_id].add(record, time.monotonic())
+                case SystemStatus() if topic == "system_status":
+                    self._take_status(record, ground)
+
+    def _take_status(self, status: SystemStatus, ground: Program) -> None:
+        self.view.status = status
+        if status.flight_directory:
+            self.flight_directory = status.flight_directory
+            self.view.phase = phase_of(self.side.scenario.flight, self.view.elapsed_s)
+        self.cpu.take(status, (self.side.autopilot, self.side.supervisor, ground))
+        self.view.cpu_percent = self.cpu.percents()
 
 
 class Demo:
@@ -44,12 +73,15 @@ class Demo:
 
     Parameters
     ----------
-    scenario : Scenario
-        The world; when it starts is set here.
+    scenarios : sequence of Scenario
+        World of each drone: the same animals, another flight; when they start is set here.
     flight_dir : Path
-        Where the drone makes its flight directory.
+        Where the drone makes its flight directory; one of several does it below
+        `drone-NUMBER`. The ground station's is `ground`, if it has a page.
     page_port : int, optional
         Port of the ground station's page, 0 for any free one; None flies without a page.
+    console : Console, optional
+        Shows the flight while it goes on; None: nothing is shown.
     on_page : callable, optional
         Called with the page's address when it is there.
     on_ros_domain : callable, optional
@@ -59,28 +91,23 @@ class Demo:
     def __init__(
         self,
         *,
-        scenario: Scenario,
+        scenarios: Sequence[Scenario],
         flight_dir: Path,
         page_port: int | None = None,
+        console: Console | None = None,
         on_page: Callable[[str], None] | None = None,
         on_ros_domain: Callable[[int], None] | None = None,
     ) -> None:
-        self.scenario = scenario
-        self._flight_dir = flight_dir
-        self._page_port = page_port
-        self._on_page = on_page
+        self._scenarios, self._duration_s = scenarios, scenarios[0].duration_s
+        self._flight_dir, self._page_port = flight_dir, page_port
+        self._console, self._on_page = console, on_page
         self._on_ros_domain = on_ros_domain
-        self._stack = ExitStack()
-        self.view = DemoView(
-            duration_s=scenario.duration_s,
-            tags={tag.tag_id: TagView(tag) for tag in self.scenario.tags},
-        )
-        self._cpu = Cpu()
-        self._flight_directory = ""
-        self._duration_s = scenario.duration_s
+        self._rig, self._clock = Rig(), Clock.start()
+        self._drones: list[_Drone] = []
+        self._delivered = 0
 
-    def run(self, console: Console | None, picture: Path | None = None) -> DemoSummary:
-        """Fly once; draw on the console if there is one; save a picture if asked for.
+    def run(self, picture: Path | None = None) -> dict[int, DemoSummary]:
+        """Fly once; get the account of each drone by its number. Save a picture if asked for.
 
         Ctrl-C ends the flight where it is, and it is accounted for as one that was flown out.
 
@@ -89,176 +116,162 @@ class Demo:
         UavrtError
             A program ended by itself or did not get ready; the text says why.
         """
-        with self._stack:
-            paths = self._prepare()
-            with self._display(console):
-                self._start(paths)
-                self._fly_until_told()
+        require_writable(self._flight_dir)
+        require_free_port(self._page_port)
+        with ExitStack() as stack:
+            work = stack.enter_context(workplace("uavrt-demo-"))
+            stack.enter_context(self._rig)
+            self._start(work, work / "tags.toml")
+            with self._display():
+                self._fly_until_interrupted()
                 if picture is not None:
-                    self.view.save_picture(picture, time.monotonic())
+                    self._drones[0].view.save_picture(picture, time.monotonic())
                 self._stop()
-            return self._summarize(paths)
+            return {one.side.system_id: self._summary(one) for one in self._drones}
 
     # ------------------------------------------------------------------- set-up
 
-    def _prepare(self) -> DemoPaths:
-        require_writable(self._flight_dir)
-        require_free_port(self._page_port)
-        work = self._stack.enter_context(workplace("uavrt-demo-"))
-        paths = DemoPaths(directory=work, flights=self._flight_dir.resolve())
-        write_tags(paths.tags, self.scenario.tags)
-        return paths
-
-    def _start(self, paths: DemoPaths) -> None:
-        companion_port, ground_port = free_udp_port(), free_udp_port()
-        start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
-        self.scenario = self.scenario.starting_at(start_ns)
-        self._begun_ns = start_ns - ns_from_s(START_LEAD_S)
-        self._start_ns = start_ns
-        write_scenario(self.scenario, paths.scenario)
-        # The gateway is part of the demo wherever its extra is installed.
-        if find_spec("cyclonedds") is not None:
-            self.view.ros_domain = free_ros_domain()
-            if self._on_ros_domain is not None:
-                self._on_ros_domain(self.view.ros_domain)
-        settings = drone_settings(
-            self.scenario, paths, companion_port, ros_domain=self.view.ros_domain
+    def _start(self, work: Path, tags: Path) -> None:
+        write_tags(tags, self._scenarios[0].tags)
+        self._begun_ns = self._clock.now_ns()
+        self._start_ns = self._begun_ns + ns_from_s(START_LEAD_S)
+        port, flights = free_udp_port(), self._flight_dir.resolve()
+        several = len(self._scenarios) > 1
+        for number, scenario in enumerate(self._scenarios, start=1):
+            paths = DemoPaths(directory=work, flights=flights)
+            if several:
+                paths = paths.below(f"drone-{number}")
+            self._drones.append(self._drone(number, scenario, paths, port))
+        page = self._page_port is not None
+        # With a page beside the drone's flights, to look at later.
+        self._ground_directory = flights / "ground" if page else work / "ground"
+        self._ground = self._rig.ground(
+            work,
+            port,
+            self._ground_directory,
+            *("--tags", str(tags), "--start", "--json"),
+            *(("--page", "--no-browser", "--port", str(self._page_port)) if page else ()),
+            *(() if page else ("--headless",)),
+            vehicles=len(self._scenarios),
         )
-        self._programs = [
-            self._program(
-                paths,
-                "autopilot",
-                "uavrt.simulation.autopilot",
-                "--scenario",
-                str(paths.scenario),
-                "--companion",
-                f"127.0.0.1:{companion_port}",
-                "--ground",
-                f"127.0.0.1:{ground_port}",
-            ),
-            self._program(
-                paths, "supervisor", "uavrt.supervisor", msgspec.json.encode(settings).decode()
-            ),
-            self._program(
-                paths,
-                "ground",
-                "uavrt.cli",
-                "ground",
-                "--mavlink",
-                f"udpin://127.0.0.1:{ground_port}",
-                "--tags",
-                str(paths.tags),
-                "--start",
-                "--json",
-                "-o",
-                str(self._ground_directory(paths)),
-                *self._page_arguments(),
-            ),
-        ]
-        self._reader = StatusReader(paths.status_socket, READY_TIMEOUT_S, self._check)
-        self._stack.callback(self._reader.close)
 
-    def _ground_directory(self, paths: DemoPaths) -> Path:
-        """Where the ground stores; with a page beside the drone's flights, to look at later."""
-        return paths.ground if self._page_port is None else paths.flights / "ground"
+    def _drone(self, number: int, scenario: Scenario, paths: DemoPaths, port: int) -> _Drone:
+        view = DemoView(
+            duration_s=scenario.duration_s,
+            tags={tag.tag_id: TagView(tag) for tag in scenario.tags},
+        )
+        # The gateway is part of the demo of one drone wherever its extra is installed.
+        if len(self._scenarios) == 1 and find_spec("cyclonedds") is not None:
+            view.ros_domain = free_ros_domain()
+            if self._on_ros_domain is not None:
+                self._on_ros_domain(view.ros_domain)
 
-    def _page_arguments(self) -> tuple[str, ...]:
-        if self._page_port is None:
-            return ("--headless",)
-        return ("--page", "--no-browser", "--port", str(self._page_port))
+        def settings(made: Settings) -> Settings:
+            shown = view.ros_domain is not None
+            return replace(made, ros2=Ros2Settings(enabled=shown, domain_id=view.ros_domain))
 
-    def _program(self, paths: DemoPaths, name: str, *arguments: str) -> Program:
-        program = Program(name, arguments, paths.directory / f"{name}.log")
-        self._stack.callback(program.stop)
-        return program
+        side = self._rig.drone(
+            scenario.starting_at(self._start_ns),
+            paths,
+            system_id=number,
+            ground_port=port,
+            settings=settings,
+        )
+        return _Drone(side, self._rig.reader(side, READY_TIMEOUT_S), view)
 
     # ------------------------------------------------------------------- flight
 
-    def _fly_until_told(self) -> None:
+    def _fly_until_interrupted(self) -> None:
         """Fly to the end, or until Ctrl-C once there is something to account for."""
         try:
             self._fly()
         except KeyboardInterrupt:
-            if not self._cpu.counters(RECEIVER).get("last_sample_ns") or (
-                not self._flight_directory
-            ):
+            if not all(one.heard_samples for one in self._drones):
                 raise
-            self._duration_s = round(self.view.elapsed_s, 1)
+            self._duration_s = round(self._elapsed_s, 1)
+
+    @property
+    def _elapsed_s(self) -> float:
+        return max(0.0, (self._clock.now_ns() - self._start_ns) * 1e-9)
 
     def _fly(self) -> None:
         """Wait for detection to start, then until the flight's end."""
-        clock = Clock.start()
         deadline_s = time.monotonic() + READY_TIMEOUT_S
-        end_ns = self._start_ns + ns_from_s(self.scenario.duration_s)
-        while clock.now_ns() < end_ns:
-            self._tick(clock)
-            if self._flight_directory == "" and time.monotonic() > deadline_s:
-                raise not_started(self._programs[2])
+        said_s = 0.0
+        while self._elapsed_s < self._duration_s:
+            self._tick()
+            if len(self._drones) > 1 and self._elapsed_s - said_s >= SAY_EVERY_S:
+                said_s = self._elapsed_s
+                self._say_progress(said_s)
+            silent = [one for one in self._drones if not one.flight_directory]
+            if silent and time.monotonic() > deadline_s:
+                several = f" on drone {silent[0].side.system_id}"
+                raise not_started(self._ground, several if len(self._drones) > 1 else "")
 
     def _stop(self) -> None:
         """Let the ground stop detection, then wait until everything has arrived."""
-        self.view.phase = "landed, delivering"
-        ground = self._programs[2]
-        clock = Clock.start()
-        ground.ask_to_stop()
+        for one in self._drones:
+            one.view.phase = "landed, delivering"
+        self._ground.ask_to_stop()
         deadline_s = time.monotonic() + DRAIN_TIMEOUT_S
-        while not ground.ended and time.monotonic() < deadline_s:
-            self._tick(clock, check=False)
-        for program in reversed(self._programs):
-            program.stop()
+        while not self._ground.ended and time.monotonic() < deadline_s:
+            self._tick(check=False)
+        self._rig.close()
 
-    def _tick(self, clock: Clock, *, check: bool = True) -> None:
+    def _tick(self, *, check: bool = True) -> None:
         if check:
-            self._check()
-        self.view.elapsed_s = max(0.0, (clock.now_ns() - self._start_ns) * 1e-9)
-        for event in self._programs[2].new_events():
-            if event.get("event") == "pulse" and event["tag_id"] in self.view.tags:
-                self.view.tags[event["tag_id"]].delivered += 1
+            self._ground.check()
+        for event in self._ground.new_events():
+            if event.get("event") == "pulse":
+                self._delivered += 1
+                for one in self._drones:
+                    if event["tag_id"] in one.view.tags:
+                        one.view.tags[event["tag_id"]].delivered += 1
             elif event.get("event") == "page":
-                self.view.page_address = event["address"]
+                for one in self._drones:
+                    one.view.page_address = event["address"]
                 if self._on_page is not None:
                     self._on_page(event["address"])
-        for topic, record in self._reader.read(REFRESH_S):
-            match record:
-                case Pulse() if record.tag_id in self.view.tags:
-                    self.view.tags[record.tag_id].add(record, time.monotonic())
-                case SystemStatus() if topic == "system_status":
-                    self._take_status(record)
+        for one in self._drones:
+            if check:
+                one.side.check()
+            one.view.elapsed_s = self._elapsed_s
+            one.read(REFRESH_S / len(self._drones), self._ground)
 
-    def _take_status(self, status: SystemStatus) -> None:
-        self.view.status = status
-        if status.flight_directory:
-            self._flight_directory = status.flight_directory
-            self.view.phase = phase_of(self.scenario.flight, self.view.elapsed_s)
-        self._cpu.take(status, self._programs)
-        self.view.cpu_percent = self._cpu.percents()
-
-    def _check(self) -> None:
-        for program in self._programs:
-            program.check()
+    def _say_progress(self, elapsed_s: float) -> None:
+        words = [
+            f"drone {one.side.system_id} {one.view.phase}, "
+            f"{sum(tag.detected for tag in one.view.tags.values())} pulses"
+            for one in self._drones
+        ]
+        if self._console is not None:
+            text = f"{elapsed_s:3.0f} s: {'; '.join(words)}; on the ground {self._delivered}"
+            self._console.print(text, highlight=False)
 
     @contextmanager
-    def _display(self, console: Console | None) -> Iterator[None]:
-        if console is None:
+    def _display(self) -> Iterator[None]:
+        """Draw the view of one drone while it flies."""
+        if self._console is None or len(self._drones) > 1:
             yield
             return
         with Live(
-            get_renderable=lambda: self.view.render(time.monotonic()),
-            console=console,
+            get_renderable=lambda: self._drones[0].view.render(time.monotonic()),
+            console=self._console,
             refresh_per_second=4,
         ):
             yield
 
     # ------------------------------------------------------------------ account
 
-    def _summarize(self, paths: DemoPaths) -> DemoSummary:
-        flight = read_flight(Path(self._flight_directory))
+    def _summary(self, drone: _Drone) -> DemoSummary:
+        scenario = drone.side.scenario
+        flight = read_flight(Path(drone.flight_directory))
         # The world goes with the flight, so that bearings and positions can be checked later.
-        shutil.copy(paths.scenario, self._flight_directory)
-        received = read_ground_pulses(self._ground_directory(paths), self._begun_ns)
-        receiver = self._cpu.counters(RECEIVER)
+        shutil.copy(drone.side.paths.scenario, drone.flight_directory)
+        received = read_ground_pulses(self._ground_directory, self._begun_ns)
+        receiver = drone.cpu.counters(RECEIVER)
         first_ns, last_ns = receiver["first_sample_ns"], receiver["last_sample_ns"]
-        truth = World(self.scenario).truth(int(first_ns), int(last_ns))
+        truth = World(scenario).truth(int(first_ns), int(last_ns))
         return DemoSummary(
             tags={
                 str(tag.tag_id): summarize_tag(
@@ -267,12 +280,12 @@ class Demo:
                     [item.pulse for item in flight.pulse_poses],
                     [p.start_time_ns for p in received if p.tag_id == tag.tag_id],
                 )
-                for tag in self.scenario.tags
+                for tag in scenario.tags
             },
             samples_lost=samples_lost(receiver),
-            cpu_seconds=self._cpu.totals(),
+            cpu_seconds=drone.cpu.totals(),
             duration_s=self._duration_s,
-            flight_directory=self._flight_directory,
+            flight_directory=drone.flight_directory,
         )
 
 
@@ -300,24 +313,3 @@ def phase_of(flight: Flight, elapsed_s: float) -> str:
             return "hovering" if turns else "standing"
         elapsed_s -= leg.duration_s
     return "flight plan flown"
-
-
-def run_demo(
-    *,
-    scenario: Scenario,
-    flight_dir: Path,
-    console: Console | None,
-    picture: Path | None = None,
-    page_port: int | None = None,
-    on_page: Callable[[str], None] | None = None,
-    on_ros_domain: Callable[[int], None] | None = None,
-) -> DemoSummary:
-    """Run the demo once; see `Demo`."""
-    demo = Demo(
-        scenario=scenario,
-        flight_dir=flight_dir,
-        page_port=page_port,
-        on_page=on_page,
-        on_ros_domain=on_ros_domain,
-    )
-    return demo.run(console, picture)

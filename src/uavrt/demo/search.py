@@ -3,7 +3,6 @@
 import shutil
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -11,17 +10,16 @@ from typing import Literal
 import msgspec
 from rich.table import Table
 
-from uavrt.clock import Clock
-from uavrt.config import GuidanceSettings, write_tags
-from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.config import GuidanceSettings, Settings
+from uavrt.demo.programs import DemoPaths, Program, free_udp_port
+from uavrt.demo.rig import Rig, starting_in
 from uavrt.demo.telling import in_plain_words, with_figures
 from uavrt.demo.workplace import workplace
 from uavrt.errors import UavrtError
 from uavrt.geodesy import distance_m
 from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemStatus
-from uavrt.monitor import StatusReader
 from uavrt.recording import require_writable
-from uavrt.simulation import Scenario, write_scenario
+from uavrt.simulation import Scenario
 from uavrt.units import ns_from_s
 
 RADIUS_M = 260.0
@@ -178,7 +176,7 @@ class SearchDemo:
         """The world."""
         self._limit_s, self._flight_dir = limit_s, flight_dir
         self._say, self._told = say, told
-        self._stack = ExitStack()
+        self._rig = Rig()
         self._seen = _Seen()
 
     def run(self) -> SearchSummary:
@@ -189,60 +187,37 @@ class SearchDemo:
         UavrtError
             A program ended by itself, or nothing was searched; the text says why.
         """
-        with self._stack:
-            self._start()
+        require_writable(self._flight_dir)
+        with workplace("uavrt-search-") as work, self._rig:
+            self._start(work)
             self._search()
             return self._summary()
 
-    def _start(self) -> None:
-        require_writable(self._flight_dir)
-        work = self._stack.enter_context(workplace("uavrt-search-"))
-        paths = DemoPaths(directory=work, flights=self._flight_dir.resolve())
-        self._paths, self._direct = paths, free_udp_port()
+    def _start(self, work: Path) -> None:
         among, scenario = self._among, self.scenario
         if among is None:
-            start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
-            number, ground = 1, free_udp_port()
+            scenario = starting_in(scenario, START_LEAD_S)
         else:
-            start_ns, number, ground = among.start_ns, among.number, among.ground_port
-            scenario = among.placed(scenario)
-        self.scenario = scenario.starting_at(start_ns)
-        write_scenario(self.scenario, paths.scenario)
-        write_tags(paths.tags, self.scenario.tags)
-        companion = free_udp_port()
-        settings = drone_settings(self.scenario, paths, companion, flies=True)
-        settings = replace(
-            settings,
-            mavlink=replace(
-                settings.mavlink, direct_links=(f"udpin://127.0.0.1:{self._direct}",)
-            ),
+            scenario = among.placed(scenario).starting_at(among.start_ns)
+        self.scenario, self._direct = scenario, free_udp_port()
+        self._drone = self._rig.drone(
+            scenario,
+            DemoPaths(directory=work, flights=self._flight_dir.resolve()),
+            system_id=1 if among is None else among.number,
+            ground_port=None if among is None else among.ground_port,
+            flies=True,
+            supervisor=(msgspec.json.encode(scenario.tags).decode(),),
+            settings=self._settings,
+        )
+        self._reader = self._rig.reader(self._drone, READY_TIMEOUT_S)
+
+    def _settings(self, made: Settings) -> Settings:
+        direct = f"udpin://127.0.0.1:{self._direct}"
+        return replace(
+            made,
+            mavlink=replace(made.mavlink, direct_links=(direct,)),
             guidance=GuidanceSettings(enabled=True, battery_wh=BATTERY_WH, speed_m_s=SPEED_M_S),
         )
-        self._autopilot = self._program(
-            "autopilot",
-            "uavrt.simulation.autopilot",
-            *("--scenario", str(paths.scenario), "--system-id", str(number)),
-            *("--companion", f"127.0.0.1:{companion}"),
-            *("--ground", f"127.0.0.1:{ground}"),
-            *("--flies", "--path", str(paths.flown)),
-        )
-        self._supervisor = self._program(
-            "supervisor",
-            "uavrt.supervisor",
-            msgspec.json.encode(settings).decode(),
-            msgspec.json.encode(self.scenario.tags).decode(),
-        )
-        self._reader = StatusReader(paths.status_socket, READY_TIMEOUT_S, self._check)
-        self._stack.callback(self._reader.close)
-
-    def _program(self, name: str, *arguments: str) -> Program:
-        program = Program(name, arguments, self._paths.directory / f"{name}.log")
-        self._stack.callback(program.stop)
-        return program
-
-    def _check(self) -> None:
-        self._autopilot.check()
-        self._supervisor.check()
 
     # ------------------------------------------------------------------ the search
 
@@ -275,9 +250,10 @@ class SearchDemo:
         """The order, asked for again until the drone has its position and its home."""
         deadline_s = time.monotonic() + READY_TIMEOUT_S
         while True:
-            order = self._program(
+            order = self._rig.program(
+                self._drone.paths.directory,
                 "fly",
-                *("uavrt.cli", "fly", "search", "--yes", "--sticks-unseen", "--json"),
+                *("fly", "search", "--yes", "--sticks-unseen", "--json"),
                 *("--mavlink", f"udpout://127.0.0.1:{self._direct}"),
                 *("--radius", str(RADIUS_M), "--radius-wish", str(WISH_M)),
                 *("--minutes", str(self._limit_s / 60.0)),
@@ -291,7 +267,7 @@ class SearchDemo:
                 order.check()
 
     def _watch(self) -> None:
-        self._check()
+        self._drone.check()
         for topic, record in self._reader.read(REFRESH_S):
             match record:
                 case SearchNote():
@@ -322,8 +298,8 @@ class SearchDemo:
     def _summary(self) -> SearchSummary:
         seen = self._seen
         last = seen.notes[-1]
-        shutil.copy(self._paths.scenario, seen.flight_directory)
-        shutil.copy(self._paths.flown, seen.flight_directory)
+        shutil.copy(self._drone.paths.scenario, seen.flight_directory)
+        shutil.copy(self._drone.paths.flown, seen.flight_directory)
         cpu, memory = 0.0, 0.0
         if len(seen.guide) > 1:
             (first_s, first), (end_s, end) = seen.guide[0], seen.guide[-1]

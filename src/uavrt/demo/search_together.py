@@ -3,13 +3,13 @@
 import math
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
 
 from uavrt.clock import Clock
-from uavrt.demo.programs import Program, free_udp_port
+from uavrt.demo.programs import free_udp_port
+from uavrt.demo.rig import Rig
 from uavrt.demo.search import START_LEAD_S, Among, SearchDemo, SearchSummary
 from uavrt.demo.workplace import workplace
 from uavrt.errors import UavrtError
@@ -78,8 +78,16 @@ class TogetherDemo:
 
     def run(self) -> TogetherSummary:
         """Fly once; raises as `SearchDemo.run`."""
-        with ExitStack() as stack:
-            ground_port = self._start_ground(stack)
+        with workplace("uavrt-together-") as work, Rig() as rig:
+            ground_port = free_udp_port()
+            # The station that serves all orders nothing.
+            rig.ground(
+                work,
+                ground_port,
+                self._flight_dir / "ground",
+                *("--page", "--no-browser", "--port", "0"),
+                vehicles=self._drones,
+            )
             start_ns = Clock.start().now_ns() + ns_from_s(START_LEAD_S)
             threads = [
                 threading.Thread(target=self._one, args=(number, ground_port, start_ns))
@@ -99,23 +107,6 @@ class TogetherDemo:
             apart_m=round(self._apart_m(summaries), 1),
             duration_s=max(one.duration_s for one in summaries.values()),
         )
-
-    def _start_ground(self, stack: ExitStack) -> int:
-        """The station that serves all; it orders nothing."""
-        work = stack.enter_context(workplace("uavrt-together-"))
-        port = free_udp_port()
-        further = [word for n in range(2, 1 + self._drones) for word in ("--vehicle", str(n))]
-        ground = Program(
-            "ground",
-            (
-                *("uavrt.cli", "ground", "--page", "--no-browser", "--port", "0"),
-                *("--mavlink", f"udpin://127.0.0.1:{port}", *further),
-                *("-o", str(self._flight_dir / "ground")),
-            ),
-            work / "ground.log",
-        )
-        stack.callback(ground.stop)
-        return port
 
     def _one(self, number: int, ground_port: int, start_ns: int) -> None:
         directory = self._flight_dir / f"drone-{number}"

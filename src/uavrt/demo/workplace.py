@@ -15,7 +15,7 @@ from pathlib import Path
 
 from uavrt.errors import UavrtError, UsageError
 
-PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-fleet-", "uavrt-together-")
+PREFIXES = ("uavrt-demo-", "uavrt-search-", "uavrt-together-")
 LOCK = "running"
 _YOUNG_S = 60.0
 """One that was made so lately may not have its lock yet."""

@@ -14,9 +14,9 @@ from typing import Self
 
 import msgspec
 
-from uavrt.clock import Clock, monotonic_s
+from uavrt.clock import monotonic_s
 from uavrt.config import DetectionSettings
-from uavrt.demo import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.demo import DemoPaths, Rig, starting_in
 from uavrt.errors import UavrtError
 from uavrt.messages import (
     Health,
@@ -29,9 +29,8 @@ from uavrt.messages import (
 )
 from uavrt.monitor import StatusReader
 from uavrt.recording import read_pulse_file
-from uavrt.simulation import Scenario, write_scenario
+from uavrt.simulation import Scenario
 from uavrt.supervisor.tree import descendants_of
-from uavrt.units import ns_from_s
 
 START_LEAD_S = 1.0
 READY_S = 30.0
@@ -84,41 +83,24 @@ class ServedDrone:
                 )
             )
         )
-        paths = DemoPaths(directory=work, flights=self._flights)
-        self.scenario = self.scenario.starting_at(
-            Clock.start().now_ns() + ns_from_s(START_LEAD_S)
+        rig = self._stack.enter_context(Rig())
+        self.scenario = starting_in(self.scenario, START_LEAD_S)
+        drone = rig.drone(
+            self.scenario,
+            DemoPaths(directory=work, flights=self._flights),
+            supervisor=(msgspec.json.encode(self.scenario.tags).decode(),),
+            served_by=(
+                *("uavrt.simulation.service_manager", "--"),
+                *(sys.executable, "-m", "uavrt.supervisor"),
+            ),
+            settings=lambda made: replace(
+                made, detection=DetectionSettings(workers=self._workers)
+            ),
         )
-        write_scenario(self.scenario, paths.scenario)
-        companion_port, ground_port = free_udp_port(), free_udp_port()
-        settings = replace(
-            drone_settings(self.scenario, paths, companion_port),
-            detection=DetectionSettings(workers=self._workers),
-        )
-        self._socket = paths.status_socket
-        self.autopilot = self._program(
-            work,
-            "autopilot",
-            "uavrt.simulation.autopilot",
-            *("--scenario", str(paths.scenario)),
-            *("--companion", f"127.0.0.1:{companion_port}"),
-            *("--ground", f"127.0.0.1:{ground_port}"),
-        )
+        self._socket = drone.paths.status_socket
+        self.autopilot, self.manager = drone.autopilot, drone.supervisor
         self._ground = work / "ground"
-        self._program(
-            work,
-            "ground",
-            *("uavrt.cli", "ground", "--headless", "--json"),
-            *("--mavlink", f"udpin://127.0.0.1:{ground_port}", "-o", str(self._ground)),
-        )
-        tags = msgspec.json.encode(self.scenario.tags).decode()
-        self.manager = self._program(
-            work,
-            "service manager",
-            "uavrt.simulation.service_manager",
-            "--",
-            *(sys.executable, "-m", "uavrt.supervisor"),
-            *(msgspec.json.encode(settings).decode(), tags),
-        )
+        rig.ground(work, drone.ground_port, self._ground, "--headless", "--json")
         return self
 
     def __exit__(
@@ -130,11 +112,6 @@ class ServedDrone:
         if self._reader is not None:
             self._reader.close()
         self._stack.close()
-
-    def _program(self, work: Path, name: str, *arguments: str) -> Program:
-        program = Program(name, arguments, work / f"{name}.log")
-        self._stack.callback(program.stop)
-        return program
 
     def stop(self) -> None:
         """Stop the drone side in good order."""

@@ -9,15 +9,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import msgspec
-
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import DetectionSettings, RadioSettings, Shape
-from uavrt.demo import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.config import DetectionSettings, RadioSettings, Settings, Shape
+from uavrt.demo import DemoPaths, Rig
 from uavrt.errors import UavrtError
 from uavrt.messages import Command, CommandReply, Health, SystemState, SystemStatus, Tag
-from uavrt.monitor import StatusReader
-from uavrt.simulation import Scenario, demo_scenario, steady_tags, write_scenario
+from uavrt.simulation import demo_scenario, steady_tags
 from uavrt.supervisor.tree import children_of, descendants_of, own_cpu_s, pss_mb, written_mb
 
 CENTER_HZ = 148_700_000.0
@@ -76,42 +73,29 @@ class SteadyFlight:
                 tempfile.TemporaryDirectory(prefix="uavrt-flight-", ignore_cleanup_errors=True)
             )
         )
-        paths = DemoPaths(directory=work, flights=self._flights or work / "flights")
-        scenario: Scenario = demo_scenario(7200.0).starting_at(Clock.start().now_ns())
-        write_scenario(scenario, paths.scenario)
-        companion_port, ground_port = free_udp_port(), free_udp_port()
-        settings = replace(
-            drone_settings(scenario, paths, companion_port),
-            radio=RadioSettings(
-                program=(
-                    *(sys.executable, "-m", "uavrt.simulation.steady_radio"),
-                    *("--tags", str(len(self.tags))),
-                    *("--center-frequency-hz", str(CENTER_HZ)),
-                ),
-                center_frequency_hz=CENTER_HZ,
-            ),
-            detection=self._detection,
-        )
-        self._program(
-            work,
-            "autopilot",
-            "uavrt.simulation.autopilot",
-            *("--scenario", str(paths.scenario)),
-            *("--companion", f"127.0.0.1:{companion_port}"),
-            *("--ground", f"127.0.0.1:{ground_port}"),
+        rig = self._stack.enter_context(Rig())
+        drone = rig.drone(
+            demo_scenario(7200.0).starting_at(Clock.start().now_ns()),
+            DemoPaths(directory=work, flights=self._flights or work / "flights"),
+            settings=self._settings,
         )
         # It takes the pulses, as in the field; without it they would gather in memory.
-        self._program(
-            work,
-            "ground",
-            *("uavrt.cli", "ground", "--headless", "--json"),
-            *("--mavlink", f"udpin://127.0.0.1:{ground_port}", "-o", str(work / "ground")),
-        )
-        encoded = msgspec.json.encode(settings).decode()
-        self.supervisor = self._program(work, "supervisor", "uavrt.supervisor", encoded)
-        self._reader = StatusReader(paths.status_socket, TIMEOUT_S, self.supervisor.check)
-        self._stack.callback(self._reader.close)
+        rig.ground(work, drone.ground_port, work / "ground", "--headless", "--json")
+        self.supervisor = drone.supervisor
+        self._reader = rig.reader(drone, TIMEOUT_S)
         return self
+
+    def _settings(self, made: Settings) -> Settings:
+        """Get those of a drone whose radio sends all the tags, as often as it can."""
+        radio = RadioSettings(
+            program=(
+                *(sys.executable, "-m", "uavrt.simulation.steady_radio"),
+                *("--tags", str(len(self.tags))),
+                *("--center-frequency-hz", str(CENTER_HZ)),
+            ),
+            center_frequency_hz=CENTER_HZ,
+        )
+        return replace(made, radio=radio, detection=self._detection)
 
     def __exit__(
         self,
@@ -120,11 +104,6 @@ class SteadyFlight:
         traceback: TracebackType | None,
     ) -> None:
         self._stack.close()
-
-    def _program(self, work: Path, name: str, *arguments: str) -> Program:
-        program = Program(name, arguments, work / f"{name}.log")
-        self._stack.callback(program.stop)
-        return program
 
     # ----------------------------------------------------------------- operating
 

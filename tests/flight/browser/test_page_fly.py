@@ -27,7 +27,8 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
     scenario = animal()
     drone = drone_bay.launch(
         scenario,
-        autopilot_options=("--flies", "--flavour", "px4"),
+        flies=True,
+        autopilot_options=("--flavour", "px4"),
         guidance=GuidanceSettings(enabled=True, **GUIDANCE),
     )
     ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{drone.ground_port}")

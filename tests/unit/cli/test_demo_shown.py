@@ -204,7 +204,7 @@ def test_what_a_killed_demo_left_is_swept_by_the_next_and_a_running_one_s_is_not
     for name in ("uavrt-demo-dead", "uavrt-search-dead", "uavrt-demo-live", "another"):
         (tmp_path / name).mkdir()
         (tmp_path / name / LOCK).touch()
-    old = tmp_path / "uavrt-fleet-old"
+    old = tmp_path / "uavrt-demo-old"
     old.mkdir()
     os.utime(old, (1e9, 1e9))
     with (tmp_path / "uavrt-demo-live" / LOCK).open("w") as lock:
