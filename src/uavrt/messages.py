@@ -8,6 +8,8 @@ the sample blocks, which have their own road.
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
+import msgspec
+
 from uavrt.commands import CommandName as CommandName
 from uavrt.commands import SystemState as SystemState
 
@@ -602,22 +604,54 @@ class VehicleReport:
     """Where the air goes, east and north, by the autopilot; None: it tells of none."""
 
 
+class FlyThere(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Fly straight to a place and stay; also turns, where the autopilot takes the yaw."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    yaw_deg: float | None = None
+    """None: the autopilot looks where it likes."""
+
+
+class TurnInPlace(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Turn by one command, where the autopilot has it."""
+
+    turn_deg: float
+    """Clockwise; negative: the other way. At most a whole turn."""
+    rate_deg_s: float
+
+
+class GoHome(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Return by the autopilot's own mode; it lands as it is set to. Ends the order."""
+
+
+class TakeMode(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Change into our own mode on the ground, where a take-off is commanded in it."""
+
+
+class TakeOff(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Climb straight up from the ground; a pilot has armed."""
+
+    height_m: float
+    """Above home."""
+    altitude_amsl_m: float
+
+
+Wish = FlyThere | TurnInPlace | GoHome | TakeMode | TakeOff
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleWish:
     """What the guide wishes of the vehicle; `uavrt.guidance.authority` decides."""
 
     order_id: int | None
-    kind: Literal["alive", "fly", "turn", "home", "mode", "takeoff", "end"]
+    wish: Wish | None = None
+    """None: nothing new, the guide is alive."""
+    ends: bool = False
+    """The order has ended."""
     said: str = ""
     """What the order is at, or why it has ended."""
-    latitude_deg: float = 0.0
-    longitude_deg: float = 0.0
-    altitude_amsl_m: float = 0.0
-    height_m: float = 0.0
-    """Above home, of a take-off."""
-    yaw_deg: float | None = None
-    turn_deg: float = 0.0
-    rate_deg_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,7 @@ from typing import Any
 import made
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance import Limits, Order, Pilot, manners_of, now_of, plan_of, wish_record
+from uavrt.guidance import Limits, Order, Pilot, manners_of, now_of, plan_of
 from uavrt.mavlink import Message, dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.udp import MAX_PEERS
@@ -133,9 +133,9 @@ class Guided:
             self.pilot, self.lost_s = self._offered, None
         assert self.pilot is not None
         wish = self.pilot.next(now)
-        record = VehicleWish(order_id=report.order_id, kind="alive")
+        record = VehicleWish(order_id=report.order_id)
         if wish is not None:
-            record = wish_record(report.order_id, wish, "")
+            record = VehicleWish(order_id=report.order_id, wish=wish)
         self.bay.deliver("wish", record)
         if "lost" in self.pilot.said and self.lost_s is None:
             self.lost_s = self._now_s()

@@ -20,7 +20,7 @@ from uavrt.guidance.observed import (
     PositionSeen,
     TargetSeen,
 )
-from uavrt.guidance.wishes import FlyThere, GoHome
+from uavrt.messages import FlyThere, GoHome
 from uavrt.simulation.flying import MODES, Flavour
 
 HOME_DEG, HOME_AMSL_M, HEIGHT_M = (47.1, 8.5), 430.0, 40.0

@@ -9,7 +9,7 @@ from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused
-from uavrt.guidance import now_of, wish_record
+from uavrt.guidance import now_of
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Order, VehicleNow
 from uavrt.mavlink import dialect, parse_address
@@ -112,14 +112,14 @@ class Desked(Flown):
         assert report is not None
         if report.order_id is None:
             return
-        record = VehicleWish(order_id=report.order_id, kind="alive")
+        record = VehicleWish(order_id=report.order_id)
         now = self.now()
         if pilot is not None and now is not None and report.order_id == pilot.order.order_id:
             wish = pilot.next(now)
             if wish is not None:
-                record = wish_record(pilot.order.order_id, wish, "")
+                record = VehicleWish(order_id=pilot.order.order_id, wish=wish)
             elif pilot.ended is not None:
-                record = VehicleWish(order_id=report.order_id, kind="end", said=pilot.ended)
+                record = VehicleWish(order_id=report.order_id, ends=True, said=pilot.ended)
         due = self.steps + self._hub.randint(0, SLOWEST_STEPS)
         before = self._wishes[-1][0] if self._wishes else 0
         self._wishes.append((max(due, before), record))

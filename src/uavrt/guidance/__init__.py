@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from uavrt.guidance.pilot import Pilot
     from uavrt.guidance.plan_file import fence_file, survey_file
     from uavrt.guidance.plans import plan_of, survey_places
-    from uavrt.guidance.reports import now_of, wish_of, wish_record, with_place
+    from uavrt.guidance.reports import now_of, with_place
     from uavrt.guidance.seeker import (
         TAG_HEIGHT_M,
         Choice,
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         Seeker,
     )
     from uavrt.guidance.way_text import way_in
-    from uavrt.guidance.wishes import FlyThere, GoHome, VehicleCommand, Wish
+    from uavrt.guidance.wishes import VehicleCommand
 
 __all__ = [
     "HOME_MOVED_M",
@@ -69,8 +69,6 @@ __all__ = [
     "Company",
     "Equipment",
     "FailsafeSeen",
-    "FlyThere",
-    "GoHome",
     "GroundAround",
     "HomeSeen",
     "LandedSeen",
@@ -91,7 +89,6 @@ __all__ = [
     "TargetSeen",
     "VehicleCommand",
     "VehicleNow",
-    "Wish",
     "area_in",
     "circle",
     "difference",
@@ -107,8 +104,6 @@ __all__ = [
     "survey_places",
     "target_amsl_m",
     "way_in",
-    "wish_of",
-    "wish_record",
     "with_place",
 ]
 __getattr__ = lazily(
@@ -123,8 +118,6 @@ __getattr__ = lazily(
         "Company": "company",
         "Equipment": "seeker",
         "FailsafeSeen": "observed",
-        "FlyThere": "wishes",
-        "GoHome": "wishes",
         "GroundAround": "ground",
         "HOME_MOVED_M": "authority",
         "HomeSeen": "observed",
@@ -151,7 +144,6 @@ __getattr__ = lazily(
         "TargetSeen": "observed",
         "VehicleCommand": "wishes",
         "VehicleNow": "orders",
-        "Wish": "wishes",
         "area_in": "area_text",
         "circle": "area_text",
         "difference": "mission",
@@ -166,8 +158,6 @@ __getattr__ = lazily(
         "survey_items": "mission",
         "survey_places": "plans",
         "target_amsl_m": "heights",
-        "wish_of": "reports",
-        "wish_record": "reports",
         "with_place": "reports",
     },
 )

@@ -47,16 +47,9 @@ from uavrt.guidance.progress import (
     Progress,
 )
 from uavrt.guidance.stopping import stops_within_m
-from uavrt.guidance.wishes import (
-    FlyThere,
-    GoHome,
-    TakeMode,
-    TakeOff,
-    TurnInPlace,
-    VehicleCommand,
-    Wish,
-)
+from uavrt.guidance.wishes import VehicleCommand
 from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw, YawWatch
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 BEGINS_WITHIN_S = 10.0

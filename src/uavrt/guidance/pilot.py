@@ -23,7 +23,7 @@ from uavrt.guidance.plans import (
 )
 from uavrt.guidance.progress import ARRIVED_M, AT_HEIGHT_M, LOOKS_DEG
 from uavrt.guidance.stopping import stops_within_m
-from uavrt.guidance.wishes import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
 from uavrt.units import wrap_degrees_180
 
 ARRIVED_M_S = 1.0

@@ -24,7 +24,6 @@ from uavrt.guidance import (
     Choice,
     Company,
     Equipment,
-    GoHome,
     GroundAround,
     Lessons,
     Limits,
@@ -36,7 +35,6 @@ from uavrt.guidance import (
     manners_of,
     now_of,
     plan_of,
-    wish_record,
 )
 from uavrt.heap import heap_of_short_arrays
 from uavrt.ipc import ProcessFrame
@@ -44,6 +42,7 @@ from uavrt.localization import MONOPOLE, pattern_named
 from uavrt.log import get_logger
 from uavrt.messages import (
     FlightInfo,
+    GoHome,
     KeepOut,
     MotionOffer,
     MotionRequest,
@@ -304,7 +303,7 @@ class Guide:
         self._alive_s = self._course_s = 0.0
         self._company = Company(secrets.randbits(16))
         self.offers = self.flown = self.decisions = self.ways_not_given = 0
-        frame.send("wish", VehicleWish(order_id=None, kind="end"))
+        frame.send("wish", VehicleWish(order_id=None, ends=True))
 
     def take(self, topic: str, record: object) -> None:
         """Handle a record of the hub."""
@@ -454,7 +453,9 @@ class Guide:
         if now is not None and (isinstance(wish, GoHome) or pilot.returning):
             self._company.go(now.home, returning=True)
         if wish is not None:
-            self._frame.send("wish", wish_record(pilot.order.order_id, wish, said))
+            self._frame.send(
+                "wish", VehicleWish(order_id=pilot.order.order_id, wish=wish, said=said)
+            )
             self._alive_s = now_s
         elif pilot.ended is not None:
             self._end(pilot.order.order_id, pilot.ended)
@@ -462,9 +463,7 @@ class Guide:
             self._end_search(now, pilot.ended)
         elif now_s - self._alive_s >= ALIVE_S:
             self._alive_s = now_s
-            self._frame.send(
-                "wish", VehicleWish(order_id=pilot.order.order_id, kind="alive", said=said)
-            )
+            self._frame.send("wish", VehicleWish(order_id=pilot.order.order_id, said=said))
 
     def _begin(self, offered: _Planned, vehicle: VehicleReport, now: VehicleNow | None) -> None:
         """Fly what was offered and is confirmed, from where the vehicle is by now."""
@@ -517,7 +516,7 @@ class Guide:
 
     def _end(self, order_id: int, reason: str) -> None:
         log.info("order ended", order=order_id, reason=reason)
-        self._frame.send("wish", VehicleWish(order_id=order_id, kind="end", said=reason))
+        self._frame.send("wish", VehicleWish(order_id=order_id, ends=True, said=reason))
 
     # ------------------------------------------------------------------ a search
 

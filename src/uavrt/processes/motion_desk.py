@@ -17,11 +17,8 @@ from uavrt.guidance import (
     Authority,
     AutopilotName,
     Boot,
-    FlyThere,
     Standing,
-    Wish,
     target_amsl_m,
-    wish_of,
     with_place,
 )
 from uavrt.log import get_logger
@@ -38,11 +35,13 @@ from uavrt.messages import (
     Command,
     CommandName,
     CommandReply,
+    FlyThere,
     MotionOffer,
     MotionRequest,
     StatusText,
     VehicleReport,
     VehicleWish,
+    Wish,
 )
 from uavrt.processes.fence_watch import FenceWatch
 from uavrt.tunnel import (
@@ -464,7 +463,7 @@ class MotionDesk:
         self._look_at_gap(now_s)
         late = self._late_turns > 0
         if authority is None or wish.order_id is None or wish.order_id != authority.order_id:
-            if authority is not None and wish.kind == "end" and wish.order_id is None:
+            if authority is not None and wish.ends and wish.order_id is None:
                 authority.stop(now_s, "the guide has restarted")
                 self._watch(now_s)
                 self._fence.tell_again()
@@ -473,16 +472,15 @@ class MotionDesk:
         if self._stop_by_s:
             return
         self._said = wish.said or self._said
-        match wish.kind:
-            case "end":
-                behind = "" if authority.late is None else f": {authority.late}"
-                authority.stop(now_s, f"{wish.said}{behind}")
-            case "fly" | "turn" | "home" | "mode" | "takeoff":
-                if not late and self._command(authority, wish.order_id, wish_of(wish), now_s):
-                    self._sent += 1
-                else:
-                    self._refused += 1
-                self._report(now_s)
+        if wish.ends:
+            behind = "" if authority.late is None else f": {authority.late}"
+            authority.stop(now_s, f"{wish.said}{behind}")
+        elif wish.wish is not None:
+            if not late and self._command(authority, wish.order_id, wish.wish, now_s):
+                self._sent += 1
+            else:
+                self._refused += 1
+            self._report(now_s)
         self._watch(now_s)
 
     def _command(

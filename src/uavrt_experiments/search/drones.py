@@ -21,10 +21,19 @@ from uavrt.guidance.neighbours import SEPARATION
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.seeker import Choice, Equipment, Seeker
-from uavrt.guidance.wishes import FlyThere, TurnInPlace, VehicleCommand, Wish
+from uavrt.guidance.wishes import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.vehicle_messages import command_message
-from uavrt.messages import Pose, Pulse, PulsePose, SearchReport, Tag
+from uavrt.messages import (
+    FlyThere,
+    Pose,
+    Pulse,
+    PulsePose,
+    SearchReport,
+    Tag,
+    TurnInPlace,
+    Wish,
+)
 from uavrt.planning import VehicleState
 from uavrt.processes.guide import ASKING_S, COURSE_S
 from uavrt.processes.thinker import Thinker

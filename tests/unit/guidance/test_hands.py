@@ -8,7 +8,7 @@ from flown import HOME, Flown
 from uavrt.config.loader import parse_settings
 from uavrt.errors import CommandRefused, ConfigError
 from uavrt.guidance.authority import Standing
-from uavrt.guidance.wishes import FlyThere
+from uavrt.messages import FlyThere
 from uavrt.simulation.flying import MODES, Flavour
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])

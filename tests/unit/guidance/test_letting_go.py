@@ -9,7 +9,7 @@ from flown import HOME, Flown
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.manners import MANNERS
-from uavrt.guidance.wishes import FlyThere, GoHome
+from uavrt.messages import FlyThere, GoHome
 from uavrt.simulation.flying import MODES, Flavour, Frame
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])

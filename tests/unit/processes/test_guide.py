@@ -17,6 +17,7 @@ from virtual_time import VirtualClock
 from uavrt.config.settings import GuidanceSettings, Settings
 from uavrt.geodesy import distance_m
 from uavrt.messages import (
+    FlyThere,
     KeepOut,
     MotionOffer,
     MotionRequest,
@@ -152,14 +153,16 @@ def test_a_fence_that_cannot_be_read_or_leaves_home_out_is_not_flown_with(hub: H
 @pytest.mark.parametrize("action", ["hold", "rotate"])
 def test_here_is_where_the_drone_is_when_the_order_is_confirmed(hub: Hub, action: str) -> None:
     offer = hub.ask(action)
-    wish = hub.confirmed(offer, north_m=120.0)
+    wish = hub.confirmed(offer, north_m=120.0).wish
+    assert isinstance(wish, FlyThere)
     there = hub.flown.place(120.0, 0.0)
     assert distance_m(wish.latitude_deg, wish.longitude_deg, *there) < 0.1
 
 
 def test_the_height_is_the_one_that_was_offered(hub: Hub) -> None:
     offer = hub.ask("hold")
-    wish = hub.confirmed(offer, 0.0, altitude_amsl_m=490.0, altitude_relative_m=60.0)
+    wish = hub.confirmed(offer, 0.0, altitude_amsl_m=490.0, altitude_relative_m=60.0).wish
+    assert isinstance(wish, FlyThere)
     assert wish.altitude_amsl_m == pytest.approx(470.0)
 
 
@@ -168,7 +171,7 @@ def test_what_cannot_be_flown_any_more_when_it_is_confirmed_ends_with_the_reason
 ) -> None:
     offer = hub.ask("goto", places=(hub.flown.place(300.0, 0.0),), height_m=40.0)
     wish = hub.confirmed(offer, 0.0, battery_percent=30.0)
-    assert (wish.kind, wish.order_id) == ("end", offer.order_id)
+    assert (wish.ends, wish.order_id) == (True, offer.order_id)
     assert "Wh" in wish.said
 
 
@@ -186,7 +189,7 @@ def test_what_was_planned_around_another_home_is_not_flown(hub: Hub, action: str
     values = asked[action]
     moved = hub.flown.place(100.0, 0.0)
     wish = hub.confirmed(hub.ask(action, **values), 0.0, home=moved)
-    assert wish.kind == "end"
+    assert wish.ends
     assert wish.said == "home was moved while the order was planned. Ask for the motion again"
     hub.guide.take("vehicle", hub.report(home=moved))
     assert not hub.ask(action, **values).refused
@@ -314,7 +317,7 @@ def test_an_order_is_flown_on_while_another_is_being_planned(
         clock_of_test.now_s += 0.1
         hub.guide.take("vehicle", hub.report(standing="confirmed", order_id=flown.order_id))
         hub.guide.tick()
-    assert any(one.kind == "alive" for one in hub.sent[begun:])
+    assert any(one.wish is None for one in hub.sent[begun:])
     assert not any(isinstance(one, MotionOffer) for one in hub.sent)
     for number in (4, 5):  # one after the other
         (plan,) = hub.begun

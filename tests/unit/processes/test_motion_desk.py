@@ -18,11 +18,14 @@ from uavrt.messages import (
     Command,
     CommandReply,
     Course,
+    FlyThere,
     KeepOut,
     MotionOffer,
     MotionRequest,
     Neighbour,
     StatusText,
+    TakeMode,
+    TakeOff,
     VehicleFence,
     VehicleReport,
     VehicleWish,
@@ -105,7 +108,7 @@ class Link:
             self.desk.tick(self.silent_s)
 
     def alive(self) -> None:
-        self.desk.wish(VehicleWish(order_id=5, kind="alive"))
+        self.desk.wish(VehicleWish(order_id=5))
 
     def stall(self, seconds: float) -> None:
         """The vehicle lives on; nothing is read."""
@@ -153,10 +156,9 @@ class Link:
         self.desk.wish(
             VehicleWish(
                 order_id=5,
-                kind="fly",
-                latitude_deg=latitude,
-                longitude_deg=longitude,
-                altitude_amsl_m=470.0,
+                wish=FlyThere(
+                    latitude_deg=latitude, longitude_deg=longitude, altitude_amsl_m=470.0
+                ),
             )
         )
 
@@ -280,7 +282,7 @@ def test_a_stop_between_two_orders_never_takes_the_drone_out_of_a_return(
     link.run(0.05 * phase)
     own = link.flown.authority.manners.mode_name(MODES[flavour]["hold"])
     begin(link, north_m=200.0)
-    link.desk.wish(VehicleWish(order_id=5, kind="alive"))
+    link.desk.wish(VehicleWish(order_id=5))
     link.desk.offer(
         MotionOffer(request_id=11, asker=US, order_id=6, nonce=78, summary="hold", mode=own)
     )
@@ -427,7 +429,7 @@ def test_the_operator_is_told_once_that_the_link_is_too_late_to_command(link: Li
     assert link.states[-1].text == (
         "the autopilot's messages come 0.5 s late: nothing is commanded"
     )
-    link.desk.wish(VehicleWish(order_id=5, kind="end", said="the commands are refused"))
+    link.desk.wish(VehicleWish(order_id=5, ends=True, said="the commands are refused"))
     assert link.states[-1].text == (
         "the commands are refused: the autopilot's messages come 0.5 s late"
     )
@@ -449,7 +451,7 @@ def test_a_channel_of_the_settings_is_not_watched() -> None:
 
 def test_a_guide_that_was_restarted_ends_the_order(link: Link) -> None:
     begin(link)
-    link.desk.wish(VehicleWish(order_id=None, kind="end"))
+    link.desk.wish(VehicleWish(order_id=None, ends=True))
     assert link.states[-1].text == "the guide has restarted"
     assert link.texts[-1].text == "Not flying: the guide has restarted"
     link.fly(100.0)
@@ -576,7 +578,7 @@ def test_an_autopilot_that_turns_out_to_be_another_is_told(link: Link) -> None:
     begin(link)
     link.flown.kind = 1
     for _ in range(6):
-        link.desk.wish(VehicleWish(order_id=5, kind="alive"))
+        link.desk.wish(VehicleWish(order_id=5))
         link.run(0.2)
     assert link.texts[-1].text == "Not flying: the autopilot is not known"
 
@@ -610,7 +612,7 @@ def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
     link.flown.time_s += 0.4
     link.flown.boot_s += 0.4
     if first == "a sign of life":
-        link.desk.wish(VehicleWish(order_id=5, kind="alive"))
+        link.desk.wish(VehicleWish(order_id=5))
     link.fly(100.0)
     assert len(link.motions) == 1
     link.run(0.1)
@@ -650,7 +652,7 @@ def test_a_take_off_is_one_command_and_a_stop_after_it_is_silent() -> None:
     assert "on the ground" in some(report.fault)
     link.offered("Position", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
-    wish = VehicleWish(order_id=5, kind="takeoff", height_m=30.0, altitude_amsl_m=460.0)
+    wish = VehicleWish(order_id=5, wish=TakeOff(height_m=30.0, altitude_amsl_m=460.0))
     for _ in range(20):  # until the mode was told just now
         if not link.motions:
             link.run(0.05)
@@ -670,13 +672,13 @@ def test_a_stop_before_the_take_off_itself_leaves_the_drone_on_the_ground() -> N
     link.run(1.5)
     link.offered("Loiter", summary="take off", takeoff=True)
     assert link.confirm().standing == "confirmed"
-    link.desk.wish(VehicleWish(order_id=5, kind="mode"))
+    link.desk.wish(VehicleWish(order_id=5, wish=TakeMode()))
     assert [one.command for one in link.motions] == [dialect.MavCmd.DO_SET_MODE]
     link.run(0.5)
     link.say(encode_stop(MotionStop(request_id=12)))
     assert link.states[-1].standing == "out"
     assert link.states[-1].text == "stopped by the operator"
-    wish = VehicleWish(order_id=5, kind="takeoff", height_m=30.0, altitude_amsl_m=460.0)
+    wish = VehicleWish(order_id=5, wish=TakeOff(height_m=30.0, altitude_amsl_m=460.0))
     link.desk.wish(wish)
     link.run(3.0)
     assert len(link.motions) == 1
@@ -706,7 +708,7 @@ def test_a_guide_that_was_restarted_is_told_the_fence_at_once() -> None:
     link = Link()
     link.missions.held[1] = made.mission_items(fence_items(MEADOW), 1)
     link.run(3.0)
-    link.desk.wish(VehicleWish(order_id=None, kind="end"))
+    link.desk.wish(VehicleWish(order_id=None, ends=True))
     assert fences(link) == [MEADOW, MEADOW]
 
 

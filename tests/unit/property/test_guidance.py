@@ -21,8 +21,7 @@ from searched import Animal, Searched
 
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Standing
-from uavrt.guidance.wishes import FlyThere
-from uavrt.messages import VehicleWish
+from uavrt.messages import FlyThere, VehicleWish
 from uavrt.simulation.flying import MODES, Flavour, Frame
 
 HISTORIES = int(os.environ.get("UAVRT_HISTORIES", "200"))
@@ -342,10 +341,11 @@ def assert_the_desk_is_not_brought_back(flown: Desked, order_id: int | None) -> 
     flown.desk.wish(
         VehicleWish(
             order_id=order_id,
-            kind="fly",
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl_m=HOME.altitude_amsl_m + 40,
+            wish=FlyThere(
+                latitude_deg=latitude,
+                longitude_deg=longitude,
+                altitude_amsl_m=HOME.altitude_amsl_m + 40,
+            ),
         )
     )
     flown.say_yes(order_id)
