@@ -110,6 +110,28 @@ def test_turns_at_several_places_are_told_apart() -> None:
     assert east == pytest.approx([0.0, 200.0, 400.0], abs=5.0)
 
 
+@pytest.mark.parametrize("speed_m_s", [0.3, 0.5, 0.8, 1.0, 1.3, 1.6, 2.0])
+@pytest.mark.parametrize("way_m", [20.0, 60.0, 150.0, 300.0])
+def test_turns_between_which_somebody_walks_are_told_apart(
+    way_m: float, speed_m_s: float
+) -> None:
+    flight = Flight().turn(372, 40).fly(way_m, speed_m_s).hover(3).stops(8, 6.0)
+    flight.fly(way_m, speed_m_s).turn(-372, 40).fly(way_m, speed_m_s).turn(372, 40)
+    turns = flight.turns()
+    turned_deg = [turn.turned_deg for turn in turns]
+    assert turned_deg == pytest.approx([372.0, 315.0, -372.0, 372.0], abs=10.0)
+    east = [float(PLANE.to_local(turn.latitude_deg, turn.longitude_deg)[0]) for turn in turns]
+    assert np.diff(east) == pytest.approx([way_m] * 3, abs=6.0)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.3, 1.0, 2.0])
+def test_a_walk_without_turning_is_no_turn(speed_m_s: float) -> None:
+    flight = Flight()
+    for degrees in (170.0, 170.0, 170.0):  # round three corners, each at another place
+        flight.fly(60.0, speed_m_s).turn(degrees, 20)
+    assert flight.fly(60.0, speed_m_s).turns() == []
+
+
 def test_back_and_forth_is_two_turns() -> None:
     turns = Flight().hover(5).turn(360, 40).turn(-360, 40).hover(5).turns()
     assert [np.sign(turn.turned_deg) for turn in turns] == [1.0, -1.0]

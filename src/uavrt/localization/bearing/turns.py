@@ -19,6 +19,11 @@ _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
 
 _SPEED_WINDOW_S = 3.0
+_WALK_WINDOW_S = 15.0
+_WALK_M = 3.0
+"""A place that has moved by this much in the window before and in the one after is left …"""
+_WAY_M = 7.5
+"""… where the whole way is this long: half the radius within which a turn stays."""
 _REVERSAL_DEG = 25.0
 """Yaw that has gone back by less is hovering or overshoot, not the other way round."""
 _STILL_DEG = 4.0
@@ -113,6 +118,7 @@ def find_turns(
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     hovering = _speed(seconds, east, north) < speed_m_s
+    hovering &= ~_walking(seconds, east, north)
     if height_m is not None:
         hovering &= _in_flight(east, north, height_m) & ~_climbing(seconds, height_m)
     if on_ground is not None and not np.all(on_ground):
@@ -156,6 +162,21 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     moved = np.hypot(east[after] - east[before], north[after] - north[before])
     return np.asarray(moved / np.maximum(seconds[after] - seconds[before], 1e-3))
+
+
+def _walking(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
+    """Where the place changes for good, however slowly: between two turns of somebody on foot."""
+    before = np.searchsorted(seconds, seconds - _WALK_WINDOW_S)
+    after = np.searchsorted(seconds, seconds + _WALK_WINDOW_S, side="right") - 1
+
+    def moved_m(other: _Ints) -> _Floats:
+        return np.asarray(np.hypot(east - east[other], north - north[other]))
+
+    walking = np.minimum(moved_m(before), moved_m(after)) >= _WALK_M
+    for first, last in _runs(walking):
+        way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
+        walking[first:last] = way_m >= _WAY_M
+    return walking
 
 
 def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
