@@ -165,7 +165,7 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
 
 
 def _walking(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Where the place changes for good, however slowly: between two turns of somebody on foot."""
+    """Where the place changes for good, however slowly: a walk between two turns."""
     before = np.searchsorted(seconds, seconds - _WALK_WINDOW_S)
     after = np.searchsorted(seconds, seconds + _WALK_WINDOW_S, side="right") - 1
 
