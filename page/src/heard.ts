@@ -58,7 +58,7 @@ export function tellHeard(name: string, map: HeardMap, notes: string[]): void {
     h(
       "p",
       {},
-      h("span", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of the map.`),
+      h("span", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of ${map.known_km2.toFixed(1)}\u202fkm².`),
       " ",
       h("span", {}, "Blue: not heard, yellow: sure."),
     ),

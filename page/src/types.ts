@@ -334,6 +334,7 @@ export interface HeardMap {
   picture: string;
   mean_probability: number | null;
   share_above_90: number | null;
+  known_km2: number;
   limitations: string[];
 }
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from uavrt.cli.examples import examples
-from uavrt.cli.outputs import check_place
+from uavrt.cli.outputs import check_place, print_json
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _print(answer: "pa.Table", as_json: bool) -> None:
     rows = _in_microseconds(answer).to_pylist()
     if as_json:
         for row in rows:
-            print(json.dumps(row, default=str))
+            print_json(row)
         return
     from rich.console import Console
     from rich.table import Table

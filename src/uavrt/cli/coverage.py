@@ -22,7 +22,6 @@ from uavrt.cli.kinds import (
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
-import json
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -146,7 +145,7 @@ def coverage(
     as_json
         Print a list of objects.
     """
-    from uavrt.cli.outputs import make_directory
+    from uavrt.cli.outputs import make_directory, print_json
     from uavrt.planning import LinkBudget
 
     if not height:
@@ -202,7 +201,7 @@ def coverage(
         else _before(asked, _listed(tags, tag, pulses, interval, frequency, pulse_width))
     )
     if as_json:
-        print(json.dumps([_record(one) for one in found], allow_nan=False, indent=2))
+        print_json([_record(one) for one in found], indent=2)
     else:
         _print(found)
 
@@ -473,12 +472,11 @@ def _finite(value: float | None) -> float | None:
 
 def _record(one: _Told) -> dict[str, Any]:
     ground, silence = one.coverage.ground, one.absence
-    rows, columns = ground.height_m.shape
     return {
         "tag_id": one.tag.tag_id,
         "height_m": one.height_m,
         "best": one.best,
-        "map_km2": round(rows * columns * ground.cell_m**2 / 1e6, 3),
+        "map_km2": round(one.coverage.known_km2, 3),
         "unknown_share": _finite(ground.unknown_share),
         "groups": one.coverage.groups,
         "mean_probability": _finite(one.coverage.mean),
@@ -502,17 +500,15 @@ def _print(found: list[_Told]) -> None:
     from uavrt.analysis import around_in_words
 
     for one in found:
-        ground = one.coverage.ground
-        rows, columns = ground.height_m.shape
-        km2 = rows * columns * ground.cell_m**2 / 1e6
         where = "in this flight" if one.height_m is None else f"from {one.height_m:g} m"
         best = " (best)" if one.best and len(found) > 1 and one.height_m is not None else ""
         print(f"tag {one.tag.tag_id} {where}{best}: {_percent(one.coverage.mean)} on average")
         if one.coverage.whole_flight:
             print("  as uavrt integrate would have found it, which looked for it in vain")
+        share50, share90 = (_percent(one.coverage.share_above(share)) for share in (0.5, 0.9))
         print(
-            f"  heard with .9 or more on {_percent(one.coverage.share_above(0.9))} of "
-            f"{km2:.1f} km², with .5 or more on {_percent(one.coverage.share_above(0.5))}"
+            f"  heard with .9 or more on {share90} of {one.coverage.known_km2:.1f} km², "
+            f"with .5 or more on {share50}"
         )
         print(f"  antenna: {_antenna_in_words(one.antenna)}")
         if one.in_area is not None:

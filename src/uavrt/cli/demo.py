@@ -1,6 +1,5 @@
 """``uavrt demo``: the whole system on this machine."""
 
-import json
 import sys
 import webbrowser
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from uavrt.cli.kinds import Between, Port, Seconds, Seed
-from uavrt.cli.outputs import check_place
+from uavrt.cli.outputs import check_place, print_json
 from uavrt.cli.screen import has_page, has_screen
 from uavrt.demo import (
     Demo,
@@ -111,9 +110,7 @@ def demo(
     ).run(picture)
     if json_summary:
         accounts = {str(number): one.as_dict() for number, one in flown.items()}
-        print(
-            json.dumps({"drones": accounts} if drones > 1 else accounts["1"], allow_nan=False)
-        )
+        print_json({"drones": accounts} if drones > 1 else accounts["1"])
         return
     screen = Console()
     for number, summary in flown.items():
@@ -136,7 +133,7 @@ def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: 
         figures=json_summary,
     )
     if json_summary:
-        print(json.dumps(summary.as_dict(), allow_nan=False))
+        print_json(summary.as_dict())
     else:
         screen = Console()
         screen.print(summary.table())
@@ -160,7 +157,7 @@ def _search_together(
         say=lambda line: print(line, file=out, flush=True),
     )
     if json_summary:
-        print(json.dumps(summary.as_dict(), allow_nan=False))
+        print_json(summary.as_dict())
     else:
         screen = Console()
         for number, one in summary.drones.items():

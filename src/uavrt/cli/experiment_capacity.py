@@ -1,7 +1,6 @@
 """``uavrt experiment capacity``."""
 
 import asyncio
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.kinds import Counts
-from uavrt.cli.outputs import check_place
+from uavrt.cli.outputs import check_place, print_json
 from uavrt.errors import ConfigError, needs_extra
 from uavrt_experiments.capacity import (
     COUNTS,
@@ -75,7 +74,7 @@ def capacity(
             "ours": [asdict(row) for row in ours],
             "link": [asdict(row) for row in real],
         }
-        print(json.dumps(tables))
+        print_json(tables)
     else:
         print(drawn(results))
     if picture is not None:

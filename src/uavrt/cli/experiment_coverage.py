@@ -4,10 +4,8 @@
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
-import json
 import sys
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,7 +59,7 @@ def coverage(
         Print one JSON object as the last line.
     """
     import uavrt_experiments
-    from uavrt.cli.outputs import check_place
+    from uavrt.cli.outputs import check_place, print_json
     from uavrt.errors import UsageError
     from uavrt_experiments.coverage import (
         FOLDERS,
@@ -107,7 +105,7 @@ def coverage(
         rows += shadow_rows(outcomes)
     rows = [row for name in names for row in rows if row.experiment == name]
     if json_summary:
-        print(json.dumps([asdict(row) for row in rows]))
+        print_json(rows)
     else:
         print(drawn(rows))
         print(f"{bars_kept(rows)}; seed {seed}")

@@ -1,6 +1,5 @@
 """``uavrt experiment detection``."""
 
-import json
 import os
 import sys
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from cyclopts import Parameter
 import uavrt
 import uavrt.cli.one_thread  # before numpy is imported
 from uavrt.cli.kinds import Count, Seed
-from uavrt.cli.outputs import make_directory
+from uavrt.cli.outputs import make_directory, print_json
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
@@ -106,7 +105,7 @@ def detection(
         if plots:
             paths += draw_all(output_dir, results.rows)
     if json_summary:
-        print(json.dumps(as_json(new)))
+        print_json(as_json(new))
     else:
         _show(new)
     if paths and not json_summary:

@@ -1,6 +1,5 @@
 """``uavrt experiment packets``."""
 
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +9,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from uavrt.cli.kinds import Minutes, Seed, Share
+from uavrt.cli.outputs import print_json
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, UsageError
 from uavrt.recording import require_writable
@@ -85,7 +85,7 @@ def packets(
     results += [row.result for row in rows]
     if json_summary:
         found = {name: asdict(match) for name, match in flights.items()}
-        print(json.dumps({"flights": found, "model": [asdict(row) for row in rows]}))
+        print_json({"flights": found, "model": rows})
     else:
         print(drawn(results))
         for name, match in flights.items():

@@ -1,6 +1,5 @@
 """``uavrt experiment recovery``."""
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +8,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from uavrt.cli.kinds import Seed, Tally
+from uavrt.cli.outputs import print_json
 from uavrt.recording import require_writable
 from uavrt_experiments.recovery import Plan, run_recovery
 from uavrt_experiments.tables import drawn
@@ -62,7 +62,7 @@ def recovery(
     )
     report = run_recovery(plan, flight_dir, say=lambda line: console.print(line))
     if json_summary:
-        print(json.dumps(report.as_dict()))
+        print_json(report.as_dict())
     else:
         print("\n".join((drawn(report.rows()), *report.faults)))
     sys.exit(0 if report.ok else 1)

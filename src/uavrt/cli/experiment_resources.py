@@ -1,12 +1,12 @@
 """``uavrt experiment resources``."""
 
-import json
 from typing import Annotated
 
 from cyclopts import Parameter
 from rich.console import Console
 
 from uavrt.cli.kinds import Count, Counts, Minutes
+from uavrt.cli.outputs import print_json
 from uavrt.supervisor.tree import SHAPES
 from uavrt_experiments.resources import THESIS_MINUTES, Plan, run_resources, run_shapes
 
@@ -48,7 +48,7 @@ def resources(
     plan = Plan(minutes=duration, tags=tags, loads=loads)
     report = run_resources(plan, say=lambda line: console.print(line))
     if json_summary:
-        print(json.dumps(report.as_dict()))
+        print_json(report.as_dict())
     else:
         print(report.table())
 
@@ -60,6 +60,6 @@ def _shapes(minutes: float, tags: int, console: Console, json_summary: bool) -> 
         say=lambda line: console.print(line),
     )
     if json_summary:
-        print(json.dumps(report.as_dict()))
+        print_json(report.as_dict())
     else:
         print(report.table())

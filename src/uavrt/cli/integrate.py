@@ -4,11 +4,10 @@
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
 from uavrt.cli.near_codes import tell_near_codes
-from uavrt.cli.outputs import make_directory
+from uavrt.cli.outputs import make_directory, print_json
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
-import json
 import sys
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -177,7 +176,7 @@ def integrate(
         wanted = _wanted(listed or flown[0].info.tags, tag)
         found, told = _one_flight(asked, flown[0], wanted)
     if as_json:
-        print(json.dumps([one for one, _ in told], allow_nan=False, indent=2))
+        print_json([one for one, _ in told], indent=2)
     else:
         for _, text in told:
             print(text)

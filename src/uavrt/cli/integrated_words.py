@@ -106,7 +106,7 @@ def _silence(silent: "SilentMap") -> list[str]:
     found = silent.coverage
     return [
         f"{around_in_words(silent.around)} (another power: --tag-power)",
-        f"so on {100.0 * found.share_above(0.9):.0f} % of the map of where it is not",
+        f"so on {100.0 * found.share_above(0.9):.0f} % of {found.known_km2:.1f} km²",
         f"the map: noise of the drone: {silent.noise}",
         *(f"the map: {text}" for text in found.limitations),
     ]

@@ -1,6 +1,5 @@
 """``uavrt monitor``: a terminal view of a running system; start and stop without a ground."""
 
-import json
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -12,6 +11,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.live import Live
 
+from uavrt.cli.outputs import print_json
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.config import read_tags
 from uavrt.errors import UavrtError
@@ -98,7 +98,7 @@ def _show_once(reader: StatusReader, *, as_json: bool) -> None:
     if view.status is None:
         raise UavrtError("the supervisor does not answer")
     if as_json:
-        print(json.dumps(_plain(view.status)))
+        print_json(_plain(view.status))
     else:
         Console().print(view.render(time.monotonic()))
 

@@ -1,10 +1,25 @@
-"""Outputs that must not destroy what they are made from."""
+"""Outputs of commands: JSON, and files that must not destroy what they are made from."""
 
 import os
 from collections.abc import Iterable
 from pathlib import Path
 
+import msgspec
+
 from uavrt.errors import ConfigError
+
+
+def print_json(value: object, *, indent: int = -1) -> None:
+    """Print a value as JSON: what is not a number becomes null (RFC 8259, section 6).
+
+    Parameters
+    ----------
+    value : object
+        Plain values, dates, dataclasses and lists of them.
+    indent : int
+        Spaces of each level; -1 prints one line.
+    """
+    print(msgspec.json.format(msgspec.json.encode(value), indent=indent).decode())
 
 
 def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None:

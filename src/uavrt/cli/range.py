@@ -1,6 +1,5 @@
 """``uavrt range``: how far a tag is heard, before a flight."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +16,7 @@ from uavrt.cli.kinds import (
     PulseWidth,
     TagFrequency,
 )
+from uavrt.cli.outputs import print_json
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def range(
             for tag, its in each.values()
         ]
     if as_json:
-        print(json.dumps([one | {"noise_from": noise} for one in rows], allow_nan=False))
+        print_json([one | {"noise_from": noise} for one in rows])
     else:
         _print(rows, budget, noise)
 

@@ -1,6 +1,5 @@
 """``uavrt season``: a folder of flights in numbers."""
 
-import json
 import sys
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -10,7 +9,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from uavrt.cli.outputs import check_place
+from uavrt.cli.outputs import check_place, print_json
 from uavrt.cli.words import counted
 from uavrt.clock import iso_utc
 from uavrt.recording import TableWriter
@@ -51,7 +50,7 @@ def season(
     if output is not None:
         _write(found, output)
     if as_json:
-        print(json.dumps(asdict(found), indent=2))
+        print_json(found, indent=2)
     else:
         _show(found)
 

@@ -67,6 +67,11 @@ class Coverage:
         known = self.heard[np.isfinite(self.heard)]
         return float(known.mean()) if known.size else math.nan
 
+    @property
+    def known_km2(self) -> float:
+        """Area of the cells that are known: what the mean and the shares are of."""
+        return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
+
     def share_above(self, probability: float) -> float:
         """Share of the known cells that are heard with a probability or more."""
         known = self.heard[np.isfinite(self.heard)]

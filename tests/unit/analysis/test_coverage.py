@@ -129,6 +129,24 @@ def test_elevation_files_of_another_place_are_a_limitation_and_no_zero(
         assert float(str(record["mean_probability"])) > 0.1
 
 
+def test_shares_and_area_are_of_the_ground_that_is_known(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    side, void = 3601, -32768
+    heights = np.full((side, side), void, ">i2")
+    row, column = round((36.0 - HOME[0]) * 3600), round((HOME[1] + 112.0) * 3600)
+    heights[row - 20 : row + 21, column - 20 : column + 21] = 2107  # 1.26 km by 1.03 km
+    (tmp_path / "N35W112.hgt").write_bytes(heights.tobytes())
+    plan = outline(tmp_path / "area.geojson", -200.0, 200.0)
+    coverage(plan, tag_power=-25.0, dem=tmp_path, height=(60.0,), cell=50.0, as_json=True)
+    (record,) = told(capsys)
+    assert record["unknown_share"] == pytest.approx(0.93, abs=0.05)
+    assert record["share90"] == 1.0
+    assert record["map_km2"] == pytest.approx(1.3, abs=0.2)
+    coverage(plan, tag_power=-25.0, dem=tmp_path, height=(60.0,), cell=50.0)
+    assert f"on 100 % of {record['map_km2']:.1f} km²" in capsys.readouterr().out
+
+
 def test_another_datum_is_named(
     write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -37,7 +37,7 @@ def account(survey: Survey, one: SilentMap) -> list[str]:
         f"{survey.label(one.tag_id).capitalize()}, taken to radiate "
         f"{one.tag_power_dbm:g} dBm (± 3 dB), would have been {how} with "
         f"{100.0 * found.mean:.0f} % on average, and with 90 % or more on "
-        f"{100.0 * found.share_above(0.9):.0f} % of the map. {silent}",
+        f"{100.0 * found.share_above(0.9):.0f} % of {found.known_km2:.1f} km². {silent}",
         f"The drone's noise: {one.noise}. Antenna: {one.antenna}.",
         *(f"{text[:1].upper()}{text[1:]}." for text in found.limitations),
     ]

@@ -149,10 +149,11 @@ def map_record(coverage: "Coverage") -> Record:
 
 
 def figures(coverage: "Coverage") -> Record:
-    """Mean probability of a map, and its share that is heard with .9 or more."""
+    """Mean probability of a map, its share that is heard with .9 or more, and its area."""
     return {
         "mean_probability": _known(coverage.mean),
         "share_above_90": _known(coverage.share_above(0.9)),
+        "known_km2": round(coverage.known_km2, 3),
     }
 
 
