@@ -38,6 +38,7 @@ from uavrt.planning import (
 )
 from uavrt.pose import Mounting
 from uavrt.recording import Flight, SearchedFor
+from uavrt.recording.formats.whole_file import write_whole
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain import Elevation, GroundGrid, ground_grid
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -500,14 +501,8 @@ def write_maps(
     }
     written = []
     for file, content in files.items():
-        path = directory / file
-        try:
-            path.write_bytes(content)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {path}: {error.strerror}", remedy="Choose another place"
-            ) from error
-        written.append(path)
+        write_whole(directory / file, content)
+        written.append(directory / file)
     return written
 
 

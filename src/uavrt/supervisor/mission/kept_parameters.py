@@ -8,7 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.config import Settings, parameter_values, with_parameter, write_text_atomically
+from uavrt.atomic_file import write_atomically
+from uavrt.config import Settings, parameter_values, with_parameter
 from uavrt.errors import ConfigError
 from uavrt.log import get_logger
 
@@ -63,7 +64,7 @@ class KeptParameters:
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             text = msgspec.json.format(msgspec.json.encode(self._kept)).decode()
-            write_text_atomically(self._path, text + "\n")
+            write_atomically(self._path, text + "\n")
         except OSError as error:
             log.warning("parameter not kept over a restart", reason=str(error.strerror))
 

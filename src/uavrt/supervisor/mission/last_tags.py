@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.config import write_text_atomically
+from uavrt.atomic_file import write_atomically
 from uavrt.log import get_logger
 from uavrt.messages import Tag
 
@@ -34,7 +34,7 @@ class LastTags:
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             text = msgspec.json.format(msgspec.json.encode((*tags,))).decode()
-            write_text_atomically(self._path, text + "\n")
+            write_atomically(self._path, text + "\n")
         except OSError as error:
             log.warning("tags not kept over a restart", reason=str(error.strerror))
 

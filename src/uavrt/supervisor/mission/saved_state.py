@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.config import write_text_atomically
+from uavrt.atomic_file import write_atomically
 from uavrt.errors import ConfigError
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, SystemState, Tag
@@ -117,7 +117,7 @@ class StateStore:
         """Replace the file; after a power cut there is the old one or the new one."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            write_text_atomically(self._path, msgspec.json.encode(state).decode())
+            write_atomically(self._path, msgspec.json.encode(state).decode())
             self._sync_directory()
             self._fault = ""
         except OSError as error:
