@@ -294,6 +294,8 @@ class ProcessStatus:
     counters: dict[str, float] = field(default_factory=dict)
     reason: str = ""
     """Last message of a process that is not `ok`; empty otherwise."""
+    tag_ids: tuple[int, ...] = ()
+    """Tags whose pulses it finds, if it is a detector."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
