@@ -192,16 +192,7 @@ class Flying:
         CommandRefused, LinkError, UavrtError
             The vehicle does not take it, flies a mission or does not answer; or it is none.
         """
-        request = _request(wish)
-        order = Order(
-            order_id=0,
-            action=request.action,
-            places=request.places,
-            height_m=request.height_m,
-            spacing_m=request.spacing_m,
-            pattern=request.pattern,
-            keep_out=request.keep_out,
-        )
+        order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._session.link
         if link is None:
@@ -249,14 +240,10 @@ class Flying:
             case "survey":
                 if not request.places:
                     raise UsageError("a survey needs an area", remedy="Draw or import one")
-                order = Order(
-                    order_id=0,
-                    action="survey",
-                    places=request.places,
-                    spacing_m=request.spacing_m,
-                    pattern=request.pattern,
+                return (
+                    *here,
+                    *survey_places(Order.of(request), self._home() or request.places[0]),
                 )
-                return (*here, *survey_places(order, self._home() or request.places[0]))
             case "search" if bool(request.places) == (request.radius_m is not None):
                 raise UsageError(
                     "a search needs one area",
