@@ -118,8 +118,6 @@ class DroneFiles:
         message = dialect.Heartbeat(
             type=dialect.MavType.GENERIC,
             autopilot=dialect.MavAutopilot.INVALID,
-            base_mode=0,
-            custom_mode=0,
             system_status=dialect.MavState.ACTIVE,
             mavlink_version=3,
         )

@@ -150,14 +150,7 @@ class DroneParameters:
                     target_system=drone.system_id,
                     target_component=drone.component_id,
                     command=MavCmd.REQUEST_MESSAGE,
-                    confirmation=0,
                     param1=dialect.AutopilotVersion.ID,
-                    param2=0.0,
-                    param3=0.0,
-                    param4=0.0,
-                    param5=0.0,
-                    param6=0.0,
-                    param7=0.0,
                 )
             )
             await self._wait_for_news(self._wait_s)

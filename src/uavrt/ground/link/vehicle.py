@@ -199,14 +199,8 @@ class VehicleWatch:
             target_system=self.autopilot.system_id,
             target_component=self.autopilot.component_id,
             command=command,
-            confirmation=0,
             param1=first,
             param2=second,
-            param3=0.0,
-            param4=0.0,
-            param5=0.0,
-            param6=0.0,
-            param7=0.0,
         )
 
     def ping(self, now_ns: int) -> Message:
