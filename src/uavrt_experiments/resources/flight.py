@@ -18,7 +18,8 @@ from uavrt.errors import UavrtError
 from uavrt.messages import Command, CommandReply, Health, SystemState, SystemStatus, Tag
 from uavrt.monitor import StatusReader
 from uavrt.simulation import Scenario, demo_scenario, steady_tags, write_scenario
-from uavrt.supervisor.tree import children_of, descendants_of, own_cpu_s, pss_mb, written_mb
+from uavrt.supervisor.tree import children_of, descendants_of
+from uavrt_experiments.resources.usage import own_cpu_s, pss_mb, written_mb
 
 CENTER_HZ = 148_700_000.0
 TIMEOUT_S = 60.0
