@@ -173,6 +173,7 @@ class Hand:
                 target_system=self.system_id,
                 target_component=1,
                 command=number,
+                confirmation=0,
                 **{f"param{n}": one for n, one in enumerate(values, 1)},
             )
         )
