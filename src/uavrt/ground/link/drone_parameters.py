@@ -7,7 +7,8 @@ from contextlib import suppress
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
-from uavrt.ground.link.protocol import DRONE_COMPONENT, GroundProtocol
+from uavrt.ground.link.protocol import GroundProtocol
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import Frame, Message, Peer, decode_value, dialect
 from uavrt.mavlink.dialect import MavCmd, MavParamType, MavProtocolCapability
 
