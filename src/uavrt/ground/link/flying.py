@@ -10,12 +10,13 @@ import sys
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavrt.errors import CommandRefused, FormatError, LinkError, UsageError
 from uavrt.geodesy import distance_m
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motion import ask, confirm, motion_request, stop
+from uavrt.ground.link.session_parts import HeldSession
 from uavrt.guidance import (
     NOT_CHECKED_ABOARD,
     OFFER_HOLDS_S,
@@ -31,9 +32,6 @@ from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT
 from uavrt.messages import KeepOut, MotionRequest
 from uavrt.tunnel import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
-
-if TYPE_CHECKING:
-    from uavrt.ground.session import GroundSession
 
 SILENCE_NS = ns_from_s(6.0)
 """The drone tells its standing once a second."""
@@ -60,11 +58,11 @@ class Flying:
 
     Parameters
     ----------
-    session : GroundSession
+    session : HeldSession
         Whose link and vehicle they use.
     """
 
-    def __init__(self, session: "GroundSession") -> None:
+    def __init__(self, session: HeldSession) -> None:
         self._session = session
         self._state: MotionState | None = None
         self._heard_ns = 0
