@@ -341,13 +341,11 @@ def enum_source(files: list[Any], name: str, entries: list[str]) -> str:
 
 def message_source(message: Any) -> str:
     """Source of one message class; arrays of bytes are one value, not 128 integers."""
-    first_extension = message.base_fields()
-    arguments = [
-        f"{field.name}: {type_of(field)}" + (f" = {default_of(field)}" if extension else "")
-        for field, extension in (
-            (field, place >= first_extension) for place, field in enumerate(message.fields)
-        )
-    ]
+    arguments = []
+    for place, field in enumerate(message.fields):
+        named = field.name.startswith("target_") and place < message.base_fields()
+        default = "" if named else f" = {default_of(field)}"
+        arguments.append(f"{field.name}: {type_of(field)}{default}")
     layout, packed, unpacked, place = "<", [], [], 0
     for field in message.ordered_fields:
         value, cell, cells = f"self.{field.name}", f"values[{place}]", 1
@@ -407,7 +405,7 @@ def type_of(field: Any) -> str:
 
 
 def default_of(field: Any) -> str:
-    """Zero, as MAVLink 2 fills extension fields that a sender does not know."""
+    """Zero, as MAVLink 2 fills what a sender does not know; an addressee is always named."""
     if is_text(field):
         return '""'
     if is_bytes(field):

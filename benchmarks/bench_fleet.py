@@ -112,8 +112,6 @@ class Vehicle:
         beat = dialect.Heartbeat(
             type=_COPTER,
             autopilot=_PX4,
-            base_mode=0,
-            custom_mode=0,
             system_status=_ACTIVE,
             mavlink_version=_MAVLINK_2,
         )
@@ -156,9 +154,6 @@ class Vehicle:
             lon=round(pose.longitude_deg * 1e7),
             alt=round(pose.altitude_amsl_m * 1e3),
             relative_alt=round(pose.altitude_relative_m * 1e3),
-            vx=0,
-            vy=0,
-            vz=0,
             hdg=9_000,
         )
         w, x, y, z = pose.quaternion_wxyz
@@ -168,9 +163,6 @@ class Vehicle:
             q2=x,
             q3=y,
             q4=z,
-            rollspeed=0.0,
-            pitchspeed=0.0,
-            yawspeed=0.0,
         )
         for message in (position, attitude):
             self._sock.sendto(self._autopilot.encode(message))

@@ -98,7 +98,6 @@ async def flood(connection: Connection) -> None:
     message = dialect.Tunnel(
         target_system=255,
         target_component=190,
-        payload_type=0,
         payload_length=120,
         payload=bytes(range(1, 121)),
     )
@@ -129,8 +128,6 @@ async def peer(port: int) -> None:
                 beat = dialect.Heartbeat(
                     type=kind,
                     autopilot=stack,
-                    base_mode=0,
-                    custom_mode=0,
                     system_status=4,
                     mavlink_version=3,
                 )
@@ -139,12 +136,6 @@ async def peer(port: int) -> None:
             attitude = dialect.AttitudeQuaternion(
                 time_boot_ms=boot_ms,
                 q1=1.0,
-                q2=0.0,
-                q3=0.0,
-                q4=0.0,
-                rollspeed=0.0,
-                pitchspeed=0.0,
-                yawspeed=0.0,
             )
             link.send(autopilot.encode(attitude))
         if number % 20 == 0:
@@ -154,16 +145,11 @@ async def peer(port: int) -> None:
                 lon=-1110000000,
                 alt=2000000,
                 relative_alt=50000,
-                vx=0,
-                vy=0,
-                vz=0,
-                hdg=0,
             )
             link.send(autopilot.encode(position))
         tunnel = dialect.Tunnel(
             target_system=1,
             target_component=191,
-            payload_type=0,
             payload_length=120,
             payload=bytes(range(1, 121)),
         )

@@ -209,9 +209,7 @@ def latency_ms(page: Page, port: int) -> list[float]:
     import socket
 
     writer = FrameWriter(1, 191)
-    heartbeat = dialect.Heartbeat(
-        type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-    )
+    heartbeat = dialect.Heartbeat(type=18, autopilot=8, system_status=4, mavlink_version=3)
     found = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.connect(("127.0.0.1", port))

@@ -9,9 +9,11 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 
 from uavrt.units import NANOSECONDS_PER_SECOND
 
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
 """The last whole year of 64 bits of nanoseconds since 1970 is 2261."""
 
@@ -128,3 +130,11 @@ def flight_stamp(time_ns: int) -> str:
     return (
         f"{datetime.fromtimestamp(time_ns // NANOSECONDS_PER_SECOND, tz=UTC):%Y-%m-%d_%H-%M-%S}"
     )
+
+
+def boot_id() -> str:
+    """Get a name of this start of the computer; CLOCK_MONOTONIC begins again at each."""
+    try:
+        return _BOOT_ID.read_text().strip()
+    except OSError:
+        return "unknown"

@@ -296,6 +296,8 @@ class ProcessStatus:
     counters: dict[str, float] = field(default_factory=dict)
     reason: str = ""
     """Last message of a process that is not `ok`; empty otherwise."""
+    tag_ids: tuple[int, ...] = ()
+    """Tags whose pulses it finds, if it is a detector."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -417,13 +419,9 @@ class VehicleFence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionRequest:
-    """A motion that an operator asks for; nothing moves before it is confirmed."""
+class Motion:
+    """What an operator can have flown; not yet an order."""
 
-    request_id: int
-    """The asker's."""
-    asker: tuple[int, int]
-    """System and component id of the ground station."""
     action: MotionAction
     places: tuple[tuple[float, float], ...] = ()
     """Latitude and longitude [deg] of a goal, or of an outline's corners."""
@@ -444,6 +442,16 @@ class MotionRequest:
     """Radius that is to hold a tag with 95 % before it counts as found."""
     keep_out: tuple[KeepOut, ...] = ()
     """Besides those of the drone's settings."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionRequest(Motion):
+    """A motion that an operator asks for; nothing moves before it is confirmed."""
+
+    request_id: int
+    """The asker's."""
+    asker: tuple[int, int]
+    """System and component id of the ground station."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

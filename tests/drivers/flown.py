@@ -202,9 +202,7 @@ class Flown:
             yield self._heartbeat()
         if self.mode_told and px4 and self.steps % 10 == 5:
             mode = self.vehicle.mode
-            yield dialect.CurrentMode(
-                standard_mode=0, custom_mode=mode, intended_custom_mode=mode
-            )
+            yield dialect.CurrentMode(custom_mode=mode, intended_custom_mode=mode)
         if self.status_told and self.steps % 10 == 3:
             yield self._status()
         if self.steps % 20 == 7:
@@ -253,17 +251,10 @@ class Flown:
         return dialect.SysStatus(
             onboard_control_sensors_present=ill,
             onboard_control_sensors_enabled=ill,
-            onboard_control_sensors_health=0,
             load=300,
             voltage_battery=16_000,
             current_battery=-1,
             battery_remaining=round(self.vehicle.battery_percent),
-            drop_rate_comm=0,
-            errors_comm=0,
-            errors_count1=0,
-            errors_count2=0,
-            errors_count3=0,
-            errors_count4=0,
         )
 
     def _home(self) -> Message:

@@ -289,12 +289,11 @@ def tlog(count: int = 60) -> bytes:
     out = b""
     for n in range(count):
         turned = dialect.AttitudeQuaternion(
-            time_boot_ms=1000 * n, q1=1.0, q2=0.0, q3=0.0, q4=0.0,
-            rollspeed=0.0, pitchspeed=0.0, yawspeed=0.0,
+            time_boot_ms=1000 * n, q1=1.0
         )  # fmt: skip
         place = dialect.GlobalPositionInt(
             time_boot_ms=1000 * n, lat=470_000_000 + n, lon=80_000_000, alt=500_000,
-            relative_alt=40_000, vx=0, vy=0, vz=0, hdg=0,
+            relative_alt=40_000,
         )  # fmt: skip
         for message in (turned, place):
             stamp = struct.pack(">Q", 1_780_000_000_000_000 + 10**6 * n)

@@ -18,7 +18,7 @@ from pulses import pulse_at
 from some import some
 
 from uavrt.clock import Clock
-from uavrt.ground.link.protocol import DRONE_COMPONENT
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message

@@ -26,7 +26,7 @@ from uavrt.messages import SearchNote
 from uavrt.recording import read_search_notes
 from uavrt.simulation import Antenna, Flight, Radio, Scenario
 from uavrt.simulation.flying import Flavour
-from uavrt.supervisor.tree import pss_mb
+from uavrt_experiments.resources.usage import pss_mb
 
 pytestmark = pytest.mark.timeout(300)
 KILLS = int(os.environ.get("UAVRT_KILLS", "1"))

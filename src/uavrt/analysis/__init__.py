@@ -28,8 +28,8 @@ if TYPE_CHECKING:
         pulses_on,
         read_places,
         read_polygon,
-        write_maps,
     )
+    from uavrt.analysis.coverage_files import write_maps, write_silence
     from uavrt.analysis.facts import NAME, Facts, read_facts, write_facts
     from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
     from uavrt.analysis.flown_with import USUAL_ANTENNA, antenna_is_told, flight_antenna
@@ -74,7 +74,6 @@ if TYPE_CHECKING:
         around_in_words,
         silent_map,
         silent_maps,
-        write_silence,
     )
     from uavrt.analysis.survey import Survey, read_survey
     from uavrt.analysis.whole_flight import (
@@ -243,8 +242,8 @@ __getattr__ = lazily(
         "slots_of": "hindsight",
         "verdict_of": "hindsight",
         "write_fold_pictures": "fold_pictures",
-        "write_maps": "coverage",
-        "write_silence": "silence",
+        "write_maps": "coverage_files",
+        "write_silence": "coverage_files",
         "bursts_of_pulses": "found_bursts",
     },
 )

@@ -3,13 +3,11 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.export import chance, geotiff_bytes, png_bytes
 from uavrt.analysis.flight_noise import FlightNoise
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.listening import Stretch, missing_in_words, within
@@ -22,7 +20,6 @@ from uavrt.localization import (
     AntennaPattern,
     Headings,
     PoseColumns,
-    PositionGrid,
     apart_in_words,
 )
 from uavrt.messages import Tag
@@ -463,61 +460,6 @@ def _covered(
             f"the way is shorter than {least} pulses of the tag: nothing can be heard",
         )
     return replace(found, limitations=limitations)
-
-
-def write_maps(
-    directory: Path, name: str, coverage: Coverage, way: Sequence[tuple[float, float]]
-) -> list[Path]:
-    """Write a map as GeoTIFF (probabilities) and PNG (a picture).
-
-    The picture is that of a report, and without matplotlib the map's squares alone.
-
-    Parameters
-    ----------
-    directory, name
-        Where, and how the files are called before their endings.
-    coverage : Coverage
-        The map.
-    way : sequence of (longitude, latitude)
-        Where the drone flies or flew [deg].
-
-    Raises
-    ------
-    RecordingError
-        They cannot be written.
-    """
-    ground = coverage.ground
-    grid = PositionGrid(
-        latitude_deg=ground.plane.latitude_deg,
-        longitude_deg=ground.plane.longitude_deg,
-        east_m=ground.east_m,
-        north_m=ground.north_m,
-        probability=coverage.heard.astype(np.float64),
-    )
-    files = {
-        f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
-        f"{name}.png": _picture(coverage, way),
-    }
-    written = []
-    for file, content in files.items():
-        path = directory / file
-        try:
-            path.write_bytes(content)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {path}: {error.strerror}", remedy="Choose another place"
-            ) from error
-        written.append(path)
-    return written
-
-
-def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
-    """A map as a report draws it; without what draws reports its squares alone."""
-    if find_spec("matplotlib") is None:
-        return png_bytes(chance(coverage.heard[::-1]))
-    from uavrt.analysis.report import coverage_png
-
-    return coverage_png(coverage, way)
 
 
 def best_of(covered: Sequence[Coverage]) -> int:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from uavrt.config import write_text_atomically
+from uavrt.atomic_file import write_atomically
 from uavrt.errors import ConfigError
 from uavrt.foreign import SETTINGS, check_toml, read_file
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -121,7 +121,7 @@ def write_facts(folder: Path, facts: Facts) -> None:
     written = {name: json.dumps(text, ensure_ascii=False) for name, text in told.items()}
     lines = [f"{name} = {text}\n" for name, text in written.items()]
     try:
-        write_text_atomically(path, "".join(lines))
+        write_atomically(path, "".join(lines))
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}") from error
 

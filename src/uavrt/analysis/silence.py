@@ -19,7 +19,6 @@ from uavrt.analysis.coverage import (
     flight_plane,
     frequency_window_hz,
     map_around,
-    write_maps,
 )
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
 from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
@@ -457,40 +456,6 @@ def _rounded_down(metres: float) -> float:
     """To two digits: more would be made up."""
     step = 10.0 ** max(0, math.floor(math.log10(max(metres, 1.0))) - 1)
     return math.floor(metres / step) * step
-
-
-def write_silence(
-    directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
-) -> dict[int, list[Path]]:
-    """Write maps as GeoTIFF and PNG, by tag; those of tags that have none now are removed.
-
-    Parameters
-    ----------
-    directory : Path
-    flight : Flight
-        Whose way is drawn.
-    maps : dict
-        Of `silent_maps`.
-    tag_ids : sequence of int
-        Of all that were judged.
-
-    Raises
-    ------
-    RecordingError
-        They cannot be written.
-    """
-    for tag_id in set(tag_ids) - set(maps):
-        for ending in ("tif", "png"):
-            (directory / f"{_map_name(tag_id)}.{ending}").unlink(missing_ok=True)
-    way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
-    return {
-        tag_id: write_maps(directory, _map_name(tag_id), one.coverage, way)
-        for tag_id, one in maps.items()
-    }
-
-
-def _map_name(tag_id: int) -> str:
-    return f"coverage_tag_{tag_id}"
 
 
 def _confirmed(flight: Flight, tag: Tag) -> bool:

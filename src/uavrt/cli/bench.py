@@ -31,7 +31,7 @@ HEARS_AUTOPILOT = ("ready", "waiting for ground station")
 def bench_findings(settings: Settings) -> list[Finding]:
     """Listen to the running system; judge what was heard."""
     try:
-        reader = StatusReader(status_socket_path(settings), 0.0, lambda: None)
+        reader = StatusReader(status_socket_path(settings))
     except (UavrtError, OSError):
         remedy = "Start it: sudo systemctl start uavrt, or uavrt run"
         return [Finding(what="drone", ok=False, text="uavrt does not run here", remedy=remedy)]

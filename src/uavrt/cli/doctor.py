@@ -13,12 +13,10 @@ from uavrt.cli.bench import bench_findings
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.computer import Finding, examine, examine_autopilot
 from uavrt.config import Settings
-from uavrt.errors import UavrtError, UsageError
+from uavrt.errors import UsageError
 from uavrt.mavlink import parse_address
 from uavrt.messages import SystemStatus
-from uavrt.monitor import StatusReader, status_socket_path
-
-STATUS_S = 3.0
+from uavrt.monitor.reader import running_status, status_socket_path
 
 
 def doctor(
@@ -65,7 +63,7 @@ def doctor(
         )
     if flight and autopilot:
         raise UsageError("--flight and --autopilot are two lists", remedy="Give one of them")
-    running = running_status(settings)
+    running = running_status(status_socket_path(settings))
     findings = (
         autopilot_findings(settings, running, port=port, mavlink=mavlink, fix=fix)
         if autopilot
@@ -107,19 +105,3 @@ def autopilot_findings(
         port = "TELEM2"
     baud = flown.baud if flown is not None and flown.device else None
     return examine_autopilot(address, port=port, baud=baud, fix=fix)
-
-
-def running_status(settings: Settings) -> SystemStatus | None:
-    """Get the state of a system that runs already, if one does."""
-    try:
-        reader = StatusReader(status_socket_path(settings), 0.0, lambda: None)
-    except (UavrtError, OSError):
-        return None
-    try:
-        for _ in range(round(STATUS_S / 0.1)):
-            for _, record in reader.read(0.1):
-                if isinstance(record, SystemStatus):
-                    return record
-    finally:
-        reader.close()
-    return None

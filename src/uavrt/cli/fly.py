@@ -267,15 +267,7 @@ def _survey(request: MotionRequest | None, use: str) -> Order:
         raise ConfigError(
             f"only a survey is {use}", remedy="uavrt fly survey --area FILE --height 60"
         )
-    return Order(
-        order_id=0,
-        action="survey",
-        places=request.places,
-        height_m=request.height_m,
-        spacing_m=request.spacing_m,
-        pattern=request.pattern,
-        keep_out=request.keep_out,
-    )
+    return Order.of(request)
 
 
 def _check_plan_name(path: Path | None, what: str) -> None:

@@ -79,7 +79,7 @@ def monitor(
 
 def _connect(path: Path) -> StatusReader:
     try:
-        return StatusReader(path, 0.0, lambda: None)
+        return StatusReader(path)
     except (UavrtError, PermissionError) as error:
         raise UavrtError(
             f"no running system answers at {path}",

@@ -138,7 +138,7 @@ def _rehearse() -> None:
 def _require_still(settings: Settings, *, bench: bool) -> Needs:
     seen, needs = Seen(), Needs.of(settings)
     try:
-        reader = StatusReader(status_socket_path(settings), 0.0, _nothing)
+        reader = StatusReader(status_socket_path(settings))
     except (UavrtError, OSError):  # it does not run: the link to the autopilot is free
         if needs.heartbeat:
             seen.armed = armed_by_link(settings.mavlink.address)
@@ -150,10 +150,6 @@ def _require_still(settings: Settings, *, bench: bool) -> Needs:
                 for _, record in reader.read(0.2):
                     seen.take(record, monotonic_s())
     return require_still(seen, needs, monotonic_s(), bench=bench)
-
-
-def _nothing() -> None:
-    """Do not stop waiting."""
 
 
 def _watch(
@@ -181,7 +177,7 @@ class _Reading:
     def __call__(self) -> list[object]:
         try:
             if self._reader is None:
-                self._reader = StatusReader(self._path, TURN_S, _nothing)
+                self._reader = StatusReader(self._path, TURN_S)
             records = [record for _, record in self._reader.read(TURN_S)]
             ours = runs_from(self._reader.process_id, self._version)
             records, gone = records if ours else [], not (ours and self._reader.is_open)

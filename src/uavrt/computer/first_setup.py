@@ -17,11 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from uavrt.atomic_file import write_atomically
 from uavrt.computer.checks import check_autopilot, check_permissions, check_radio
 from uavrt.computer.finding import Finding
 from uavrt.computer.update_file import split_keys
 from uavrt.computer.versions import Installation
-from uavrt.config import RADIOS, Settings, change_settings, load_settings, write_text_atomically
+from uavrt.config import RADIOS, Settings, change_settings, load_settings
 from uavrt.errors import ConfigError, UsageError
 from uavrt.localization import PATTERNS
 from uavrt.mavlink import parse_address
@@ -163,7 +164,7 @@ class FirstSetup:
         if missing:
             raise UsageError(f"the step {missing[0]} is missing")
         with _writing(self.config.parent):
-            write_text_atomically(self.config.parent / DONE, "")
+            write_atomically(self.config.parent / DONE, "")
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
@@ -265,11 +266,11 @@ class FirstSetup:
         if kept:
             path = self.config.parent.resolve() / COMMAND_KEY
             key = secrets.token_hex(32) if kept == "new" else kept
-            write_text_atomically(path, f"{key}\n", mode=0o600)
+            write_atomically(path, f"{key}\n", mode=0o600)
             self._change({("mavlink", "key_file"): str(path)})
         if pem:
             keys = "".join(split_keys(_lines(pem)))
-            write_text_atomically(self.config.parent / UPDATE_KEYS, keys)
+            write_atomically(self.config.parent / UPDATE_KEYS, keys)
         handed = passwords | {"ssh_key": ssh_key}
         self._hand_over(**{name: one for name, one in handed.items() if one})
         return ()
@@ -298,7 +299,7 @@ class FirstSetup:
     def _hand_over(self, **values: str) -> None:
         whole = self._handed_over() | values
         text = "".join(f"{name}={value}\n" for name, value in sorted(whole.items()))
-        write_text_atomically(self.config.parent / HANDOVER, text, mode=0o600)
+        write_atomically(self.config.parent / HANDOVER, text, mode=0o600)
 
     def _may_log_in(self) -> Path:
         """Keys of who may log in to an image (deploy/image/configure-root.sh)."""

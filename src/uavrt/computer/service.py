@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt.atomic_file import write_atomically
 from uavrt.computer.update import python_module
-from uavrt.config import RADIOS, write_text_atomically
+from uavrt.config import RADIOS
 from uavrt.errors import UsageError
 
 UNIT = "uavrt.service"
@@ -270,7 +271,7 @@ def _write(path: Path, text: str) -> str:
         if path.exists() and path.read_text(encoding="utf-8") == text:
             return f"{path} is up to date"
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text_atomically(path, text)
+        write_atomically(path, text)
     except OSError as error:
         raise _not_allowed(path, error) from error
     return f"wrote {path}"

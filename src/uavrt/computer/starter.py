@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from uavrt.config import write_text_atomically
+from uavrt.atomic_file import write_atomically
 from uavrt.errors import UsageError
 
 ENTRY = "applications/uavrt-ground.desktop"
@@ -51,7 +51,7 @@ def install_starter(program: Path, place: Path) -> list[Path]:
     for path, text in files.items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_text_atomically(path, text)
+            write_atomically(path, text)
         except OSError as error:
             raise UsageError(
                 f"{path} cannot be written: {error.strerror}", remedy="Give another --directory"

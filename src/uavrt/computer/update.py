@@ -21,10 +21,10 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from uavrt.atomic_file import write_atomically
 from uavrt.computer.trial import Verdict
 from uavrt.computer.update_file import Update, read_update, unpack_wheels, version_key
 from uavrt.computer.versions import COMPLETE, Installation, version_of
-from uavrt.config import write_text_atomically
 from uavrt.errors import UavrtError, UsageError
 
 Say = Callable[[str], None]
@@ -148,7 +148,7 @@ def _make(update: Update, present: Path, made: Path) -> None:
         for built in (present.parents[1] / BUILT_HERE).glob("cyclonedds-*.whl"):
             _run([*pip, "--no-deps", str(built)], update)
     if update.manifest is not None and update.manifest.keys is not None:
-        write_text_atomically(made / KEYS, update.manifest.keys)
+        write_atomically(made / KEYS, update.manifest.keys)
 
 
 def _require_libraries(made: Path, update: Update) -> None:
@@ -273,7 +273,7 @@ def _take_keys(version: Path, place: Installation) -> None:
         text = (version / KEYS).read_text(encoding="ascii")
     except FileNotFoundError:
         return
-    write_text_atomically(place.keys, text)
+    write_atomically(place.keys, text)
 
 
 def restart_by(command: Sequence[str]) -> None:

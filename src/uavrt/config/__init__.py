@@ -78,7 +78,7 @@ if TYPE_CHECKING:
         tags_from_drafts,
     )
     from uavrt.config.tags_toml import format_tags_toml
-    from uavrt.config.text_files import read_text, write_text_atomically
+    from uavrt.config.text_files import read_text
 
 __all__ = [
     "BURST_TOLERANCE_MS",
@@ -145,7 +145,6 @@ __all__ = [
     "words_of_near_codes",
     "write_default_settings",
     "write_tags",
-    "write_text_atomically",
 ]
 __getattr__ = lazily(
     __name__,
@@ -214,6 +213,5 @@ __getattr__ = lazily(
         "write_default_settings": "loader",
         "write_tags": "tag_files",
         "read_text": "text_files",
-        "write_text_atomically": "text_files",
     },
 )

@@ -14,10 +14,11 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from uavrt.atomic_file import write_atomically
 from uavrt.config.guidance_rules import guidance_faults
 from uavrt.config.radios import RADIOS, RadioRow
 from uavrt.config.settings import RADIO_GROUP, Settings
-from uavrt.config.text_files import decode_text, write_text_atomically
+from uavrt.config.text_files import decode_text
 from uavrt.config.toml_lines import find_lines, line_of
 from uavrt.errors import ConfigError
 from uavrt.foreign import MOST_FAULTS, SETTINGS, check_toml, read_file, shortened
@@ -164,7 +165,7 @@ def write_default_settings(path: str | os.PathLike[str]) -> None:
             f"{target} exists already", remedy="Choose another name or move it away"
         )
     try:
-        write_text_atomically(target, default_settings_text())
+        write_atomically(target, default_settings_text())
     except OSError as error:
         raise ConfigError(
             f"cannot write {target}: {error.strerror}",

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from uavrt.atomic_file import write_atomically
 from uavrt.config.loader import default_settings_text, parse_settings
 from uavrt.config.settings import Settings
-from uavrt.config.text_files import decode_text, write_text_atomically
+from uavrt.config.text_files import decode_text
 from uavrt.config.toml_lines import find_lines
 from uavrt.errors import ConfigError
 from uavrt.foreign import SETTINGS, read_file
@@ -47,7 +48,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
     settings, text = changed_settings(target, changes)
     try:
         mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o644
-        write_text_atomically(target, text, mode=mode)
+        write_atomically(target, text, mode=mode)
     except OSError as error:
         raise ConfigError(
             f"cannot write the settings {target}: {error.strerror}",

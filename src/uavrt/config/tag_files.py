@@ -5,11 +5,12 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from uavrt.atomic_file import write_atomically
 from uavrt.config.code_lists import is_code_csv, parse_code_csv, parse_code_yaml
 from uavrt.config.tag_info import format_tag_info, parse_tag_info
 from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft, tags_from_drafts
 from uavrt.config.tags_toml import format_tags_toml, parse_tags_toml
-from uavrt.config.text_files import decode_text, write_text_atomically
+from uavrt.config.text_files import decode_text
 from uavrt.errors import ConfigError, TagFileError
 from uavrt.foreign import TAGS, read_file, shortened
 from uavrt.messages import Tag
@@ -173,7 +174,7 @@ def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
             )
         text = format_tag_info(tags)
     try:
-        write_text_atomically(target, text)
+        write_atomically(target, text)
     except OSError as error:
         raise ConfigError(
             f"cannot write the tag file {target}: {error.strerror}",

@@ -1,8 +1,6 @@
 """Read text as editors save it: UTF-8 or UTF-16, with or without a byte order mark."""
 
 import codecs
-import os
-import tempfile
 from pathlib import Path
 
 from uavrt.errors import FormatError
@@ -61,36 +59,3 @@ def read_text(path: Path, limit: Limit) -> str:
             f"{path} is empty", remedy="Check its name, and that it was copied whole"
         )
     return text
-
-
-def write_text_atomically(
-    path: Path, text: str, *, sync: bool = True, mode: int = 0o644
-) -> None:
-    """Replace a file as a whole: after a crash there is the old or the new one.
-
-    What a link leads to is replaced, not the link; a pipe or a device is written to. Without
-    `sync` the same holds for a killed program, and after a power cut a new file may be empty;
-    for what is written too often to wait for the disk. `mode` says who may read it: a secret is
-    its owner's alone.
-
-    Raises
-    ------
-    OSError
-        The directory cannot be written.
-    """
-    if path.exists() and not path.is_file():
-        path.write_text(text, encoding="utf-8", newline="\n")
-        return
-    path = path.resolve()
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fchmod(file.fileno(), mode)
-            if sync:
-                os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

@@ -3,7 +3,7 @@
 The default keeps every tag within the clean span of the decimator, which it widens as far as
 the tags need, and away from the radio's own centre, where a zero-IF receiver has its DC spur;
 then avoids mirror images (an IQ imbalance shows a tag at +f also at -f), and sits the tags near
-channel centres. The compatible mode is the original's search.
+channel centres.
 
 Among frequencies that keep these guards, those come first that the original's own cost (tags
 per channel, nearness to channel edges) rates no worse than its choice, so that the same plan
@@ -14,18 +14,12 @@ a weighted sum.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.dsp.decimator import Mode
 from uavrt.dsp.plan import BandPlan, check_rate, plan_band
 from uavrt.errors import TunerError, UsageError
-
-TieBreak = Literal["mean", "offset"]
-"""What decides between equal costs in the compatible mode: nearness to the tags' mean frequency
-(``tuner.py``) or the least mean distance from channel centres (``updated_tuner.py``)."""
 
 DC_GUARD_HZ = 1000.0
 """Least distance of a tag from the radio's centre: search window 500 Hz and as much again."""
@@ -50,7 +44,7 @@ class TunerPlan:
     offsets_hz: tuple[float, ...]
     """Tag frequency minus its channel's centre."""
     near_edge: tuple[bool, ...]
-    """In the outer 7.5 % of the channel; of consequence in the compatible mode only."""
+    """In the outer 7.5 % of the channel"""
     shares_channel: bool
     """Two tags or more in one channel."""
     image_pairs: tuple[tuple[int, int], ...]
@@ -77,9 +71,7 @@ def tune(
     frequencies_hz: Sequence[float],
     *,
     sample_rate_hz: float = 3_000_000.0,
-    mode: Mode = "default",
     channel_count: int | None = None,
-    tie_break: TieBreak = "mean",
     dc_guard_hz: float = DC_GUARD_HZ,
     image_guard_hz: float = IMAGE_GUARD_HZ,
 ) -> TunerPlan:
@@ -91,15 +83,12 @@ def tune(
         Frequencies of the tags [Hz].
     sample_rate_hz : float
         Rate of the radio [Hz].
-    mode : {"default", "compatible"}
     channel_count : int, optional
         Channels across the band; as `FrontEnd` chooses by default.
-    tie_break : {"mean", "offset"}
-        Compatible mode only.
     dc_guard_hz : float
-        Default mode: least distance of any tag from the radio's centre [Hz].
+        Least distance of any tag from the radio's centre [Hz].
     image_guard_hz : float
-        Default mode: wanted distance from another tag's mirror image [Hz].
+        Wanted distance from another tag's mirror image [Hz].
 
     Raises
     ------
@@ -112,21 +101,16 @@ def tune(
     tags = _checked(frequencies_hz)
     if channel_count is not None and channel_count % 2:
         raise UsageError(f"{channel_count} channels", remedy="Use an even number of channels")
-    band = plan_band(sample_rate_hz, reach_hz=float(np.ptp(tags)) / 2.0, mode=mode)
-    if mode == "compatible":
-        count = channel_count or band.channel_count
-        spacing = band.band_rate_hz / count
-        center = _compatible_center(tags, spacing, count, tie_break)
-        return _plan(tags, center, spacing, count, 0.0)
+    band = plan_band(sample_rate_hz, reach_hz=float(np.ptp(tags)) / 2.0)
     while True:
         count = channel_count or band.channel_count
         try:
-            center = _default_center(tags, band, count, dc_guard_hz, image_guard_hz)
+            center = _best_center(tags, band, count, dc_guard_hz, image_guard_hz)
         except TunerError:
             if band.decimation_factor == 1:
                 raise
             wider_hz = band.usable_half_span_hz + 1.0
-            band = plan_band(sample_rate_hz, reach_hz=wider_hz, mode=mode)
+            band = plan_band(sample_rate_hz, reach_hz=wider_hz)
         else:
             return _plan(tags, center, band.band_rate_hz / count, count, image_guard_hz)
 
@@ -184,7 +168,8 @@ def _nearest_channels(offsets: Floats, spacing_hz: float, channel_count: int) ->
     return nearest
 
 
-def _compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> Floats:
+def compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> Floats:
+    """Frequencies among which the original's tuner chooses."""
     low, high = tags.min(), tags.max()
     grid = np.arange(low, high, GRID_STEP_HZ) if high > low else np.array([low])
     below = (channel_count // 2 + 0.5) * spacing
@@ -193,23 +178,7 @@ def _compatible_candidates(tags: Floats, spacing: float, channel_count: int) -> 
     return fits
 
 
-def _compatible_center(
-    tags: Floats, spacing: float, channel_count: int, tie_break: TieBreak
-) -> float:
-    candidates = _compatible_candidates(tags, spacing, channel_count)
-    if candidates.size == 0:
-        raise _too_wide(tags, spacing * channel_count)
-    cost = compatible_cost(tags, candidates, spacing_hz=spacing, channel_count=channel_count)
-    if tie_break == "mean":
-        last = np.abs(candidates - tags.mean())
-    else:
-        last = cost.mean_offset_hz
-    # lexsort is stable: of equals the lowest frequency, as in the original.
-    order = np.lexsort((last.round(6), cost.edge_cost.round(9), cost.tags_per_channel.round(9)))
-    return float(candidates[order[0]])
-
-
-def _default_candidates(
+def _candidates(
     tags: Floats, spacing: float, low: float, high: float, dc_guard: float, image_guard: float
 ) -> Floats:
     """Whole hertz in [low, high] among which the best choice lies.
@@ -249,15 +218,15 @@ def _middles(tags: Floats) -> Floats:
     return middles
 
 
-def _default_center(
+def _best_center(
     tags: Floats, band: BandPlan, channel_count: int, dc_guard: float, image_guard: float
 ) -> float:
     spacing, half_span = band.band_rate_hz / channel_count, band.usable_half_span_hz
     low, high = np.ceil(tags.max() - half_span), np.floor(tags.min() + half_span)
     if low > high:
         raise _too_wide(tags, 2 * half_span)
-    original = _compatible_candidates(tags, spacing, channel_count)
-    points = _default_candidates(tags, spacing, low, high, dc_guard, image_guard)
+    original = compatible_candidates(tags, spacing, channel_count)
+    points = _candidates(tags, spacing, low, high, dc_guard, image_guard)
     points = np.union1d(points, original[(original >= low) & (original <= high)])
     tags = np.sort(tags)
     # Distance from DC: only the two neighbours of a point in the sorted tags can be nearest.

@@ -1,11 +1,11 @@
 """Orders that an operator can give, and the vehicle's state during them. Pure."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Literal, Self
 
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.heights import LOWEST_M
-from uavrt.messages import KeepOut, MotionAction, SurveyPattern
+from uavrt.messages import KeepOut, Motion
 
 if TYPE_CHECKING:
     from uavrt.planning import EnergyModel, Wind
@@ -18,30 +18,16 @@ OFFER_HOLDS_S = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """A motion that was asked for."""
+class Order(Motion):
+    """A motion that was asked for, with the number by which it is confirmed."""
 
     order_id: int
-    action: MotionAction
-    places: tuple[Place, ...] = ()
-    """Where to go to, or the outline of what is surveyed."""
-    height_m: float | None = None
-    """Above home; None: as it is."""
-    duration_s: float = 60.0
-    """Of a whole turn; of a search at most."""
-    clockwise: bool = True
-    spacing_m: float = 60.0
-    """Between the lines of a survey, or its places."""
-    pattern: SurveyPattern = "lines"
-    """Of a survey."""
-    tags: tuple[int, ...] = ()
-    """To search for; empty: all that are listed."""
-    radius_m: float | None = None
-    """Of a search around the drone."""
-    wish_m: float = 25.0
-    """Radius that is to hold a tag with 95 % before it counts as found."""
-    keep_out: tuple[KeepOut, ...] = ()
-    """Besides those of the limits."""
+
+    @classmethod
+    def of(cls, motion: Motion, order_id: int = 0) -> Self:
+        """Number a motion; 0 for one that is only planned."""
+        asked = {field.name: getattr(motion, field.name) for field in fields(Motion)}
+        return cls(order_id=order_id, **asked)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,10 +23,6 @@ class Topic:
     name: str
     record: type
     meaning: str
-    recorded: bool = False
-    """Written to the flight directory."""
-    to_ground: bool = False
-    """Sent over the radio link."""
     lossless: bool = True
     """Kept for a slow or restarting consumer however long it takes; else the newest
     `backlog` are kept and the others counted."""
@@ -50,14 +46,11 @@ TOPICS: dict[str, Topic] = {
             name="pulse",
             record=messages.Pulse,
             meaning="a pulse that a detector found",
-            recorded=True,
         ),
         Topic(
             name="search_report",
             record=messages.SearchReport,
             meaning="searched, nothing found, with the noise floor",
-            recorded=True,
-            to_ground=True,
             lossless=False,
             backlog=200,
             every_s=1.0,
@@ -67,8 +60,6 @@ TOPICS: dict[str, Topic] = {
             name="pulse_pose",
             record=messages.PulsePose,
             meaning="a pulse with the antenna's pose, or the word that there is none",
-            recorded=True,
-            to_ground=True,
         ),
         Topic(
             name="recorded",
@@ -84,7 +75,6 @@ TOPICS: dict[str, Topic] = {
             name="bearing",
             record=messages.LiveBearing,
             meaning="a bearing estimated on the drone, where its table has the estimator",
-            to_ground=True,
             lossless=False,
             backlog=50,
         ),
@@ -92,13 +82,11 @@ TOPICS: dict[str, Topic] = {
             name="delivered",
             record=messages.Delivered,
             meaning="pulses that reached a ground station, never to be sent again",
-            recorded=True,
         ),
         Topic(
             name="poses",
             record=messages.Poses,
             meaning="raw poses of the vehicle, batched",
-            recorded=True,
             lossless=False,
             backlog=600,
             every_s=0.5,
@@ -107,13 +95,11 @@ TOPICS: dict[str, Topic] = {
             name="flight",
             record=messages.FlightInfo,
             meaning="a flight has started",
-            recorded=True,
         ),
         Topic(
             name="flight_end",
             record=messages.FlightInfo,
             meaning="the flight has ended and all its pulses are on their way",
-            recorded=True,
         ),
         Topic(
             name="motion",
@@ -169,7 +155,6 @@ TOPICS: dict[str, Topic] = {
             name="search_note",
             record=messages.SearchNote,
             meaning="what a search has decided or found, and why",
-            recorded=True,
             lossless=False,
             backlog=200,
         ),
@@ -177,20 +162,16 @@ TOPICS: dict[str, Topic] = {
             name="command",
             record=messages.Command,
             meaning="what an operator asks",
-            recorded=True,
         ),
         Topic(
             name="command_reply",
             record=messages.CommandReply,
             meaning="the supervisor's answer",
-            recorded=True,
-            to_ground=True,
         ),
         Topic(
             name="operation",
             record=messages.Operation,
             meaning="how far something is that takes longer than its command",
-            to_ground=True,
         ),
         Topic(
             name="settings",
@@ -203,8 +184,6 @@ TOPICS: dict[str, Topic] = {
             name="status_text",
             record=messages.StatusText,
             meaning="a short text for the operator",
-            recorded=True,
-            to_ground=True,
             lossless=False,
             backlog=100,
         ),
@@ -212,7 +191,6 @@ TOPICS: dict[str, Topic] = {
             name="health",
             record=messages.Health,
             meaning="what a process says of itself",
-            recorded=True,
             lossless=False,
             backlog=100,
             every_s=1.0,
@@ -221,7 +199,6 @@ TOPICS: dict[str, Topic] = {
             name="system_status",
             record=messages.SystemStatus,
             meaning="the state of the drone side",
-            to_ground=True,
             lossless=False,
             backlog=2,
             every_s=1.0,

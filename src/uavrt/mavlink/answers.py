@@ -90,15 +90,9 @@ def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
             return dialect.AutopilotVersion(
                 capabilities=able,
                 flight_sw_version=_version_number(),
-                middleware_sw_version=0,
-                os_sw_version=0,
-                board_version=0,
                 flight_custom_version=bytes(8),
                 middleware_custom_version=bytes(8),
                 os_custom_version=bytes(8),
-                vendor_id=0,
-                product_id=0,
-                uid=0,
             )
         case dialect.ProtocolVersion.ID:
             return dialect.ProtocolVersion(
@@ -112,7 +106,6 @@ def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
             return dialect.ComponentInformationBasic(
                 time_boot_ms=uptime_ms & 0xFFFFFFFF,
                 capabilities=able,
-                time_manufacture_s=0,
                 vendor_name="uavrt",
                 model_name="radio-tag receiver",
                 software_version=version("uavrt"),

@@ -220,9 +220,6 @@ class Component:
                 q2=x,
                 q3=y,
                 q4=z,
-                rollspeed=0.0,
-                pitchspeed=0.0,
-                yawspeed=0.0,
             )
         )
         self._send(
@@ -232,9 +229,6 @@ class Component:
                 lon=round(pose.longitude_deg * 1e7),
                 alt=round(pose.altitude_amsl_m * 1e3),
                 relative_alt=round(pose.altitude_relative_m * 1e3),
-                vx=0,
-                vy=0,
-                vz=0,
                 hdg=round(yaw_deg(pose.quaternion_wxyz) * 100.0) % 36_000,
             )
         )
@@ -264,8 +258,6 @@ class Component:
         return dialect.Heartbeat(
             type=dialect.MavType.ONBOARD_CONTROLLER,
             autopilot=dialect.MavAutopilot.INVALID,
-            base_mode=0,
-            custom_mode=0,
             system_status=dialect.MavState.ACTIVE,
             mavlink_version=3,
         )
@@ -432,7 +424,6 @@ class Component:
             self._requests.popitem(last=False)
         self._send(
             dialect.Timesync(
-                tc1=0,
                 ts1=now_ns,
                 target_system=autopilot.system_id,
                 target_component=autopilot.component_id,

@@ -59,7 +59,6 @@ def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
     return Heartbeat(
         type=MavType.GCS if as_gcs else MavType.GENERIC,
         autopilot=MavAutopilot.INVALID,
-        base_mode=0,
         custom_mode=0 if as_gcs else _STATION_MARK,
         system_status=MavState.ACTIVE,
         mavlink_version=3,

@@ -223,7 +223,6 @@ class MissionUpload(MissionTransfer):
                 seq=number,
                 frame=item.frame,
                 command=item.command,
-                current=0,
                 autocontinue=1,
                 x=item.x,
                 y=item.y,

@@ -143,8 +143,6 @@ class ParameterClient:
                 dialect.Heartbeat(
                     type=MavType.ONBOARD_CONTROLLER,
                     autopilot=MavAutopilot.INVALID,
-                    base_mode=0,
-                    custom_mode=0,
                     system_status=dialect.MavState.ACTIVE,
                     mavlink_version=3,
                 )

@@ -95,9 +95,4 @@ class StreamRequests:
             confirmation=min(255, stream.tries - 1),
             param1=float(stream.message_id),
             param2=stream.interval_us,
-            param3=0.0,
-            param4=0.0,
-            param5=0.0,
-            param6=0.0,
-            param7=0.0,
         )

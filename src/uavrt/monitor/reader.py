@@ -5,6 +5,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,11 @@ from uavrt.clock import monotonic_s
 from uavrt.config import Settings
 from uavrt.errors import UavrtError
 from uavrt.ipc import LineBuffer, decode_record, encode_record
+from uavrt.messages import SystemStatus
 
 SOCKET_NAME = "status.sock"
+STATUS_S = 3.0
+"""The supervisor reports its state once a second."""
 
 
 def status_socket_path(settings: Settings) -> Path:
@@ -21,6 +25,25 @@ def status_socket_path(settings: Settings) -> Path:
     if settings.status_socket is not None:
         return Path(settings.status_socket)
     return Path(settings.recording.directory) / SOCKET_NAME
+
+
+def running_status(path: Path) -> SystemStatus | None:
+    """Get the state of a system that runs already, if one does."""
+    try:
+        reader = StatusReader(path)
+    except (UavrtError, OSError):
+        return None
+    with closing(reader):
+        end_s = monotonic_s() + STATUS_S
+        while monotonic_s() < end_s:
+            for _, record in reader.read(0.1):
+                if isinstance(record, SystemStatus):
+                    return record
+    return None
+
+
+def _never() -> None:
+    """Go on waiting."""
 
 
 class StatusReader:
@@ -41,7 +64,9 @@ class StatusReader:
         The supervisor did not open the socket in time.
     """
 
-    def __init__(self, path: Path, timeout_s: float, check: Callable[[], None]) -> None:
+    def __init__(
+        self, path: Path, timeout_s: float = 0.0, check: Callable[[], None] = _never
+    ) -> None:
         self._sock = socket.socket(socket.AF_UNIX)
         self._lines = LineBuffer()
         try:

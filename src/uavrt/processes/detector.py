@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from uavrt.config import DetectionSettings
 from uavrt.detection import DetectorGroup, PulseDetector, Receiver
-from uavrt.detection import coded as coded_tags
 from uavrt.dsp import ClippedTimes
 from uavrt.errors import UavrtError
 from uavrt.ipc import ChannelReceiver, ProcessFrame
@@ -24,7 +23,6 @@ from uavrt.processes.latencies import Latencies
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
-    # The package is asked for it when a coded tag is listed: it loads scipy.special, 27 MB.
     from uavrt.detection.coded import CodedDetector
 
 log = get_logger()
@@ -105,7 +103,10 @@ class DetectorBank:
             return
         try:
             if block.channel not in self._coded:
-                self._coded[block.channel] = coded_tags.CodedDetector(
+                # Loads scipy.special, 27 MB.
+                from uavrt.detection.coded.detector import CodedDetector
+
+                self._coded[block.channel] = CodedDetector(
                     codes,
                     sample_rate_hz=block.sample_rate_hz,
                     center_frequency_hz=block.center_frequency_hz,

@@ -154,7 +154,6 @@ class GroundStatus:
         return OnboardComputerStatus(
             time_usec=time.monotonic_ns() // 1000,
             uptime=time.monotonic_ns() // 1_000_000 & 0xFFFFFFFF,
-            type=0,
             cpu_cores=bytes([UNKNOWN_U8] * 8),
             cpu_combined=bytes([load, *[UNKNOWN_U8] * 9]),
             gpu_cores=bytes([UNKNOWN_U8] * 4),

@@ -326,20 +326,7 @@ class Guide:
 
     def _offer(self, request: MotionRequest) -> None:
         """Make a plan and offer it; an order that is being flown ends with its confirmation."""
-        order = Order(
-            order_id=secrets.randbits(31) | 1,
-            action=request.action,
-            places=request.places,
-            height_m=request.height_m,
-            duration_s=request.duration_s,
-            clockwise=request.clockwise,
-            spacing_m=request.spacing_m,
-            pattern=request.pattern,
-            tags=request.tags,
-            radius_m=request.radius_m,
-            wish_m=request.wish_m,
-            keep_out=request.keep_out,
-        )
+        order = Order.of(request, secrets.randbits(31) | 1)
         if len(self._asks) >= MOST_ASKS:
             busy = "too many orders are being planned. Ask again"
             self._send_offer(request, order.order_id, busy, "", refused=True)

@@ -669,12 +669,5 @@ def _identity_request(system_id: int) -> dialect.CommandLong:
         target_system=system_id,
         target_component=1,
         command=dialect.MavCmd.REQUEST_MESSAGE,
-        confirmation=0,
         param1=float(dialect.AutopilotVersion.ID),
-        param2=0.0,
-        param3=0.0,
-        param4=0.0,
-        param5=0.0,
-        param6=0.0,
-        param7=0.0,
     )

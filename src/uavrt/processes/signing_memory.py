@@ -6,23 +6,20 @@ process times are taken as 3 s later than they were written, after one of the co
 a genuine sender has passed that by then, or soon.
 """
 
-import os
 from pathlib import Path
 
 import msgspec
 
-from uavrt.log import get_logger
+from uavrt.clock import boot_id
 from uavrt.mavlink import Signing, SigningTimes
-
-log = get_logger()
+from uavrt.recording.kept_file import KeptFile
 
 TIMES_NAME = "signing_times.json"
 PERIOD_NS = 2_000_000_000
 BEHIND_S, BEHIND_AFTER_BOOT_S = 3.0, 40.0
-BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
-class _Kept(msgspec.Struct):
+class SigningKept(msgspec.Struct):
     """What the file holds."""
 
     boot_id: str
@@ -42,13 +39,13 @@ class SigningMemory:
 
     def __init__(self, signing: Signing, directory: Path) -> None:
         self._signing = signing
-        self._path = directory / TIMES_NAME
+        self._file = KeptFile(directory / TIMES_NAME, SigningKept, "signing times", sync=False)
+        self.write = self._file.keep
         self._next_ns = 0
         self._written: SigningTimes | None = None
-        self._boot_id = _boot_id()
         self._load()
 
-    def due(self, now_ns: int) -> bytes | None:
+    def due(self, now_ns: int) -> SigningKept | None:
         """Get what is to be written by `write`, if it is time and there is news."""
         if now_ns < self._next_ns:
             return None
@@ -57,33 +54,10 @@ class SigningMemory:
         if self._written is not None and times.streams == self._written.streams:
             return None
         self._written = times
-        return msgspec.json.encode(_Kept(boot_id=self._boot_id, times=times))
-
-    def write(self, content: bytes) -> None:
-        """Replace the file."""
-        part = self._path.with_suffix(".part")
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            part.write_bytes(content)
-            os.replace(part, self._path)
-        except OSError as error:
-            log.warning("signing times not kept", reason=str(error.strerror))
+        return SigningKept(boot_id=boot_id(), times=times)
 
     def _load(self) -> None:
-        try:
-            kept = msgspec.json.decode(self._path.read_bytes(), type=_Kept)
-        except FileNotFoundError:
+        if (kept := self._file.read()) is None:
             return
-        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-            log.warning("signing times not read: old frames may be taken", reason=str(error))
-            return
-        same_boot = kept.boot_id == self._boot_id
-        behind_s = BEHIND_S if same_boot else BEHIND_AFTER_BOOT_S
+        behind_s = BEHIND_S if kept.boot_id == boot_id() else BEHIND_AFTER_BOOT_S
         self._signing.remember(kept.times, behind_s=behind_s)
-
-
-def _boot_id() -> str:
-    try:
-        return BOOT_ID.read_text().strip()
-    except OSError:
-        return "unknown"

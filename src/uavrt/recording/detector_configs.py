@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from uavrt.atomic_file import write_atomically
 from uavrt.clock import iso_utc
 from uavrt.config import (
     MAX_FREQUENCY_HZ,
@@ -20,7 +21,6 @@ from uavrt.config import (
     MAX_PULSE_WIDTH_MS,
     MIN_FREQUENCY_HZ,
     MIN_PULSE_WIDTH_MS,
-    write_text_atomically,
 )
 from uavrt.errors import FormatError, RecordingError
 from uavrt.foreign import SETTINGS, read_file
@@ -129,7 +129,7 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
     lines = ["##################################################"]
     lines += [f"{key}:\t{value}" for key, value in pairs]
     try:
-        write_text_atomically(path, "\n".join(lines) + "\n")
+        write_atomically(path, "\n".join(lines) + "\n")
     except OSError as error:
         raise RecordingError(
             f"cannot write {path}: {error.strerror}", remedy="Free space on the disk"

@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from uavrt.atomic_file import write_atomically
 from uavrt.clock import parse_iso_intervals
-from uavrt.config import write_text_atomically
 from uavrt.errors import FormatError, RecordingError
 from uavrt.foreign import NOTES, read_file, read_json
 from uavrt.messages import PulsePose
@@ -187,11 +187,11 @@ def write_integrated(
     lines = "".join(json.dumps(pulse_record(one), allow_nan=False) + "\n" for one in rows)
     try:
         directory.mkdir(exist_ok=True)
-        write_text_atomically(directory / "pulses.jsonl", lines)
+        write_atomically(directory / "pulses.jsonl", lines)
         text = json.dumps([asdict(one) for one in told], allow_nan=False, indent=1) + "\n"
-        write_text_atomically(directory / "tags.json", text)
+        write_atomically(directory / "tags.json", text)
         text = json.dumps([asdict(one) for one in pictures], allow_nan=False) + "\n"
-        write_text_atomically(directory / "folds.json", text)
+        write_atomically(directory / "folds.json", text)
     except OSError as error:
         raise RecordingError(
             f"cannot write {directory}: {error.strerror}",

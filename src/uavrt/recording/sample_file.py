@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.atomic_file import write_atomically
 from uavrt.clock import monotonic_s
-from uavrt.config import write_text_atomically
 from uavrt.recording.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metadata
 from uavrt.units import ns_from_s
 
@@ -187,7 +187,7 @@ class SampleFile:
             bits=self.bits,
         )
         text = json.dumps(metadata, indent=1) + "\n"
-        write_text_atomically(self.metadata_path, text, sync=self._sync)
+        write_atomically(self.metadata_path, text, sync=self._sync)
 
     def _as_int16(self, samples: NDArray[np.complex64]) -> NDArray[np.int16]:
         """Interleaved I and Q, rounded; beyond full scale at its edge, counted.

@@ -53,7 +53,7 @@ from uavrt.ros2.messages import (
 from uavrt.ros2.parameter_messages import ServiceMessage
 from uavrt.ros2.parameters import ParameterServices
 from uavrt.ros2.senders import UNKNOWN, Arrival
-from uavrt.ros2.status import STALE_AFTER_S, component_status
+from uavrt.ros2.status import STALE_AFTER_S, component_status, detector_of_tag
 from uavrt.ros2.upload import Upload
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, number_in
 
@@ -312,7 +312,7 @@ class Gateway:
             return
         if now_ns - self._status_heard_ns > STALE_AFTER_S * NANOSECONDS_PER_SECOND:
             return
-        workers = [p for p in status.processes if p.process.startswith("detector-")]
+        detectors = detector_of_tag(status)
         for index, tag in enumerate(status.tags):
             due_ns = self._next_heartbeat_ns.get(tag.tag_id)
             if due_ns is None:
@@ -321,7 +321,8 @@ class Gateway:
                 self._next_heartbeat_ns[tag.tag_id] = _next_due(
                     due_ns, now_ns, HEARTBEAT_PERIOD_S
                 )
-                if workers and workers[index % len(workers)].running:
+                detector = detectors.get(tag.tag_id)
+                if detector is not None and detector.running:
                     directory = self._tag_directory(tag.tag_id)
                     beat = convert.heartbeat(tag.tag_id, now_ns, directory)
                     self._publish_pulse(tag.tag_id, beat)

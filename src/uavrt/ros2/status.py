@@ -45,6 +45,11 @@ def component_status(
     )
 
 
+def detector_of_tag(status: SystemStatus) -> dict[int, ProcessStatus]:
+    """Get the process that finds each tag's pulses, as the supervisor reports it."""
+    return {tag_id: process for process in status.processes for tag_id in process.tag_ids}
+
+
 def _parts(
     component: str, status: SystemStatus, settings: Settings
 ) -> Iterator[tuple[str, ProcessStatus | None]]:
@@ -59,11 +64,9 @@ def _parts(
         case "channelizer":
             yield "receiver", receiver
         case _:
-            workers = [p for p in status.processes if p.process.startswith("detector-")]
-            for index, tag in enumerate(status.tags):
-                # The supervisor deals the tags out in turn.
-                worker = workers[index % len(workers)] if workers else None
-                yield f"tag_id_{tag.tag_id}", worker
+            detectors = detector_of_tag(status)
+            for tag in status.tags:
+                yield f"tag_id_{tag.tag_id}", detectors.get(tag.tag_id)
 
 
 def _level(component: str, process: ProcessStatus | None) -> int:

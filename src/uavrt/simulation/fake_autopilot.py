@@ -253,7 +253,7 @@ class FakeAutopilot:
                 self._send(side, self._heartbeat())
         if now_ns - self._timesync_ns >= TIMESYNC_NS[self._settings.flavour]:
             self._timesync_ns = now_ns
-            self._send(self.companion, dialect.Timesync(tc1=0, ts1=self.boot_ns(now_ns)))
+            self._send(self.companion, dialect.Timesync(ts1=self.boot_ns(now_ns)))
 
     def _taker(self, side: _Side) -> Callable[[bytes, int], None]:
         def take(data: bytes, arrival_ns: int) -> None:
@@ -415,15 +415,9 @@ class FakeAutopilot:
         if message_id == dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(
                 capabilities=CAPABILITIES,
-                flight_sw_version=0,
-                middleware_sw_version=0,
-                os_sw_version=0,
-                board_version=0,
                 flight_custom_version=bytes(8),
                 middleware_custom_version=bytes(8),
                 os_custom_version=bytes(8),
-                vendor_id=0,
-                product_id=0,
                 uid=self._settings.unique_number,
             )
         if self.flown is not None and message_id == dialect.SysStatus.ID:
@@ -435,13 +429,7 @@ class FakeAutopilot:
             latitude=round(home.latitude_deg * 1e7),
             longitude=round(home.longitude_deg * 1e7),
             altitude=round(home.altitude_amsl_m * 1e3),
-            x=0.0,
-            y=0.0,
-            z=0.0,
             q=(1.0, 0.0, 0.0, 0.0),
-            approach_x=0.0,
-            approach_y=0.0,
-            approach_z=0.0,
         )
 
     def _set_interval(self, side: _Side, number: float, interval_us: float) -> MavResult:

@@ -121,9 +121,7 @@ class Flown:
                 return self.vehicle.home()
             case dialect.CurrentMode.ID:
                 mode = self.vehicle.mode
-                return dialect.CurrentMode(
-                    standard_mode=0, custom_mode=mode, intended_custom_mode=mode
-                )
+                return dialect.CurrentMode(custom_mode=mode, intended_custom_mode=mode)
             case dialect.RcChannels.ID:
                 return self._sticks(boot_ms)
             case dialect.ExtendedSysState.ID:
@@ -144,17 +142,8 @@ class Flown:
     def status(self) -> dialect.SysStatus:
         """What is left in the battery."""
         return dialect.SysStatus(
-            onboard_control_sensors_present=0,
-            onboard_control_sensors_enabled=0,
-            onboard_control_sensors_health=0,
             load=300,
             voltage_battery=16_200,
             current_battery=-1,
             battery_remaining=round(self.vehicle.battery_percent),
-            drop_rate_comm=0,
-            errors_comm=0,
-            errors_count1=0,
-            errors_count2=0,
-            errors_count3=0,
-            errors_count4=0,
         )

@@ -254,13 +254,7 @@ class FlyingVehicle:
             latitude=round(self.plane.latitude_deg * FULL_SCALE_DEG),
             longitude=round(self.plane.longitude_deg * FULL_SCALE_DEG),
             altitude=round((self.plane.altitude_amsl_m + self.home_up_m) * 1e3),
-            x=0.0,
-            y=0.0,
-            z=0.0,
             q=(1.0, 0.0, 0.0, 0.0),
-            approach_x=0.0,
-            approach_y=0.0,
-            approach_z=0.0,
         )
 
     def position_target(self, boot_ms: int) -> dialect.PositionTargetGlobalInt | None:
@@ -277,16 +271,9 @@ class FlyingVehicle:
             lat_int=round(latitude * FULL_SCALE_DEG),
             lon_int=round(longitude * FULL_SCALE_DEG),
             alt=self.plane.altitude_amsl_m + self.target.height_m,
-            vx=0.0,
-            vy=0.0,
-            vz=0.0,
-            afx=0.0,
-            afy=0.0,
-            afz=0.0,
             yaw=math.radians(
                 self.yaw_deg if self.yaw_setpoint_deg is None else self.yaw_setpoint_deg
             ),
-            yaw_rate=0.0,
         )
 
     def wind(self, boot_ms: int) -> dialect.Wind | dialect.WindCov:
@@ -294,24 +281,21 @@ class FlyingVehicle:
         north, east = self.frame.wind_m_s
         if self.flavour == "ardupilot":
             comes_deg = math.degrees(math.atan2(-east, -north))
-            return dialect.Wind(direction=comes_deg, speed=math.hypot(north, east), speed_z=0.0)
+            return dialect.Wind(direction=comes_deg, speed=math.hypot(north, east))
         return dialect.WindCov(
             time_usec=boot_ms * 1000,
             wind_x=north,
             wind_y=east,
-            wind_z=0.0,
             var_horiz=0.5,
-            var_vert=0.0,
             wind_alt=self.plane.altitude_amsl_m + self.height_m,
             horiz_accuracy=0.5,
-            vert_accuracy=0.0,
         )
 
     def landed_state(self) -> dialect.ExtendedSysState:
         """Whether it stands on the ground."""
         state = dialect.MavLandedState
         return dialect.ExtendedSysState(
-            vtol_state=0, landed_state=state.ON_GROUND if self.landed else state.IN_AIR
+            landed_state=state.ON_GROUND if self.landed else state.IN_AIR
         )
 
     # ------------------------------------------------------------------- what it is told

@@ -308,8 +308,6 @@ def _heartbeat(kind: int) -> Message:
     return dialect.Heartbeat(
         type=kind,
         autopilot=dialect.MavAutopilot.INVALID,
-        base_mode=0,
-        custom_mode=0,
         system_status=dialect.MavState.ACTIVE,
         mavlink_version=3,
     )

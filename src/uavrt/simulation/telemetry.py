@@ -70,9 +70,6 @@ def _attitude(pose: Pose, boot_ms: int) -> dialect.AttitudeQuaternion:
         q2=x,
         q3=y,
         q4=z,
-        rollspeed=0.0,
-        pitchspeed=0.0,
-        yawspeed=0.0,
     )
 
 
@@ -85,26 +82,14 @@ def _position(pose: Pose, boot_ms: int) -> dialect.GlobalPositionInt:
         lon=round(pose.longitude_deg * 1e7),
         alt=round(pose.altitude_amsl_m * 1e3),
         relative_alt=round(pose.altitude_relative_m * 1e3),
-        vx=0,
-        vy=0,
-        vz=0,
         hdg=round(yaw * 100) % 36_000,
     )
 
 
 def _system_status() -> dialect.SysStatus:
     return dialect.SysStatus(
-        onboard_control_sensors_present=0,
-        onboard_control_sensors_enabled=0,
-        onboard_control_sensors_health=0,
         load=300,
         voltage_battery=16_200,
         current_battery=-1,
         battery_remaining=80,
-        drop_rate_comm=0,
-        errors_comm=0,
-        errors_count1=0,
-        errors_count2=0,
-        errors_count3=0,
-        errors_count4=0,
     )

@@ -155,8 +155,6 @@ def _heartbeat(kind: int) -> dialect.Heartbeat:
     return dialect.Heartbeat(
         type=kind,
         autopilot=dialect.MavAutopilot.INVALID,
-        base_mode=0,
-        custom_mode=0,
         system_status=dialect.MavState.ACTIVE,
         mavlink_version=3,
     )

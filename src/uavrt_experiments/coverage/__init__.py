@@ -5,11 +5,15 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt_experiments.coverage.absence import SILENCES, Silence, seek_tags, silence_rows
+    from uavrt_experiments.coverage.absence import (
+        FOLDERS,
+        SILENCES,
+        Silence,
+        seek_tags,
+        silence_rows,
+    )
     from uavrt_experiments.coverage.shadow import CASES, shadow_rows, survey_hills
 
-FOLDERS = ("integration", "planning", "terrain")
-"""Of the package: where the figures come from."""
 __all__ = [
     "CASES",
     "FOLDERS",
@@ -24,6 +28,7 @@ __getattr__ = lazily(
     __name__,
     {
         "CASES": "shadow",
+        "FOLDERS": "absence",
         "SILENCES": "absence",
         "Silence": "absence",
         "seek_tags": "absence",

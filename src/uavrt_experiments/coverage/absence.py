@@ -54,6 +54,8 @@ class Silence:
     """Takes a generator and the flight's number."""
 
 
+FOLDERS = ("integration", "planning", "terrain")
+"""Of the package: where the figures come from."""
 SILENCES = (
     Silence(
         experiment="C1",

@@ -15,7 +15,8 @@ from uavrt.demo import DemoPaths, Rig
 from uavrt.errors import UavrtError
 from uavrt.messages import Command, CommandReply, Health, SystemState, SystemStatus, Tag
 from uavrt.simulation import demo_scenario, steady_tags
-from uavrt.supervisor.tree import children_of, descendants_of, own_cpu_s, pss_mb, written_mb
+from uavrt.supervisor.tree import children_of, descendants_of
+from uavrt_experiments.resources.usage import own_cpu_s, pss_mb, written_mb
 
 CENTER_HZ = 148_700_000.0
 TIMEOUT_S = 60.0

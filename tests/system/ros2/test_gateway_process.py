@@ -57,7 +57,9 @@ def a_status(time_ns: int, *processes: ProcessStatus) -> SystemStatus:
     )
 
 
-def a_process(name: str, *, running: bool = True, ok: bool = True) -> ProcessStatus:
+def a_process(
+    name: str, *, running: bool = True, ok: bool = True, tag_ids: tuple[int, ...] = ()
+) -> ProcessStatus:
     return made.process_status(
         name,
         "detecting" if ok else "radio absent",
@@ -66,6 +68,7 @@ def a_process(name: str, *, running: bool = True, ok: bool = True) -> ProcessSta
         ok=ok,
         cpu_s=1.0,
         memory_mb=50.0,
+        tag_ids=tag_ids,
     )
 
 
@@ -284,8 +287,8 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
             a_status(
                 gateway.clock.now_ns(),
                 a_process("receiver", ok=False),
-                a_process("detector-1"),
-                a_process("detector-2", running=False),
+                a_process("detector-1", tag_ids=(2,)),
+                a_process("detector-2", running=False, tag_ids=(4, 6)),
             ),
         )
         for name, read in reads.items():
@@ -303,7 +306,7 @@ def test_status_has_numeric_levels_and_a_hardware_id_for_each_tag(
     assert [(s.level, s.message, s.hardware_id) for s in found["detector"].status] == [
         (0, "alive", "tag_id_2"),
         (2, "dead", "tag_id_4"),
-        (0, "alive", "tag_id_6"),
+        (2, "dead", "tag_id_6"),
     ]
     assert all(s.name == "detector_component" for s in found["detector"].status)
     assert found["detector"].header.frame_id == "status"
@@ -321,8 +324,8 @@ def test_detectors_that_live_beat_with_frequency_0_and_dead_ones_do_not(
             "system_status",
             a_status(
                 gateway.clock.now_ns(),
-                a_process("detector-1"),
-                a_process("detector-2", running=False),
+                a_process("detector-1", tag_ids=(2, 6)),
+                a_process("detector-2", running=False, tag_ids=(4,)),
             ),
         )
         beats.extend(ros_peer.read(cdr, PULSE) for cdr in read())

@@ -145,9 +145,7 @@ def ground_messages(*, on_ground: bool) -> list[Message]:
             autopilot=dialect.MavAutopilot.PX4,
             base_mode=0 if on_ground else dialect.MavModeFlag.SAFETY_ARMED,
         ),
-        dialect.ExtendedSysState(
-            vtol_state=0, landed_state=state.ON_GROUND if on_ground else state.IN_AIR
-        ),
+        dialect.ExtendedSysState(landed_state=state.ON_GROUND if on_ground else state.IN_AIR),
     ]
 
 

@@ -1,4 +1,6 @@
+import numpy as np
 import pytest
+from original_tuner import original_center
 
 from uavrt.dsp import FrontEnd, tune
 from uavrt.errors import TunerError, UsageError
@@ -36,43 +38,32 @@ GOLDEN: list[Golden] = [
 
 @pytest.mark.parametrize("column", [0, 1])
 @pytest.mark.parametrize(("tags_mhz", "expected"), GOLDEN)
-def test_the_compatible_mode_answers_as_the_original_did(
+def test_the_original_s_cost_leads_to_the_original_s_answers(
     tags_mhz: list[float], expected: list[tuple[float, list[int], list[float]]], column: int
 ) -> None:
     center_mhz, channels, offsets_hz = expected[column]
-    plan = tune(
-        [round(tag * 1e6) for tag in tags_mhz],
-        mode="compatible",
-        tie_break="offset" if column else "mean",
-    )
-    assert plan.center_frequency_hz == pytest.approx(center_mhz * 1e6, abs=0.5)
-    assert [channel + 1 for channel in plan.channels] == channels
-    assert plan.offsets_hz == pytest.approx(offsets_hz, abs=0.5)
+    tags = np.rint(np.array(tags_mhz) * 1e6)
+    center = original_center(tags, by_offset=bool(column))
+    assert center == pytest.approx(center_mhz * 1e6, abs=0.5)
+    steps = np.rint((tags - center) / 3750.0)
+    assert [int(step) % 100 + 1 for step in steps] == channels
+    assert tags - center - steps * 3750.0 == pytest.approx(offsets_hz, abs=0.5)
 
 
-def test_the_compatible_mode_finds_the_three_tags_of_the_thesis_check() -> None:
-    plan = tune([148.710e6, 148.731e6, 148.802e6], mode="compatible")
-    assert plan.center_frequency_hz == 148_747_300
-    assert plan.channels == (90, 96, 15)
+def test_the_original_s_cost_finds_the_three_tags_of_the_thesis_check() -> None:
+    assert original_center(np.array([148.710e6, 148.731e6, 148.802e6])) == 148_747_300
 
 
-def test_the_compatible_mode_marks_edges_and_shared_channels() -> None:
-    edges = tune([148.50e6, 148.8749e6], mode="compatible")
-    assert edges.near_edge == (True, True)
-    assert tune([148.524e6, 148.524e6], mode="compatible").shares_channel
-    assert not edges.shares_channel
+def test_a_channel_shared_by_two_tags_is_marked() -> None:
+    assert tune([148.524e6, 148.524e6]).shares_channel
+    assert not tune([148.50e6, 148.7e6]).shares_channel
 
 
-@pytest.mark.parametrize("mode", ["default", "compatible"])
-def test_tags_too_far_apart_are_refused_with_what_to_do(mode: str) -> None:
+def test_tags_too_far_apart_are_refused_with_what_to_do() -> None:
     with pytest.raises(TunerError, match=r"148\.0.*151\.0.*two flights"):
-        tune([148e6, 151e6], mode="compatible" if mode == "compatible" else "default")
+        tune([148e6, 151e6])
     with pytest.raises(TunerError, match=r"375\.0 kHz|337\.5 kHz"):
-        tune(
-            [148e6, 148.4e6],
-            sample_rate_hz=375e3,
-            mode="compatible" if mode == "compatible" else "default",
-        )
+        tune([148e6, 148.4e6], sample_rate_hz=375e3)
 
 
 @pytest.mark.parametrize(
@@ -94,7 +85,7 @@ def test_no_tags_and_an_odd_number_of_channels_are_refused() -> None:
     with pytest.raises(UsageError, match="at least one tag"):
         tune([])
     with pytest.raises(UsageError, match="even number"):
-        tune([148e6], mode="compatible", channel_count=101)
+        tune([148e6], channel_count=101)
 
 
 @pytest.mark.parametrize("wrong", [148.71, 0.0, -148e6, float("nan"), float("inf")])

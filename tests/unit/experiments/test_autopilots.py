@@ -166,7 +166,7 @@ def taken_over(*after_s: float) -> tuple[list[Kept], float]:
         if what == "command":
             link.go(30.0, 0.0)
         else:
-            mode = dialect.CurrentMode(standard_mode=0, custom_mode=9, intended_custom_mode=9)
+            mode = dialect.CurrentMode(custom_mode=9, intended_custom_mode=9)
             link.tell(1, mode)
     return link.kept, taken_s
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.clock import Clock
+from uavrt.clock import Clock, boot_id
 from uavrt.config.settings import RecordingSettings
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store import FlightLibrary, GroundStore
@@ -14,7 +14,7 @@ from uavrt.messages import SystemState
 from uavrt.recording import FlightLayout, FlightRecorder, flights_in_order, note_flight
 from uavrt.supervisor.mission import DiskGuard
 from uavrt.supervisor.mission.flight_removal import removable
-from uavrt.supervisor.mission.saved_state import LOCK_NAME, SavedState, StateStore, boot_id
+from uavrt.supervisor.mission.saved_state import LOCK_NAME, SavedState, StateStore
 
 LOOPBACK = "udpout://127.0.0.1:14560"
 
@@ -26,7 +26,7 @@ def fly(directory: Path, stamp: str) -> Path:
     FlightRecorder.open(info).close()
     note_flight(flight)
     (directory / LOCK_NAME).touch()
-    StateStore(directory).save(
+    StateStore(directory).keep(
         SavedState(
             boot_id=boot_id(),
             clock_offset_ns=0,

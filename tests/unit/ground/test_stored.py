@@ -160,7 +160,7 @@ def test_what_a_full_disk_did_not_keep_of_the_session_is_kept_when_there_is_room
         def refuse(*_: object) -> None:
             raise OSError(28, "No space left on device")
 
-        full.setattr("uavrt.ground.store.settings.write_text_atomically", refuse)
+        full.setattr("uavrt.ground.store.settings.write_atomically", refuse)
         store.set_flight("flight_log_1")
         store.set_served(3, "uid", None)
     assert GroundStore(tmp_path).current_flight is None

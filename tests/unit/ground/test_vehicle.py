@@ -24,9 +24,6 @@ PLACE = dialect.GlobalPositionInt(
     lon=-1_116_565_870,
     alt=2_107_000,
     relative_alt=9_500,
-    vx=0,
-    vy=0,
-    vz=0,
     hdg=9_000,
 )
 
@@ -85,16 +82,9 @@ def test_an_autopilot_that_sends_nothing_is_asked_now_and_then() -> None:
 
 def version(uid: int) -> dialect.AutopilotVersion:
     return dialect.AutopilotVersion(
-        capabilities=0,
-        flight_sw_version=0,
-        middleware_sw_version=0,
-        os_sw_version=0,
-        board_version=0,
         flight_custom_version=bytes(8),
         middleware_custom_version=bytes(8),
         os_custom_version=bytes(8),
-        vendor_id=0,
-        product_id=0,
         uid=uid,
     )
 
@@ -212,9 +202,7 @@ def test_whether_it_has_landed_is_asked_for_until_it_is_told(
     watch, autopilot = VehicleWatch(Peer(255, 190)), Autopilot()
     watch.receive(autopilot.frame(HEARTBEAT), NOW_NS)
     assert watch.landed is None
-    watch.receive(
-        autopilot.frame(dialect.ExtendedSysState(vtol_state=0, landed_state=state)), NOW_NS
-    )
+    watch.receive(autopilot.frame(dialect.ExtendedSysState(landed_state=state)), NOW_NS)
     assert watch.landed is landed
     asked = [m.param1 for m in watch.questions(NOW_NS) if isinstance(m, dialect.CommandLong)]
     assert (dialect.ExtendedSysState.ID in asked) is (landed is None)

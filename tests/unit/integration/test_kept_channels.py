@@ -20,8 +20,8 @@ from uavrt.analysis import (
     integrate_kept,
     kept_channels,
     read_survey,
-    write_silence,
 )
+from uavrt.analysis.coverage_files import write_silence
 from uavrt.analysis.report.words import hindsight
 from uavrt.cli.app import app
 from uavrt.config import Settings

@@ -102,7 +102,7 @@ def test_a_vehicle_that_stops_asking_is_asked_anew_and_given_up_in_the_end() -> 
     wire = MissionWire("px4")
     sent = upload()
     to_us = {"target_system": OWN[0], "target_component": OWN[1], "mission_type": 0}
-    first = dialect.MissionRequestInt(**to_us, seq=0)
+    first = dialect.MissionRequestInt(**to_us)
     wire.store.receive = lambda *_: True  # type: ignore[method-assign]
     wire.also = lambda now_s: [first] if round(now_s / 0.05) % 20 == 0 else []
     took_s = wire.run(sent)
@@ -116,9 +116,7 @@ def test_a_vehicle_that_stops_asking_is_asked_anew_and_given_up_in_the_end() -> 
 )
 def test_a_refusal_is_told_with_its_reason(result: int, said: str) -> None:
     wire, sent = MissionWire("px4"), upload()
-    refusal = dialect.MissionAck(
-        target_system=OWN[0], target_component=OWN[1], type=result, mission_type=0
-    )
+    refusal = dialect.MissionAck(target_system=OWN[0], target_component=OWN[1], type=result)
     wire.also = lambda now_s: [refusal]
     wire.run(sent)
     assert sent.fault is not None
@@ -142,11 +140,11 @@ def hostile() -> list[Message]:
         "z": 0.0,
     }
     return [
-        dialect.MissionAck(**to_us, type=0, mission_type=1),
-        dialect.MissionAck(target_system=255, target_component=190, type=1, mission_type=0),
-        dialect.MissionRequestInt(**to_us, seq=60_000, mission_type=0),
-        dialect.MissionItemInt(**to_us, seq=60_000, mission_type=0, **item),
-        dialect.MissionItemInt(**to_us, seq=0, mission_type=1, **item),
+        dialect.MissionAck(**to_us, mission_type=1),
+        dialect.MissionAck(target_system=255, target_component=190, type=1),
+        dialect.MissionRequestInt(**to_us, seq=60_000),
+        dialect.MissionItemInt(**to_us, seq=60_000, **item),
+        dialect.MissionItemInt(**to_us, mission_type=1, **item),
         dialect.MissionCount(**to_us, count=3, mission_type=2),
     ]
 
@@ -166,7 +164,8 @@ def test_an_early_yes_is_none() -> None:
     sent = upload()
     sent.due(0.0)
     yes = dialect.MissionAck(
-        target_system=OWN[0], target_component=OWN[1], type=0, mission_type=0
+        target_system=OWN[0],
+        target_component=OWN[1],
     )
     assert sent.receive(yes, (1, 1), 0.1) == []
     assert not sent.done
@@ -176,9 +175,7 @@ def test_an_early_yes_is_none() -> None:
 def test_answers_of_another_vehicle_are_none() -> None:
     download = MissionDownload("fence", VEHICLE, OWN)
     download.due(0.0)
-    count = dialect.MissionCount(
-        target_system=OWN[0], target_component=OWN[1], count=0, mission_type=1
-    )
+    count = dialect.MissionCount(target_system=OWN[0], target_component=OWN[1], mission_type=1)
     assert download.receive(count, (2, 1), 0.1) == []
     assert not download.done
 

@@ -130,7 +130,7 @@ def test_unsigned_frames_are_taken_by_the_policy_only() -> None:
         0, b"\5\0\0\0", target_system=0, target_component=0, payload_length=4
     )
     radio = dialect.RadioStatus(
-        rxerrors=0, fixed=0, rssi=0, remrssi=0, txbuf=90, noise=0, remnoise=0
+        txbuf=90,
     )
     frames = {
         "autopilot": frame_of(FrameWriter(1, 1).encode(HEARTBEAT)),

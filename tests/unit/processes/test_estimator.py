@@ -5,7 +5,6 @@ from dataclasses import replace
 import made
 
 from uavrt.config.settings import BearingSettings, Settings
-from uavrt.ipc import TOPICS
 from uavrt.messages import LiveBearing
 from uavrt.processes.estimator import PERIOD_NS, REPEATS_NS, Outgoing
 from uavrt.supervisor.tree.shapes import rows_for
@@ -44,7 +43,6 @@ def test_the_estimator_is_one_row_that_the_settings_put_on_the_drone() -> None:
     (row,) = set(asked) - set(usual)
     assert row.name == "estimator"
     assert set(row.consumes) == {"pulse_pose", "poses", "flight", "health"}
-    assert TOPICS["bearing"].to_ground
     assert [one.name for one in consumers_of("bearing")] == ["connection"]
     without = tuple(one for one in PROCESSES if one.name != "estimator")
     assert rows_for(Settings()) == tuple(

@@ -66,7 +66,10 @@ def flood_of_names_and_stores() -> Iterator[bytes]:
             yield FrameWriter(1 + number % 250, 195).encode(message)
         elif kind == 11:
             full = dialect.RadioStatus(
-                rssi=1, remrssi=1, txbuf=0, noise=1, remnoise=1, rxerrors=0, fixed=0
+                rssi=1,
+                remrssi=1,
+                noise=1,
+                remnoise=1,
             )
             yield FrameWriter(1 + number % 250, 195).encode(full)
         else:

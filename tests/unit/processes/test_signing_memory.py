@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from some import some
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
@@ -91,6 +92,6 @@ def test_a_disk_that_takes_nothing_stops_nothing(tmp_path: Path, capsys: Any) ->
     signing, memory = drone_at(NOW_NS, tmp_path / "file" / "flights")
     (tmp_path / "file").touch()
     assert signing.accepts(frame_at(NOW_NS))
-    memory.write(memory.due(NOW_NS) or b"")
+    memory.write(some(memory.due(NOW_NS)))
     assert "signing times not kept" in capsys.readouterr().err
     assert os.listdir(tmp_path) == ["file"]

@@ -33,15 +33,15 @@ def test_each_autopilot_tells_where_the_air_goes(flavour: Flavour) -> None:
 
 
 def test_arducopters_wind_is_named_by_where_it_comes_from() -> None:
-    west = dialect.Wind(direction=-90.0, speed=5.0, speed_z=0.0)
+    west = dialect.Wind(direction=-90.0, speed=5.0)
     assert wind_of(west) == pytest.approx((5.0, 0.0))
-    north = dialect.Wind(direction=0.0, speed=5.0, speed_z=0.0)
+    north = dialect.Wind(speed=5.0)
     assert wind_of(north) == pytest.approx((0.0, -5.0))
 
 
 @pytest.mark.parametrize("speed", [float("nan"), float("inf"), 1e6])
 def test_a_wind_that_cannot_be_is_none(speed: float) -> None:
-    assert wind_of(dialect.Wind(direction=10.0, speed=speed, speed_z=0.0)) is None
+    assert wind_of(dialect.Wind(direction=10.0, speed=speed)) is None
     values = dict.fromkeys(dialect.WindCov.__slots__, 0.0) | {"time_usec": 0, "wind_x": speed}
     assert wind_of(dialect.WindCov(**values)) is None  # type: ignore[arg-type]
 

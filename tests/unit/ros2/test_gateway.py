@@ -34,7 +34,8 @@ from uavrt.ros2.senders import Arrival, Sender
 
 
 def worker(name: str = "detector-1") -> ProcessStatus:
-    return made.process_status(name, "detecting")
+    serves = (TAG.tag_id,) if name.startswith("detector-") else ()
+    return made.process_status(name, "detecting", tag_ids=serves)
 
 
 def test_status_is_told_twice_a_second_and_a_beat_once() -> None:

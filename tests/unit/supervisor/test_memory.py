@@ -160,7 +160,7 @@ def test_a_wrong_time_is_told_once_more_to_a_ground_station_that_comes_later(
 def reboot(directory: Path) -> None:
     """Mark the saved state as one of the previous boot."""
     store = StateStore(directory)
-    store.save(replace(some(store.load()), boot_id="the boot before"))
+    store.keep(replace(some(store.read()), boot_id="the boot before"))
 
 
 def rebooted(directory: Path, clock: VirtualClock, off_s: float) -> tuple[FlightInfo, Mission]:
@@ -220,13 +220,13 @@ def test_a_damaged_file_is_put_aside_and_stops_nothing(
         tags=(TAG,),
         flight=None,
     )
-    store.save(state)
-    assert store.load() == state
+    store.keep(state)
+    assert store.read() == state
     path = directory / STATE_NAME
     whole = path.read_bytes()
     torn = whole[:keep] + garbage
     path.write_bytes(torn)
-    loaded = store.load()
+    loaded = store.read()
     assert (loaded is None) == (not path.exists())
 
 
@@ -252,5 +252,5 @@ def test_a_disk_that_cannot_be_written_costs_the_memory_only(tmp_path: Path) -> 
             flight=None,
         )
     )
-    store.save(state)
-    assert store.load() is None
+    store.keep(state)
+    assert store.read() is None

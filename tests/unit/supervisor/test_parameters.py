@@ -11,7 +11,7 @@ import pytest
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.messages import Command, CommandReply, FlightInfo, SystemState
 from uavrt.supervisor.mission.kept_parameters import PARAMETERS_NAME
-from uavrt.supervisor.mission.last_tags import LAST_TAGS_NAME
+from uavrt.supervisor.mission.orders import LAST_TAGS_NAME
 
 TAG = made.tag()
 

@@ -28,10 +28,6 @@ PUBLISHED_BY_SUPERVISOR = {
 }
 
 
-def consumed_by(process: str) -> set[str]:
-    return {name for name in TOPICS if process in {row.name for row in consumers_of(name)}}
-
-
 def test_every_topic_of_the_table_of_processes_exists() -> None:
     for row in PROCESSES:
         assert set(row.consumes) | set(row.produces) <= set(TOPICS)
@@ -41,18 +37,6 @@ def test_every_consumed_topic_is_produced() -> None:
     produced = {topic for row in PROCESSES for topic in row.produces}
     for row in PROCESSES:
         assert set(row.consumes) <= produced | PUBLISHED_BY_SUPERVISOR
-
-
-def test_every_topic_that_is_to_be_recorded_reaches_the_recorder() -> None:
-    recorded = {topic.name for topic in TOPICS.values() if topic.recorded}
-    assert recorded
-    assert recorded <= consumed_by("recorder")
-
-
-def test_every_topic_for_the_ground_reaches_the_connection() -> None:
-    for_ground = {topic.name for topic in TOPICS.values() if topic.to_ground}
-    assert for_ground
-    assert for_ground <= consumed_by("connection")
 
 
 def test_every_produced_topic_is_consumed() -> None:

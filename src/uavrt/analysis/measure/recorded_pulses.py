@@ -17,20 +17,23 @@ from uavrt.detection import (
     PulseDetector,
     Receiver,
 )
-from uavrt.detection import (
-    coded as coded_tags,
-)
 from uavrt.dsp import Carriers, Clipping, FrontEnd
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio import SampleSource
 
 if TYPE_CHECKING:
-    # The package is asked for it when a coded tag is listed: it loads scipy.special, 27 MB.
     from uavrt.detection.coded import CodedDetector
 
 _LOOK_S: Final = 0.5
 """How often a waiting reader looks whether it should stop."""
+
+
+def _coded_detector() -> "type[CodedDetector]":
+    """Import it when a coded tag is listed: it loads scipy.special, 27 MB."""
+    from uavrt.detection.coded.detector import CodedDetector
+
+    return CodedDetector
 
 
 class DetectionChain:
@@ -122,15 +125,14 @@ class DetectionChain:
         self._group = DetectorGroup(Receiver(center_frequency_hz, sample_rate_hz))
         for channel, some in detectors.items():
             self._group.add(channel, some)
-        self._coded = {
-            channel: coded_tags.CodedDetector(
-                some,
+        self._coded: dict[int, CodedDetector] = {}
+        for channel, listed in codes.items():
+            self._coded[channel] = _coded_detector()(
+                listed,
                 sample_rate_hz=plan.channel_rate_hz,
                 center_frequency_hz=centers_hz[channel],
                 frequency_window_hz=frequency_window_hz,
             )
-            for channel, some in codes.items()
-        }
 
     def process(self, block: IQBlock) -> list[Pulse]:
         """Process the next block; get the pulses that are certain by now."""

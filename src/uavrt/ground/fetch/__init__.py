@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from uavrt.ground.fetch.drone_files import DroneFiles
     from uavrt.ground.fetch.flight_list import drone_flights
     from uavrt.ground.fetch.ftp_client import (
-        DRONE_COMPONENT,
         MOST_DEEP,
         MOST_ENTRIES,
         FileClient,
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = [
     "BAND",
     "CHANNELS",
-    "DRONE_COMPONENT",
     "MOST_DEEP",
     "MOST_ENTRIES",
     "Downloads",
@@ -44,7 +42,6 @@ __getattr__ = lazily(
     {
         "BAND": "sample_files",
         "CHANNELS": "sample_files",
-        "DRONE_COMPONENT": "ftp_client",
         "Downloads": "downloads",
         "DroneFiles": "drone_files",
         "FileClient": "ftp_client",

@@ -11,19 +11,17 @@ import contextlib
 import secrets
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavrt.errors import LinkError, UavrtError, UsageError
 from uavrt.ground.fetch.flight_list import drone_flights
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry, fetch_file, require_room
 from uavrt.ground.fetch.sample_files import is_samples
+from uavrt.ground.link.session_parts import HeldSession
 from uavrt.ground.store import is_the_drones
 from uavrt.mavlink import Frame, Peer, dialect
 from uavrt.recording import FETCHED_COPY, FLIGHT_PREFIX, FlightLayout
 from uavrt.units import NANOSECONDS_PER_SECOND
-
-if TYPE_CHECKING:
-    from uavrt.ground.session import GroundSession
 
 REPORT_S = 0.2
 
@@ -48,11 +46,11 @@ class Downloads:
 
     Parameters
     ----------
-    session : GroundSession
+    session : HeldSession
         Whose link is used.
     """
 
-    def __init__(self, session: "GroundSession") -> None:
+    def __init__(self, session: HeldSession) -> None:
         self._session = session
         self._client = FileClient(self._send, session.clock.now_ns, secrets.randbelow(256))
         self._asking = asyncio.Lock()

@@ -10,8 +10,9 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 from uavrt.errors import LinkError
-from uavrt.ground.fetch.ftp_client import DRONE_COMPONENT, FileClient
+from uavrt.ground.fetch.ftp_client import FileClient
 from uavrt.ground.link import Ways
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import STATION_SYSTEM_ID, Frame, Peer, Signing, SigningKey, dialect
 
 BEAT_S = 1.0
@@ -118,8 +119,6 @@ class DroneFiles:
         message = dialect.Heartbeat(
             type=dialect.MavType.GENERIC,
             autopilot=dialect.MavAutopilot.INVALID,
-            base_mode=0,
-            custom_mode=0,
             system_status=dialect.MavState.ACTIVE,
             mavlink_version=3,
         )

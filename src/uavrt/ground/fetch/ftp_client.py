@@ -50,7 +50,6 @@ MOST_DEEP = 8
 may offer them without end."""
 MOST_ENTRIES = 20_000
 """Files and directories of one tree, or one directory. A flight with 100 tags has 1200."""
-DRONE_COMPONENT = 191
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

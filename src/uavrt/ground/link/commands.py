@@ -8,17 +8,15 @@ import sys
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavrt.commands import Button, SystemState
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.session_parts import HeldSession
 from uavrt.ground.web import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
 from uavrt.ground.web.actions import unreachable
 from uavrt.recording import Mark, mark_note
-
-if TYPE_CHECKING:
-    from uavrt.ground.session import GroundSession
 
 
 def _parameter(wish: Any) -> tuple[str, float]:
@@ -49,11 +47,11 @@ class Commands:
 
     Parameters
     ----------
-    session : GroundSession
+    session : HeldSession
         Whose link and flight they use.
     """
 
-    def __init__(self, session: "GroundSession") -> None:
+    def __init__(self, session: HeldSession) -> None:
         self._session = session
 
     async def send_tags(self) -> str:

@@ -17,7 +17,6 @@ from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_parameters import DroneParameters
 from uavrt.ground.link.parallel_links import Links, Ways
 from uavrt.ground.link.protocol import (
-    DRONE_COMPONENT,
     Acknowledged,
     DetectorAlive,
     DroneHeartbeat,
@@ -25,7 +24,7 @@ from uavrt.ground.link.protocol import (
     GroundProtocol,
 )
 from uavrt.ground.link.stored_pulses import new_store
-from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
 from uavrt.ground.link.vehicle_missions import VehicleMissions
 from uavrt.log import get_logger
 from uavrt.mavlink import (

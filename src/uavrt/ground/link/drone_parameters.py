@@ -7,7 +7,8 @@ from contextlib import suppress
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
-from uavrt.ground.link.protocol import DRONE_COMPONENT, GroundProtocol
+from uavrt.ground.link.protocol import GroundProtocol
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import Frame, Message, Peer, decode_value, dialect
 from uavrt.mavlink.dialect import MavCmd, MavParamType, MavProtocolCapability
 
@@ -150,14 +151,7 @@ class DroneParameters:
                     target_system=drone.system_id,
                     target_component=drone.component_id,
                     command=MavCmd.REQUEST_MESSAGE,
-                    confirmation=0,
                     param1=dialect.AutopilotVersion.ID,
-                    param2=0.0,
-                    param3=0.0,
-                    param4=0.0,
-                    param5=0.0,
-                    param6=0.0,
-                    param7=0.0,
                 )
             )
             await self._wait_for_news(self._wait_s)

@@ -10,12 +10,13 @@ import sys
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavrt.errors import CommandRefused, FormatError, LinkError, UsageError
 from uavrt.geodesy import distance_m
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motion import ask, confirm, motion_request, stop
+from uavrt.ground.link.session_parts import HeldSession
 from uavrt.guidance import (
     NOT_CHECKED_ABOARD,
     OFFER_HOLDS_S,
@@ -31,9 +32,6 @@ from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT
 from uavrt.messages import KeepOut, MotionRequest
 from uavrt.tunnel import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
-
-if TYPE_CHECKING:
-    from uavrt.ground.session import GroundSession
 
 SILENCE_NS = ns_from_s(6.0)
 """The drone tells its standing once a second."""
@@ -60,11 +58,11 @@ class Flying:
 
     Parameters
     ----------
-    session : GroundSession
+    session : HeldSession
         Whose link and vehicle they use.
     """
 
-    def __init__(self, session: "GroundSession") -> None:
+    def __init__(self, session: HeldSession) -> None:
         self._session = session
         self._state: MotionState | None = None
         self._heard_ns = 0
@@ -192,16 +190,7 @@ class Flying:
         CommandRefused, LinkError, UavrtError
             The vehicle does not take it, flies a mission or does not answer; or it is none.
         """
-        request = _request(wish)
-        order = Order(
-            order_id=0,
-            action=request.action,
-            places=request.places,
-            height_m=request.height_m,
-            spacing_m=request.spacing_m,
-            pattern=request.pattern,
-            keep_out=request.keep_out,
-        )
+        order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
         link = self._session.link
         if link is None:
@@ -249,14 +238,10 @@ class Flying:
             case "survey":
                 if not request.places:
                     raise UsageError("a survey needs an area", remedy="Draw or import one")
-                order = Order(
-                    order_id=0,
-                    action="survey",
-                    places=request.places,
-                    spacing_m=request.spacing_m,
-                    pattern=request.pattern,
+                return (
+                    *here,
+                    *survey_places(Order.of(request), self._home() or request.places[0]),
                 )
-                return (*here, *survey_places(order, self._home() or request.places[0]))
             case "search" if bool(request.places) == (request.radius_m is not None):
                 raise UsageError(
                     "a search needs one area",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import ConfigError
-from uavrt.ground.fetch import DRONE_COMPONENT
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import SigningKey, read_signing_key
 from uavrt.tunnel import Key, read_key
 

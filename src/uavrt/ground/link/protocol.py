@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from uavrt import tunnel
 from uavrt.errors import LinkError, TunnelError
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
 from uavrt.log import get_logger
 from uavrt.mavlink import (
     STATION_SYSTEM_ID,
@@ -45,7 +45,6 @@ from uavrt.units import ns_from_s
 
 log = get_logger()
 
-DRONE_COMPONENT = 191
 DRONE_SILENCE_NS = ns_from_s(6.0)
 """The original ground station calls the drone lost after this."""
 FILES_NS = ns_from_s(3.0)

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
 from uavrt.mavlink import (
     Frame,
     Message,
@@ -18,7 +18,6 @@ from uavrt.mavlink.dialect import MavCmd, MavComponent
 from uavrt.messages import Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
-DRONE_COMPONENT = 191
 POSE_SILENCE_NS = ns_from_s(3.0)
 ASK_AGAIN_NS = ns_from_s(5.0)
 ASKED_HZ = 5.0
@@ -199,14 +198,8 @@ class VehicleWatch:
             target_system=self.autopilot.system_id,
             target_component=self.autopilot.component_id,
             command=command,
-            confirmation=0,
             param1=first,
             param2=second,
-            param3=0.0,
-            param4=0.0,
-            param5=0.0,
-            param6=0.0,
-            param7=0.0,
         )
 
     def ping(self, now_ns: int) -> Message:

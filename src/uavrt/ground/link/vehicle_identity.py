@@ -10,6 +10,8 @@ from uavrt.geodesy import distance_m
 from uavrt.mavlink import dialect
 from uavrt.units import ns_from_s
 
+DRONE_COMPONENT = 191
+"""MAVLink component of the drone side."""
 FOREIGN_NS = ns_from_s(60.0)
 """An answer with another unique number counts so long: three questions."""
 MAX_OTHERS = 16

@@ -288,12 +288,5 @@ def _home_request(vehicle: Peer) -> Message:
         target_system=vehicle.system_id,
         target_component=vehicle.component_id,
         command=MavCmd.REQUEST_MESSAGE,
-        confirmation=0,
         param1=float(dialect.HomePosition.ID),
-        param2=0.0,
-        param3=0.0,
-        param4=0.0,
-        param5=0.0,
-        param6=0.0,
-        param7=0.0,
     )

@@ -25,7 +25,7 @@ from uavrt.analysis import (
 )
 from uavrt.analysis.measure import straight_walk
 from uavrt.errors import FormatError, UsageError
-from uavrt.ground.store.flights import Columns, known
+from uavrt.ground.store.flights import PLACE_COLUMNS, PULSE_COLUMNS, Columns, known
 from uavrt.ground.web import readout
 from uavrt.localization import (
     ACCEPTED_EVIDENCE,
@@ -61,7 +61,7 @@ from uavrt.units import wrap_degrees_360
 
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
-_POSE_OF_PULSE = [1, *range(8, 15)]
+_POSE_OF_PULSE = [PULSE_COLUMNS.index(name) for name in ("start_time_ns", *PLACE_COLUMNS)]
 """Rows of `PULSE_COLUMNS` that are those of a pose: time, place, height, quaternion."""
 
 DRONE_LEVEL_SIGMA_DB = 1.0

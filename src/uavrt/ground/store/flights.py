@@ -80,6 +80,16 @@ PULSE_COLUMNS = (
     "clipped",
 )
 """What `FlightLibrary.pulses` reads of a pulse and its pose, by the names of their fields."""
+PLACE_COLUMNS = (
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_relative_m",
+    "quaternion_w",
+    "quaternion_x",
+    "quaternion_y",
+    "quaternion_z",
+)
+"""What `FlightLibrary.columns` reads of a pose after its time."""
 
 _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     "detection_status": (
@@ -107,8 +117,7 @@ _SELECT_CELLS = _SELECT_PULSES.format(more="")
 _LISTS = ("also_possible_tag_ids", "burst_starts_ns", "burst_snrs_db")
 _SELECT_RECORDS = _SELECT_PULSES.format(more="".join(f", p.{name}" for name in _LISTS))
 _SELECT_POSES = (
-    "SELECT time_ns, latitude_deg, longitude_deg, altitude_relative_m, "
-    "quaternion_w, quaternion_x, quaternion_y, quaternion_z FROM poses "
+    f"SELECT time_ns, {', '.join(PLACE_COLUMNS)} FROM poses "
     "WHERE latitude_deg IS NOT NULL ORDER BY time_ns"
 )
 

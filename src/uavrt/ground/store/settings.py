@@ -6,8 +6,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
+from uavrt.atomic_file import write_atomically
 from uavrt.batch import check_archive
-from uavrt.config import check_start, write_tags, write_text_atomically
+from uavrt.config import check_start, write_tags
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web import read_table
@@ -262,7 +263,7 @@ class GroundStore:
     def _write_text(self, text: str) -> None:
         path = self.own / "ground.json"
         try:
-            write_text_atomically(path, text)
+            write_atomically(path, text)
         except OSError as error:
             raise ConfigError(
                 f"cannot write {path}: {error.strerror}",

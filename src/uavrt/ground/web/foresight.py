@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavrt import analysis
 from uavrt.errors import FormatError, UsageError
 from uavrt.geodesy import distance_m
 from uavrt.ground.link import number_in, places_in
@@ -19,6 +18,7 @@ from uavrt.planning import LinkBudget
 from uavrt.terrain import open_elevation
 
 if TYPE_CHECKING:
+    from uavrt.analysis.coverage import MapSize
     from uavrt.planning import Coverage
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
@@ -55,6 +55,8 @@ class Foresight:
         cls, wanted: object, tags: tuple[Tag, ...], antenna: AntennaChoice
     ) -> "Foresight":
         """Judge a page's question; raises `FormatError` or `UsageError`."""
+        from uavrt.analysis.coverage import assumed_tag
+
         if not isinstance(wanted, dict):
             raise FormatError("a question must be an object")
         tag_id = wanted.get("tag_id")
@@ -64,7 +66,7 @@ class Foresight:
             spacing_m=spacing_m,
             heights_m=_heights_in(wanted),
             speed_m_s=_between(wanted, "speed_m_s", _SPEED_M_S, 0.5, 100.0),
-            tag=analysis.assumed_tag() if tag_id is None else _listed(tag_id, tags),
+            tag=assumed_tag() if tag_id is None else _listed(tag_id, tags),
             listed=tag_id is not None,
             tag_power_dbm=power_in(wanted),
             antenna=antenna,
@@ -138,21 +140,24 @@ def _listed(tag_id: object, tags: tuple[Tag, ...]) -> Tag:
 
 
 def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
+    # Loaded with the first question only, as in `_size`.
+    from uavrt.analysis import coverage
+
     plane, corners = (
-        analysis.corners_of_way(asked.places)
+        coverage.corners_of_way(asked.places)
         if asked.spacing_m is None
-        else analysis.corners_over_area(asked.places, asked.spacing_m, most=_MOST_LINES)
+        else coverage.corners_over_area(asked.places, asked.spacing_m, most=_MOST_LINES)
     )
     east, north = np.array(corners).T
     dem = asked.antenna.dem
     size = _size(float(np.ptp(east)), float(np.ptp(north)))
-    pulses = analysis.pulses_on(corners, asked.tag, asked.speed_m_s)
+    pulses = coverage.pulses_on(corners, asked.tag, asked.speed_m_s)
     if pulses * len(asked.heights_m) > _MOST_PULSES:
         raise UsageError(
             f"a map of {pulses:.0f} pulses from {len(asked.heights_m)} heights takes too long",
             remedy="Choose fewer heights, wider lines or a smaller area",
         )
-    area = analysis.map_around(
+    area = coverage.map_around(
         plane, east, north, open_elevation(Path(dem)) if dem else None, size
     )
     budget = LinkBudget(
@@ -168,7 +173,7 @@ def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
             on_step(number * total + done, len(asked.heights_m) * total)
 
         maps.append(
-            analysis.plan_coverage(
+            coverage.plan_coverage(
                 area,
                 corners,
                 asked.tag,
@@ -180,12 +185,14 @@ def _made(asked: Foresight, on_step: OnStep) -> Foreseen:
                 on_pulse=on_pulse,
             )
         )
-    return Foreseen(asked=asked, maps=tuple(maps), best=analysis.best_of(maps))
+    return Foreseen(asked=asked, maps=tuple(maps), best=coverage.best_of(maps))
 
 
-def _size(wide_m: float, high_m: float) -> "analysis.MapSize":
+def _size(wide_m: float, high_m: float) -> "MapSize":
     """Squares as of `uavrt coverage`, or wider ones where that would be too many."""
-    size = analysis.MapSize()
+    from uavrt.analysis.coverage import MapSize
+
+    size = MapSize()
     reach_m = 2.0 * size.margin_m
     least_m = math.sqrt((wide_m + reach_m) * (high_m + reach_m) / _MOST_CELLS)
     return replace(size, cell_m=max(size.cell_m, float(math.ceil(least_m))))

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uavrt import analysis, planning
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store import AntennaChoice
 from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, map_record, power_in
@@ -93,6 +92,11 @@ class SilenceDesk:
         UsageError
             The map is not there yet, the tag was heard, or the outline lies outside.
         """
+        # Loaded with the first question only, as in `_made`.
+        from uavrt.analysis.coverage import inside
+        from uavrt.planning.area import Polygon
+        from uavrt.planning.coverage import absence
+
         found = self._desk.found(asked)
         if found is None:
             raise UsageError("the map is not there yet", remedy="Ask for it first")
@@ -110,9 +114,8 @@ class SilenceDesk:
         longitude, latitude = np.array(_outline(wanted)).T
         east, north = plane.to_local(latitude, longitude)
         corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
-        area = planning.Polygon(corners=corners, name="area")
-        cells = analysis.inside(area, coverage.ground)
-        told = planning.absence(coverage, cells, None)
+        area = Polygon(corners=corners, name="area")
+        told = absence(coverage, inside(area, coverage.ground), None)
         return {**asdict(told), "prior_is": "anywhere on the map alike"}
 
 
@@ -134,8 +137,10 @@ def _is_place(one: object) -> bool:
 
 
 def _made(asked: Silence, on_step: OnStep) -> "SilentMap":
+    from uavrt.analysis.silence import silent_map
+
     dem = asked.antenna.dem
-    return analysis.silent_map(
+    return silent_map(
         asked.flight,
         read_flight(asked.flight),
         asked.tag_id,

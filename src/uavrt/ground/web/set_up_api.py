@@ -18,9 +18,6 @@ from uavrt.messages import SystemStatus
 if TYPE_CHECKING:
     from uavrt.computer import FirstSetup
 
-STATUS_S = 3.0
-"""The drone side tells its state once a second."""
-
 
 class SetUpApi:
     """The steps of `uavrt.computer.first_setup`, asked of this computer.
@@ -111,19 +108,10 @@ class SetUpApi:
 
 def _running(config: Path) -> SystemStatus | None:
     """Ask the drone side on this computer for its state; None where none runs."""
-    from uavrt.monitor import StatusReader, status_socket_path
+    from uavrt.monitor.reader import running_status, status_socket_path
 
     try:
         settings = load_settings(config)
-        socket_path = config.parent / status_socket_path(settings)
-        reader = StatusReader(socket_path, 0.0, lambda: None)
-    except (UavrtError, OSError):
+    except UavrtError:
         return None
-    try:
-        for _ in range(round(STATUS_S / 0.1)):
-            for _, record in reader.read(0.1):
-                if isinstance(record, SystemStatus):
-                    return record
-    finally:
-        reader.close()
-    return None
+    return running_status(config.parent / status_socket_path(settings))

@@ -1,20 +1,49 @@
 """The ground station's state, ready for JSON."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import uavrt
 from uavrt.attitude import euler_deg
+from uavrt.ground.fetch.downloads import Downloads
+from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.my_place import MyPlace
+from uavrt.ground.link.session_parts import HeldSession
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.ground.store.estimates import Estimates
+from uavrt.ground.store.event_log import EventLog
 from uavrt.ground.web.actions import action_states
+from uavrt.ground.web.commanding_page import Commander
 from uavrt.ground.web.tag_table import rows_from_tags, table_version
 from uavrt.messages import Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
-if TYPE_CHECKING:
-    from uavrt.ground.session import GroundSession
+
+class ShownSession(HeldSession, Protocol):
+    """What is shown of a session besides; `uavrt.ground.session.GroundSession` has it."""
+
+    identity: VehicleIdentity
+    link_error: str | None
+    temperature_c: float | None
+    heard: dict[int, int]
+    commander: Commander
+    my_place: MyPlace
+    flying: Flying
+    downloads: Downloads
+    estimates: Estimates
+    log: EventLog
+
+    @property
+    def skew_ns(self) -> int | None:
+        """How far the drone's clock is behind ours; None before it is judged."""
+
+    @property
+    def companions(self) -> "Sequence[ShownSession]":
+        """Sessions of the other vehicles on the same links."""
 
 
-def snapshot(session: "GroundSession") -> dict[str, Any]:
+def snapshot(session: ShownSession) -> dict[str, Any]:
     """Everything that a page needs besides the flight's pulses."""
     now_ns = session.clock.now_ns()
     link, watch = session.link, session.vehicle
@@ -71,14 +100,14 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
     }
 
 
-def all_vehicles(session: "GroundSession") -> list["GroundSession"]:
+def all_vehicles(session: ShownSession) -> "list[ShownSession]":
     """The sessions of all vehicles, the first first; none where there is but one."""
     if not session.companions:
         return []
     return sorted([session, *session.companions], key=lambda one: one.store.system_id or 0)
 
 
-def vehicle_record(session: "GroundSession") -> dict[str, Any]:
+def vehicle_record(session: ShownSession) -> dict[str, Any]:
     """One vehicle of several, for the pages of all."""
     now_ns = session.clock.now_ns()
     watch, number = session.vehicle, session.store.system_id
@@ -95,7 +124,7 @@ def vehicle_record(session: "GroundSession") -> dict[str, Any]:
     }
 
 
-def my_place_record(session: "GroundSession") -> dict[str, Any] | None:
+def my_place_record(session: ShownSession) -> dict[str, Any] | None:
     """Where this computer is by its GPS receiver; None where it has none."""
     mine = session.my_place
     if not mine.address:
@@ -110,7 +139,7 @@ def my_place_record(session: "GroundSession") -> dict[str, Any] | None:
     }
 
 
-def hello(session: "GroundSession") -> dict[str, Any]:
+def hello(session: ShownSession) -> dict[str, Any]:
     """The whole present state, for a listener that has just come."""
     return {
         "state": snapshot(session),
@@ -123,7 +152,7 @@ def hello(session: "GroundSession") -> dict[str, Any]:
     }
 
 
-def link_state(session: "GroundSession", now_ns: int) -> dict[str, Any]:
+def link_state(session: ShownSession, now_ns: int) -> dict[str, Any]:
     """Loss, round trip, radio and counters of the link."""
     link, watch = session.link, session.vehicle
     if link is None or link.link is None or watch is None:

@@ -1,14 +1,14 @@
-"""Replace a small file as a whole: nobody ever reads half of it."""
+"""Replace a file that a user asked for, as a whole."""
 
-import contextlib
 import os
 from pathlib import Path
 
+from uavrt.atomic_file import write_atomically
 from uavrt.errors import RecordingError
 
 
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write beside the file, then rename over it.
+    """Make the folder, write beside the file, then rename over it.
 
     Raises
     ------
@@ -16,15 +16,10 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
         The disk is full, read-only or forbidden; the old file is untouched.
     """
     target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
-    data = content.encode() if isinstance(content, str) else content
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_bytes(data)
-        os.replace(beside, target)
+        write_atomically(target, content)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
         raise RecordingError(
             f"cannot write {target}: {error.strerror}",
             remedy="Choose a writable place with free space",

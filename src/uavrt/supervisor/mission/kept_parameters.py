@@ -8,9 +8,10 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.config import Settings, parameter_values, with_parameter, write_text_atomically
+from uavrt.config import Settings, parameter_values, with_parameter
 from uavrt.errors import ConfigError
 from uavrt.log import get_logger
+from uavrt.recording.kept_file import KeptFile
 
 log = get_logger()
 
@@ -37,11 +38,11 @@ class KeptParameters:
     """
 
     def __init__(self, directory: Path, settings: Settings) -> None:
-        self._path = directory / PARAMETERS_NAME
+        self._disk = KeptFile(directory / PARAMETERS_NAME, dict[str, KeptValue], "parameters")
         self._file = parameter_values(settings)
         self._kept = {
             name: kept
-            for name, kept in self._read().items()
+            for name, kept in (self._disk.read() or {}).items()
             if self._file.get(name) == kept.instead_of
         }
 
@@ -60,18 +61,4 @@ class KeptParameters:
             self._kept.pop(name, None)
         else:
             self._kept[name] = KeptValue(value, self._file[name])
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            text = msgspec.json.format(msgspec.json.encode(self._kept)).decode()
-            write_text_atomically(self._path, text + "\n")
-        except OSError as error:
-            log.warning("parameter not kept over a restart", reason=str(error.strerror))
-
-    def _read(self) -> dict[str, KeptValue]:
-        try:
-            return msgspec.json.decode(self._path.read_bytes(), type=dict[str, KeptValue])
-        except FileNotFoundError:
-            return {}
-        except (OSError, msgspec.MsgspecError) as error:
-            log.warning("kept parameters not read", reason=str(error))
-            return {}
+        self._disk.keep(self._kept)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from uavrt.clock import Clock, wall_ns
+from uavrt.clock import Clock, boot_id, wall_ns
 from uavrt.commands import COMMANDS, Refused, Repeated, outcome
 from uavrt.config import (
     PARAMETERS,
@@ -26,11 +26,11 @@ from uavrt.config import (
 from uavrt.errors import UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import Command, CommandName, CommandReply, FlightInfo, SystemState, Tag
+from uavrt.recording.kept_file import KeptFile
 from uavrt.supervisor.mission.flight_opening import last_written_ns, new_flight
 from uavrt.supervisor.mission.kept_parameters import KeptParameters
-from uavrt.supervisor.mission.last_tags import LastTags
 from uavrt.supervisor.mission.operations import Operations
-from uavrt.supervisor.mission.saved_state import SavedState, StateStore, boot_id
+from uavrt.supervisor.mission.saved_state import SavedState, StateStore
 from uavrt.supervisor.mission.tuning import (
     UNMEASURED_TAGS,
     Tuning,
@@ -45,6 +45,8 @@ log = get_logger()
 _MOST_NEAR = 3
 """Pairs of codes that are named at the beginning of a flight; the page names all."""
 
+LAST_TAGS_NAME = "last_tags.json"
+"""Beside the flights: a ground station that cannot send tags starts with these (`DET_RUN`)."""
 REPLIES_KEPT = 64
 LAST_FLIGHTS = 3
 """As many as the connection and the recorder look after besides the present one."""
@@ -95,7 +97,9 @@ class Mission:
     ) -> None:
         self._operations = operations
         self._kept = KeptParameters(Path(settings.recording.directory), settings)
-        self._last_tags = LastTags(Path(settings.recording.directory))
+        self._last_tags = KeptFile(
+            Path(settings.recording.directory) / LAST_TAGS_NAME, tuple[Tag, ...], "last tags"
+        )
         self.settings = self._kept.applied_to(settings)
         self.clock = Clock.start()
         self.state = SystemState.IDLE
@@ -125,7 +129,7 @@ class Mission:
         Within the same boot the flight goes on with its clock. After a restart of the computer
         the clock is a new one, and so must the flight be; see `RESUME_WITHIN_S`.
         """
-        saved = self._store.load()
+        saved = self._store.read()
         if saved is None:
             return False
         self.tags = {tag.tag_id: tag for tag in saved.tags}
@@ -171,7 +175,7 @@ class Mission:
         self._store.forget()
 
     def _save(self) -> None:
-        self._store.save(
+        self._store.keep(
             SavedState(
                 boot_id=boot_id(),
                 clock_offset_ns=self.clock.offset_ns,
@@ -284,7 +288,7 @@ class Mission:
                 self._tags_sent = max(self._tags_sent, command.tag_count or 0)
                 if len(self.tags) < self._tags_sent:
                     return f"{len(self.tags)} of {self._tags_sent} tags"
-                self._last_tags.keep(self.tags.values())
+                self._last_tags.keep((*self.tags.values(),))
                 return f"{len(self.tags)} tags"
             case "start_detection":
                 self._check_complete(max(self._tags_sent, command.tag_count or 0))
@@ -344,7 +348,7 @@ class Mission:
         UavrtError
             There are none, or one of them is not taken any more.
         """
-        tags = self._last_tags.read()
+        tags = self._last_tags.read() or ()
         if not tags:
             raise UavrtError("no tags are known: send them once, by uavrt ground")
         self.tags.clear()

@@ -5,23 +5,15 @@ the file, so the next start begins afresh.
 """
 
 import os
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
-
-from uavrt.config import write_text_atomically
 from uavrt.errors import ConfigError
-from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, SystemState, Tag
-
-log = get_logger()
+from uavrt.recording.kept_file import KeptFile
 
 STATE_NAME = "supervisor_state.json"
 LOCK_NAME = "supervisor.lock"
-BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-"""Changes at each start of the computer, when CLOCK_MONOTONIC begins anew (random(4))."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,18 +35,8 @@ class SavedState:
     """Whose commands count."""
 
 
-def boot_id() -> str:
-    """Get a name of this start of the computer."""
-    try:
-        return BOOT_ID.read_text().strip()
-    except OSError:
-        return "unknown"
-
-
-class StateStore:
+class StateStore(KeptFile[SavedState]):
     """The state file in the flights' directory, and the lock that allows one supervisor there.
-
-    A disk that cannot be written costs the memory, never the flight.
 
     Parameters
     ----------
@@ -63,10 +45,9 @@ class StateStore:
     """
 
     def __init__(self, directory: Path) -> None:
-        self._path = directory / STATE_NAME
+        super().__init__(directory / STATE_NAME, SavedState, "saved state")
         self._lock_path = directory / LOCK_NAME
         self._lock: int | None = None
-        self._fault = ""
 
     def claim(self) -> None:
         """Make sure that no other supervisor flies from this directory.
@@ -81,7 +62,7 @@ class StateStore:
         import fcntl  # not where Windows runs the page, which reads the state
 
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.parent.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self._lock_path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as error:
             self._complain(error)
@@ -90,56 +71,8 @@ class StateStore:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ConfigError(
-                f"uavrt is already running with flights in {self._path.parent}",
+                f"uavrt is already running with flights in {self.path.parent}",
                 remedy="Stop it first, or set another recording.directory",
             ) from None
         except OSError as error:  # a file system without locks
             self._complain(error)
-
-    def load(self) -> SavedState | None:
-        """Get the state of a supervisor that did not stop in good order."""
-        try:
-            content = self._path.read_bytes()
-        except FileNotFoundError:
-            return None
-        except OSError as error:
-            self._complain(error)
-            return None
-        try:
-            return msgspec.json.decode(content, type=SavedState)
-        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-            log.warning("saved state is damaged: not resumed", reason=str(error))
-            with suppress(OSError):
-                self._path.replace(self._path.with_suffix(".damaged"))
-            return None
-
-    def save(self, state: SavedState) -> None:
-        """Replace the file; after a power cut there is the old one or the new one."""
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            write_text_atomically(self._path, msgspec.json.encode(state).decode())
-            self._sync_directory()
-            self._fault = ""
-        except OSError as error:
-            self._complain(error)
-
-    def forget(self) -> None:
-        """Remove the file: there is nothing to go on with."""
-        try:
-            self._path.unlink(missing_ok=True)
-            self._sync_directory()
-        except OSError as error:
-            self._complain(error)
-
-    def _sync_directory(self) -> None:
-        descriptor = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-
-    def _complain(self, error: OSError) -> None:
-        fault = str(error.strerror)
-        if fault != self._fault:
-            log.warning("the state cannot be kept over a restart", reason=fault)
-        self._fault = fault

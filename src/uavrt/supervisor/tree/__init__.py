@@ -29,11 +29,8 @@ if TYPE_CHECKING:
         children_of,
         descendants_of,
         is_alive,
-        own_cpu_s,
         own_usage,
-        pss_mb,
         usage_of,
-        written_mb,
     )
 
 __all__ = [
@@ -54,15 +51,12 @@ __all__ = [
     "descendants_of",
     "is_alive",
     "on_every_drone",
-    "own_cpu_s",
     "own_usage",
-    "pss_mb",
     "rows_for",
     "self_status",
     "usage_of",
     "warning_text",
     "while_receiving",
-    "written_mb",
 ]
 __getattr__ = lazily(
     __name__,
@@ -84,14 +78,11 @@ __getattr__ = lazily(
         "descendants_of": "usage",
         "is_alive": "usage",
         "on_every_drone": "table",
-        "own_cpu_s": "usage",
         "own_usage": "usage",
-        "pss_mb": "usage",
         "rows_for": "shapes",
         "self_status": "instance",
         "usage_of": "usage",
         "warning_text": "child_output",
         "while_receiving": "table",
-        "written_mb": "usage",
     },
 )

@@ -156,6 +156,8 @@ class Fleet:
         assignment = self._assignment(instance)
         instance.outbox.put_first(encode_record("assignment", assignment))
         instance.pace.started(len(assignment.tags))
+        if "search_report" in instance.row.produces:
+            instance.tag_ids = tuple(tag.tag_id for tag in assignment.tags)
         instance.stop_asked_s = None
         instance.health = None
         if "command" in instance.row.produces:

@@ -36,6 +36,8 @@ class Instance:
     memory_mb: float = 0.0
     silence_reported: bool = False
     """The operator knows that it is silent."""
+    tag_ids: tuple[int, ...] = ()
+    """Tags whose pulses it finds, since its last start."""
     last_words: str = ""
     """The last warning or error it printed, for the operator if it ends."""
 
@@ -71,6 +73,7 @@ class Instance:
             memory_mb=self.memory_mb,
             counters=health.counters if health else {},
             reason="" if ok else self.last_words,
+            tag_ids=self.tag_ids,
         )
 
     def over_budget(self, now_s: float) -> str | None:

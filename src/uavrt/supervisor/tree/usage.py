@@ -1,10 +1,7 @@
 """CPU time and memory of a process and all its descendants, from ``/proc``."""
 
-import math
 import os
-import re
 from dataclasses import dataclass
-from pathlib import Path
 
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
@@ -21,7 +18,7 @@ class Usage:
     """Resident memory (RSS); shared pages are counted in each process."""
 
 
-def _read(path: str) -> str:
+def read_proc(path: str) -> str:
     """Read a file of ``/proc`` of less than 16 kB.
 
     Without a file object, which makes three more system calls and takes five times as long:
@@ -37,7 +34,7 @@ def _read(path: str) -> str:
 def children_of(pid: int) -> tuple[int, ...]:
     """Get the living children of a process; none if it is gone."""
     try:
-        text = _read(f"/proc/{pid}/task/{pid}/children")
+        text = read_proc(f"/proc/{pid}/task/{pid}/children")
     except OSError:
         return ()
     return tuple(int(child) for child in text.split())
@@ -46,7 +43,7 @@ def children_of(pid: int) -> tuple[int, ...]:
 def is_alive(pid: int) -> bool:
     """Whether a process runs; one that only waits to be reaped does not."""
     try:
-        return _read(f"/proc/{pid}/stat").rpartition(") ")[2][:1] not in ("Z", "")
+        return read_proc(f"/proc/{pid}/stat").rpartition(") ")[2][:1] not in ("Z", "")
     except OSError:
         return False
 
@@ -90,7 +87,7 @@ def _usages(pid: int) -> tuple[Usage, Usage]:
     rss is 21 (proc(5)).
     """
     try:
-        fields = _read(f"/proc/{pid}/stat").rpartition(") ")[2].split()
+        fields = read_proc(f"/proc/{pid}/stat").rpartition(") ")[2].split()
     except OSError:
         return Usage(0.0, 0.0), Usage(0.0, 0.0)
     if len(fields) < 22:
@@ -101,44 +98,3 @@ def _usages(pid: int) -> tuple[Usage, Usage]:
         Usage(own / _TICKS_PER_S, memory_mb),
         Usage((own + dead) / _TICKS_PER_S, memory_mb),
     )
-
-
-def own_cpu_s(pid: int) -> float:
-    """Get a process's CPU time to the scheduler's nanosecond [s]; 0 if it is gone."""
-    total_ns = 0
-    for task in Path(f"/proc/{pid}/task").glob("*/schedstat"):
-        try:
-            total_ns += int(task.read_text().split()[0])
-        except (OSError, IndexError):
-            continue
-    return total_ns * 1e-9
-
-
-def written_mb(pid: int) -> float:
-    """Get what a process has had written to disks since its start [MB]; 0 if it is gone.
-
-    Whole pages of files that it made dirty, each time after they had been written back
-    (``write_bytes`` of proc(5), less what was cut off before); NaN where the kernel does not
-    count it.
-    """
-    try:
-        lines = _read(f"/proc/{pid}/io").split("\n")
-    except OSError:
-        return math.nan if not os.path.exists("/proc/self/io") else 0.0
-    counts = {
-        name: int(count) for name, _, count in (line.partition(": ") for line in lines[:7])
-    }
-    return (counts["write_bytes"] - counts["cancelled_write_bytes"]) / 1e6
-
-
-def pss_mb(pid: int) -> float:
-    """Get the proportional set size [MB]: a page shared by n processes counts 1/n in each.
-
-    The sum over processes is the memory they take together. 0 when the process has gone.
-    """
-    try:
-        rollup = _read(f"/proc/{pid}/smaps_rollup")
-    except OSError:
-        return 0.0
-    found = re.search(r"^Pss:\s+(\d+) kB", rollup, re.MULTILINE)
-    return int(found.group(1)) * 1024 / 1e6 if found else 0.0

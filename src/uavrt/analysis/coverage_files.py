@@ -1,0 +1,97 @@
+"""Write maps of where a tag is heard, or would have been, as GeoTIFF and PNG."""
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from uavrt.analysis.export import chance, geotiff_bytes, png_bytes
+from uavrt.analysis.silence import SilentMap
+from uavrt.localization import PositionGrid
+from uavrt.planning import Coverage
+from uavrt.recording import Flight
+from uavrt.recording.formats.whole_file import write_whole
+
+
+def write_maps(
+    directory: Path, name: str, coverage: Coverage, way: Sequence[tuple[float, float]]
+) -> list[Path]:
+    """Write a map as GeoTIFF (probabilities) and PNG (a picture).
+
+    The picture is that of a report, and without matplotlib the map's squares alone.
+
+    Parameters
+    ----------
+    directory, name
+        Where, and how the files are called before their endings.
+    coverage : Coverage
+        The map.
+    way : sequence of (longitude, latitude)
+        Where the drone flies or flew [deg].
+
+    Raises
+    ------
+    RecordingError
+        They cannot be written.
+    """
+    ground = coverage.ground
+    grid = PositionGrid(
+        latitude_deg=ground.plane.latitude_deg,
+        longitude_deg=ground.plane.longitude_deg,
+        east_m=ground.east_m,
+        north_m=ground.north_m,
+        probability=coverage.heard.astype(np.float64),
+    )
+    files = {
+        f"{name}.tif": geotiff_bytes(grid, "probability that a tag there is heard, uavrt"),
+        f"{name}.png": _picture(coverage, way),
+    }
+    written = []
+    for file, content in files.items():
+        write_whole(directory / file, content)
+        written.append(directory / file)
+    return written
+
+
+def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
+    """A map as a report draws it; without what draws reports its squares alone."""
+    if find_spec("matplotlib") is None:
+        return png_bytes(chance(coverage.heard[::-1]))
+    from uavrt.analysis.report import coverage_png
+
+    return coverage_png(coverage, way)
+
+
+def write_silence(
+    directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
+) -> dict[int, list[Path]]:
+    """Write maps as GeoTIFF and PNG, by tag; those of tags that have none now are removed.
+
+    Parameters
+    ----------
+    directory : Path
+    flight : Flight
+        Whose way is drawn.
+    maps : dict
+        Of `silent_maps`.
+    tag_ids : sequence of int
+        Of all that were judged.
+
+    Raises
+    ------
+    RecordingError
+        They cannot be written.
+    """
+    for tag_id in set(tag_ids) - set(maps):
+        for ending in ("tif", "png"):
+            (directory / f"{_map_name(tag_id)}.{ending}").unlink(missing_ok=True)
+    way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
+    return {
+        tag_id: write_maps(directory, _map_name(tag_id), one.coverage, way)
+        for tag_id, one in maps.items()
+    }
+
+
+def _map_name(tag_id: int) -> str:
+    return f"coverage_tag_{tag_id}"

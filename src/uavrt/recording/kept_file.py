@@ -1,0 +1,78 @@
+"""One record in a file that survives every stop and restart.
+
+A disk that cannot be read or written costs the memory, never the flight.
+"""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import msgspec
+
+from uavrt.atomic_file import sync_directory, write_atomically
+from uavrt.log import get_logger
+
+log = get_logger()
+
+R = TypeVar("R")
+
+
+class KeptFile(Generic[R]):
+    """The file, as JSON that people can read.
+
+    Parameters
+    ----------
+    path : Path
+        Where; its directory is made when something is kept.
+    kind : type
+        What is in it.
+    name : str
+        Of what is kept, for the log.
+    sync : bool
+        Wait for the disk at each `keep`. Without it, half a minute may be missing after a
+        power cut.
+    """
+
+    def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:
+        self.path = path
+        self._kind: type[R] = kind
+        self._unread, self._unkept = f"{name} not read", f"{name} not kept over a restart"
+        self._sync = sync
+        self._fault = ""
+
+    def read(self) -> R | None:
+        """Get what was kept; a damaged file is put aside, with ``.damaged`` at its name."""
+        try:
+            return msgspec.json.decode(self.path.read_bytes(), type=self._kind)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            log.warning(self._unread, reason=str(error.strerror))
+        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+            log.warning(self._unread, reason=f"damaged: {error}")
+            with suppress(OSError):
+                self.path.replace(self.path.with_suffix(".damaged"))
+        return None
+
+    def keep(self, record: R) -> None:
+        """Replace the file; after a power cut there is the old one or the new one."""
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            text = msgspec.json.format(msgspec.json.encode(record)).decode()
+            write_atomically(self.path, text + "\n", sync=self._sync)
+            self._fault = ""
+        except OSError as error:
+            self._complain(error)
+
+    def forget(self) -> None:
+        """Remove the file."""
+        try:
+            self.path.unlink(missing_ok=True)
+            sync_directory(self.path.parent)
+        except OSError as error:
+            self._complain(error)
+
+    def _complain(self, error: OSError) -> None:
+        if (fault := str(error.strerror)) != self._fault:
+            log.warning(self._unkept, reason=fault)
+        self._fault = fault
