@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
+    from uavrt.dsp.block_times import BlockTimes
     from uavrt.dsp.carriers import Carriers
     from uavrt.dsp.channelizer import Channelizer
     from uavrt.dsp.clipping import ClippedTimes, Clipping
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from uavrt.dsp.tuner import TunerPlan, tune
 
 __all__ = [
+    "BlockTimes",
     "Carriers",
     "Channelizer",
     "ClippedTimes",
@@ -36,6 +38,7 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "BlockTimes": "block_times",
         "Carriers": "carriers",
         "Channelizer": "channelizer",
         "ClippedTimes": "clipping",

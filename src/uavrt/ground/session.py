@@ -59,6 +59,7 @@ from uavrt.localization import HeardInTurn
 from uavrt.log import get_logger
 from uavrt.mavlink import Frame, parse_address
 from uavrt.messages import (
+    Beep,
     BurstInside,
     Course,
     LiveBearing,
@@ -67,6 +68,7 @@ from uavrt.messages import (
     StatusText,
     SystemState,
     Tag,
+    keep_beep,
 )
 from uavrt.recording import Mark, battery_note, home_note, pulse_record, vehicle_note
 from uavrt.tunnel import MotionState
@@ -191,6 +193,8 @@ class GroundSession:
         self.heard: dict[int, int] = {}
         self._bench = Bench()
         self.drone_bearings: dict[tuple[int, int], LiveBearing] = {}
+        self.beeps: list[Beep] = []
+        """What beeps in the flight, as the drone has measured it last."""
         self.drone_directory = ""
         self._stopped_ns: int | None = None
         self._skew = ClockSkew()
@@ -419,6 +423,11 @@ class GroundSession:
             case DetectorAlive():
                 self.heard[event.tag_id] = now_ns
                 self._bench.alive(event.tag_id, now_ns)
+            case Beep():
+                if event not in self.beeps:
+                    keep_beep(self.beeps, event)
+                    self.flight.add_beep(event)
+                    self.send_state()
             case LiveBearing():
                 self.drone_bearings[event.tag_id, event.start_time_ns] = event
                 self._estimate_due = True
@@ -523,6 +532,7 @@ class GroundSession:
         self.heard.clear()
         self.marks = []
         self.drone_bearings.clear()
+        self.beeps.clear()
         number = self.identity.system_id
         if number is not None:
             note = vehicle_note(number, self.store.settings.vehicle_name)

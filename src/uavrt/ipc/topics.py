@@ -89,6 +89,15 @@ TOPICS: dict[str, Topic] = {
             backlog=50,
         ),
         Topic(
+            name="beep",
+            record=messages.Beep,
+            meaning="a sender of pulses that was found without knowing any tag",
+            recorded=True,
+            to_ground=True,
+            lossless=False,
+            backlog=100,
+        ),
+        Topic(
             name="delivered",
             record=messages.Delivered,
             meaning="pulses that reached a ground station, never to be sent again",
@@ -107,6 +116,12 @@ TOPICS: dict[str, Topic] = {
             name="flight",
             record=messages.FlightInfo,
             meaning="a flight has started",
+            recorded=True,
+        ),
+        Topic(
+            name="corrected_tags",
+            record=messages.FlightInfo,
+            meaning="the flight goes on with other values of its tags",
             recorded=True,
         ),
         Topic(

@@ -39,6 +39,7 @@ from uavrt.mavlink import (
 from uavrt.mavlink.dialect import ParamRequestList, ParamValue, RadioStatus
 from uavrt.messages import (
     STATION_COUNTER,
+    Beep,
     Command,
     CommandReply,
     Course,
@@ -305,6 +306,8 @@ class ConnectionProcess:
                 self._link.tunnel.send_tunnel(
                     encode_bearing(record), Priority.STATUS, payload_type=BEARING_TYPE
                 )
+            case Beep():
+                self._status.beep(record)
             case Operation():
                 self._answer(self._exchange.progress(record))
             case FlightInfo():
@@ -314,6 +317,7 @@ class ConnectionProcess:
                 self._directory = record.directory
                 self._heard_tags.begin_flight(record.tags)
                 self._named_values.begin_flight()
+                self._status.begin_flight()
             case CommandReply():
                 answer = self._exchange.reply(record)
                 if answer is not None and record.accepted and not self._crowd.has_commander:
@@ -652,6 +656,7 @@ class ConnectionProcess:
             "messages_passed_over": self._crowd.passed_over,
             "parameters_refused": self._parameters.refused,
             "texts_left_out": self._status.texts_left_out,
+            "beeps_left_out": self._status.beeps_left_out,
             "disk_jobs_waiting": self._disk.waiting,
             **({} if self._motion is None else self._motion.counters()),
             **self._link.counters(),

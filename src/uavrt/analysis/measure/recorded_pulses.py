@@ -93,7 +93,8 @@ class DetectionChain:
         """So much longer a value that was no number may come out of the channels' filters."""
         self._excluded_hz = tuple(excluded_hz)
         self._on_channel = on_channel
-        self._on_band = on_band
+        self.on_band = on_band
+        """Gets each block and its decimated band; not part of a state that is kept."""
         modes = {} if operating_modes is None else operating_modes
         self._front_end = FrontEnd(
             sample_rate_hz=sample_rate_hz,
@@ -148,8 +149,8 @@ class DetectionChain:
             channels = self._front_end.channelize(band)
         bursts: list[Pulse] = []
         suspect = self._suspect_s > 0.0
-        if self._on_band is not None and not suspect:
-            self._on_band(block, band)
+        if self.on_band is not None and not suspect:
+            self.on_band(block, band)
         self._suspect_s -= len(band.samples) / band.sample_rate_hz
         for channel in channels:
             if suspect:

@@ -19,6 +19,7 @@ from uavrt.mavlink import (
     station_heartbeat,
 )
 from uavrt.messages import (
+    Beep,
     BurstInside,
     Course,
     LiveBearing,
@@ -96,6 +97,7 @@ GroundEvent = (
     PulsePose
     | BurstInside
     | LiveBearing
+    | Beep
     | SearchReport
     | DetectorAlive
     | DroneHeartbeat

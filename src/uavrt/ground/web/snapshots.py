@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import uavrt
 from uavrt.attitude import euler_deg
+from uavrt.config import correction_of
+from uavrt.detection.beeps import shared_offset_ppm
 from uavrt.ground.web.actions import action_states
 from uavrt.ground.web.tag_table import rows_from_tags, table_version
-from uavrt.messages import Pose
+from uavrt.messages import Beep, Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 if TYPE_CHECKING:
@@ -62,6 +64,13 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
             str(tag_id): (now_ns - heard_ns) / NANOSECONDS_PER_SECOND
             for tag_id, heard_ns in session.heard.items()
         },
+        "beeps": [beep_record(session, beep) for beep in session.beeps],
+        "corrections": [
+            {"tag_id": one.tag_id, "text": str(one)}
+            for one in {one.tag_id: one for one in session.store.corrections}.values()
+            if one.after in session.store.tags
+        ],
+        "common_ppm": shared_offset_ppm(session.beeps),
         "commander": session.commander.present,
         "marks": [asdict(mark) for mark in session.marks],
         "motion": session.flying.record(),
@@ -69,6 +78,17 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
         "busy": None if session.busy is None else asdict(session.busy),
         "actions": action_states(situation),
     }
+
+
+def beep_record(session: "GroundSession", beep: Beep) -> dict[str, Any]:
+    """What beeps, in words, and which listed tags it can correct."""
+    corrects = [
+        tag.tag_id
+        for tag in session.store.tags
+        if tag.tag_id in beep.tag_ids and correction_of(tag, beep, 0) is not None
+    ]
+    words = {"meaning": beep.meaning, "odd": beep.odd, "corrects": corrects}
+    return asdict(beep) | words
 
 
 def all_vehicles(session: "GroundSession") -> list["GroundSession"]:

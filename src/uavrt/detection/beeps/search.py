@@ -1,4 +1,4 @@
-"""Find what beeps in a recording beside the listed tags, while these are detected.
+"""Find what beeps in a stream beside the listed tags, while these are detected.
 
 A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
 or the animal may belong to another study. The detector then finds nothing and gives no reason.
@@ -7,30 +7,30 @@ or the animal may belong to another study. The detector then finds nothing and g
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from uavrt.config import Receiver
-from uavrt.detection.beeps import (
-    Kind,
-    NamedTrain,
-    PointSearch,
-    Train,
-    find_trains,
-    name_trains,
-    shared_offset_ppm,
-)
-from uavrt.messages import IQBlock, Tag
-from uavrt.radio import BlockTimes
+from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
+from uavrt.detection.beeps.points import PointSearch
+from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.dsp import BlockTimes
+from uavrt.messages import Beep, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
 _TAGS_BAND: Final = (60.0, 20.0, 90.0)
 """The band of the tags: the first minute, then 20 s of every 90; .4 % of a core [s]."""
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
+_WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
+_CELLS_LIVE: Final = 5_000_000
+"""Cells searched at once while samples wait: .8 s at 3 MS/s, in 20 MiB and 60 ms."""
 _RECENT_S: Final = 300.0
 """Samples of a live stream, those of turns, in which trains are searched for."""
-_NEWS_S: Final = 30.0
+_MOST_POINTS: Final = 6000
+"""Points among which trains are searched for while a stream runs, the strongest ones."""
+_NEWS_S: Final = 10.0
 _LEAST_LIVE: Final = 8
 """Pulses of a train that is named while a stream runs."""
-_SAME_HZ: Final = 300.0
 _CLEAN: Final = 0.45
 """Half the part of a decimated band that is searched, as a share of its rate."""
 
@@ -44,7 +44,8 @@ class _Band:
         Listen for this many seconds at the start, and at the end of each period.
     """
 
-    def __init__(self, turns: tuple[float, float, float]) -> None:
+    def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
+        self._live = live
         self._first_s, self._listen_s, self._period_s = turns
         self._search: PointSearch | None = None
         self._rate_hz = 1.0
@@ -60,7 +61,10 @@ class _Band:
         if self._search is None:
             self.center_hz, self.half_hz = center_hz, share * rate_hz
             self._search = PointSearch(
-                sample_rate_hz=rate_hz, low_hz=-self.half_hz, high_hz=self.half_hz
+                sample_rate_hz=rate_hz,
+                low_hz=-self.half_hz,
+                high_hz=self.half_hz,
+                **({"most_cells": _CELLS_LIVE} if self._live else {}),
             )
             self._rate_hz = rate_hz
             self._times = BlockTimes(rate_hz)
@@ -73,12 +77,24 @@ class _Band:
         self._heard += len(block.samples)
         self._search.process(block.samples)
 
+    @property
+    def start_ns(self) -> int:
+        """Time of the first sample [ns]."""
+        return self._times.start_ns
+
+    @property
+    def dropped(self) -> int:
+        """Cells that stood out and were not examined, since too many did at a time."""
+        return 0 if self._search is None else self._search.dropped
+
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
         """Return the trains so far, at absolute frequencies; while it runs, recent ones."""
         if self._search is None or not self._heard:
             return []
         since_s = max(0.0, self._heard / self._rate_hz - _RECENT_S)
         points = self._search.finish() if ended else self._search.found(since_s)
+        if not ended and len(points) > _MOST_POINTS:
+            points = points.take(np.sort(np.argsort(points.levels_db)[-_MOST_POINTS:]))
         times_s = self._times.seconds(points.times_s * self._rate_hz, self._times.start_ns)
         points = points.moved(times_s, self.center_hz)
         span_s = self._heard / self._rate_hz
@@ -97,7 +113,7 @@ class BeepSearch:
     receiver : Receiver
         Centre and rate of the radio.
     live : bool
-        Search the band of the tags alone, and report while the stream runs.
+        Report while the stream runs, at a lower cost.
     """
 
     def __init__(
@@ -111,59 +127,65 @@ class BeepSearch:
         self._tags = tuple(tags)
         self._window_hz = frequency_window_hz
         self._receiver = receiver
-        self._near = _Band(_TAGS_BAND)
-        self._whole = None if live else _Band(_WHOLE_BAND)
+        self._near = _Band(_TAGS_BAND, live=live)
+        self._whole = _Band(_WHOLE_BAND_LIVE if live else _WHOLE_BAND, live=live)
         self._next_ns: int | None = None
-        self._named: list[NamedTrain] = []
+        self._known: list[Beep] = []
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
         """Take the radio's next block, and the same at the rate of the tags' band."""
         center_hz = self._receiver.center_frequency_hz
         decimated = band is not block
-        self._near.add(band, center_hz, _CLEAN if decimated else 0.5)
-        if decimated and self._whole is not None:
+        if band.samples.size:
+            self._near.add(band, center_hz, _CLEAN if decimated else 0.5)
+        if decimated:
             self._whole.add(block, center_hz, 0.5)
 
-    def finish(self) -> list[NamedTrain]:
-        """Name the trains that were found, the strongest first."""
-        near = self._near.trains(self._receiver, ended=True)
-        whole = [] if self._whole is None else self._whole.trains(self._receiver, ended=True)
-        far = [
-            train
-            for train in whole
-            if abs(train.frequency_hz - self._near.center_hz) > self._near.half_hz
-        ]
-        trains = sorted([*near, *far], key=lambda train: -train.level_db)
-        named = name_trains(trains, self._tags, self._window_hz)
-        return [one for one in named if self._is_new(one)]
+    def finish(self) -> list[Beep]:
+        """Name the trains that were found, the strongest first; of a stream, the new ones."""
+        found = self._found(ended=True)
+        return [one for one in found if keep_beep(self._known, one)]
 
-    def news(self, now_ns: int) -> list[NamedTrain]:
-        """Name the trains of a live stream that were not named yet, about twice a minute."""
+    def news(self, now_ns: int) -> list[Beep]:
+        """Name the trains of a live stream that are new, or have twice the pulses by now."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(_NEWS_S)
         if now_ns < self._next_ns:
             return []
         self._next_ns = now_ns + ns_from_s(_NEWS_S)
-        trains = self._near.trains(self._receiver, ended=False)
-        named = name_trains(trains, self._tags, self._window_hz)
-        new = [one for one in named if one.pulses >= _LEAST_LIVE and self._is_new(one)]
-        self._named += new
-        return new
+        news = [one for one in self._found(ended=False) if one.pulses >= self._wanted(one)]
+        for one in news:
+            keep_beep(self._known, one)
+        return news
 
-    def _is_new(self, one: NamedTrain) -> bool:
-        return not any(
-            one.kind is other.kind and abs(one.frequency_hz - other.frequency_hz) < _SAME_HZ
-            for other in self._named
+    @property
+    def dropped(self) -> int:
+        """Cells of the spectrum that were not examined, since too many stood out."""
+        return self._near.dropped + self._whole.dropped
+
+    def _wanted(self, one: Beep) -> int:
+        """Pulses that make it news."""
+        return max([_LEAST_LIVE, *(2 * old.pulses for old in self._known if old.same_as(one))])
+
+    def _found(self, *, ended: bool) -> list[Beep]:
+        near = self._near.trains(self._receiver, ended=ended)
+        far = [
+            train
+            for train in self._whole.trains(self._receiver, ended=ended)
+            if abs(train.frequency_hz - self._near.center_hz) > self._near.half_hz
+        ]
+        return name_trains(
+            sorted([*near, *far], key=lambda train: -train.level_db),
+            self._tags,
+            self._window_hz,
+            center_hz=self._receiver.center_frequency_hz,
+            start_ns=self._near.start_ns,
         )
 
 
-def words_of_beeps(named: Sequence[NamedTrain]) -> list[str]:
+def words_of_beeps(named: Sequence[Beep]) -> list[str]:
     """Describe what is not as listed, one line each."""
-    lines = [
-        str(one)
-        for one in named
-        if one.kind is not Kind.LISTED and (one.tags or one.kind is not Kind.DOUBTFUL)
-    ]
+    lines = [str(one) for one in named if one.odd]
     ppm = shared_offset_ppm(named)
     if ppm is not None:
         lines.append(f"all tags are {ppm:+.0f} ppm off their labels: the receiver's own error")
