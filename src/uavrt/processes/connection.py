@@ -237,6 +237,7 @@ class ConnectionProcess:
         self._crowd = Crowd()
         self._state = SystemState.IDLE
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
+        self._status.radio_set(settings.radio)
         self._asked_on: dict[tuple[int, int], int] = {}
         self._heard = (False, False)
         self._link_faults: dict[int, str] = {}
@@ -310,6 +311,8 @@ class ConnectionProcess:
                 self._status.beep(record)
             case Operation():
                 self._answer(self._exchange.progress(record))
+            case FlightInfo() if topic == "corrected_tags":
+                self._status.forget_beeps()
             case FlightInfo():
                 self._poses.use_clock(record.clock_offset_ns)
                 self._status.shift_ns = self._poses.shift_ns
@@ -317,7 +320,7 @@ class ConnectionProcess:
                 self._directory = record.directory
                 self._heard_tags.begin_flight(record.tags)
                 self._named_values.begin_flight()
-                self._status.begin_flight()
+                self._status.forget_beeps()
             case CommandReply():
                 answer = self._exchange.reply(record)
                 if answer is not None and record.accepted and not self._crowd.has_commander:
@@ -334,6 +337,7 @@ class ConnectionProcess:
                 self._tell_course(record)
             case Settings():
                 self._parameters.changed(record)
+                self._status.radio_set(record.radio)
                 self._poses.use(record.pose)
             case StatusText():
                 self._send_text(record)

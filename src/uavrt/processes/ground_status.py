@@ -10,6 +10,7 @@ import time
 from functools import partial
 from pathlib import Path
 
+from uavrt.config import RadioSettings
 from uavrt.mavlink import Disk, Peer, Priority, TextLimiter, TunnelSender, at_once
 from uavrt.mavlink.dialect import MavSeverity, OnboardComputerStatus
 from uavrt.messages import Beep, SearchReport, StatusText, SystemState, keep_beep
@@ -63,6 +64,7 @@ class GroundStatus:
         self._tag_limiter = TextLimiter()
         """Of their own, so that many tags leave no warning out."""
         self._beeps: list[Beep] = []
+        self._ppm: float | None = None
         self._next_beep = 0
         self.beeps_left_out = 0
         """Beeps that were too many to be repeated."""
@@ -97,9 +99,15 @@ class GroundStatus:
         if self._due("computer", COMPUTER_NS, now_ns):
             self._tell_computer()
 
-    def begin_flight(self) -> None:
-        """Forget what beeped in the flight before."""
+    def forget_beeps(self) -> None:
+        """Forget what beeps: it is another flight, or the list is another."""
         self._beeps.clear()
+
+    def radio_set(self, radio: RadioSettings) -> None:
+        """Forget what beeped where the correction of the radio's frequency is another."""
+        if radio.frequency_correction_ppm != self._ppm:
+            self._ppm = radio.frequency_correction_ppm
+            self._beeps.clear()
 
     def beep(self, beep: Beep) -> None:
         """Take a sender of pulses, or a newer measurement of one."""

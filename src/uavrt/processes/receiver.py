@@ -7,6 +7,7 @@ serve its tags. Keeps the channels' samples and, if asked, records the decimated
 import socket
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -95,12 +96,14 @@ class Receiver:
         self._check = SampleCheck("the radio")
         self._clipping = Clipping()
         self._carriers = Carriers()
-        self._beeps = BeepSearch(
+        self._begin_beep_search = partial(
+            BeepSearch,
             flight.tags,
             assignment.settings.detection.frequency_window_hz,
             RadioBand(flight.center_frequency_hz, flight.sample_rate_hz),
             live=True,
         )
+        self._beeps = self._begin_beep_search()
         self._beeping: list[Beep] = []
         self._frame = frame
         self._told = False
@@ -228,6 +231,8 @@ class Receiver:
         if self._output is not None:
             self._output.reset()
         self._check = SampleCheck("the radio")
+        if not failed:  # its crystal's correction may be another
+            self._beeps = self._begin_beep_search()
 
     def flush(self) -> None:
         """End a radio block; try again to send what the detectors have not taken yet."""

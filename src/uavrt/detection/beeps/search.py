@@ -28,7 +28,7 @@ _RECENT_S: Final = 300.0
 """Samples of a live stream, those of turns, in which trains are searched for."""
 _MOST_POINTS: Final = 6000
 """Points among which trains are searched for while a stream runs, the strongest ones."""
-_NEWS_S: Final = 10.0
+_NEWS_S: Final = 5.0
 _LEAST_LIVE: Final = 8
 """Pulses of a train that is named while a stream runs."""
 _CLEAN: Final = 0.45

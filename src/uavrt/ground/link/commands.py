@@ -195,7 +195,10 @@ class Commands:
         name, value = _parameter(wish)
         link = self._allowed("parameters")
         async with self._working("parameters", f"setting {name}"):
-            return f"{name} = {await link.parameters.set(name, value):g}"
+            value = await link.parameters.set(name, value)
+            if name == "RADIO_PPM":  # what was measured before is no longer so
+                self._session.beeps.clear()
+            return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
         """Write a remark with time and place (the drone's unless told) into the flight."""

@@ -212,6 +212,17 @@ class GroundStore:
         after = correction.after
         self.set_tags(tuple(after if one.tag_id == after.tag_id else one for one in self.tags))
 
+    @property
+    def corrections_listed(self) -> list[TagCorrection]:
+        """Newest corrections of the tags that are listed with other values than at first."""
+        first = {one.tag_id: one for one in reversed(self.corrections)}
+        last = {one.tag_id: one for one in self.corrections}
+        return [
+            one
+            for one in last.values()
+            if one.after in self.tags and first[one.tag_id].before != one.after
+        ]
+
     def _read_corrections(self) -> list[TagCorrection]:
         """Read the corrections; a damaged line is left out."""
         found = []

@@ -66,9 +66,7 @@ def snapshot(session: "GroundSession") -> dict[str, Any]:
         },
         "beeps": [beep_record(session, beep) for beep in session.beeps],
         "corrections": [
-            {"tag_id": one.tag_id, "text": str(one)}
-            for one in {one.tag_id: one for one in session.store.corrections}.values()
-            if one.after in session.store.tags
+            {"tag_id": one.tag_id, "text": str(one)} for one in session.store.corrections_listed
         ],
         "common_ppm": shared_offset_ppm(session.beeps),
         "commander": session.commander.present,

@@ -138,6 +138,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
             "system_status",
             "flight",
             "flight_end",
+            "corrected_tags",
             "motion_offer",
             "wish",
             "course",
