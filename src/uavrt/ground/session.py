@@ -70,7 +70,14 @@ from uavrt.messages import (
     Tag,
     keep_beep,
 )
-from uavrt.recording import Mark, battery_note, home_note, pulse_record, vehicle_note
+from uavrt.recording import (
+    Mark,
+    battery_note,
+    home_note,
+    pulse_record,
+    read_beeps,
+    vehicle_note,
+)
 from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -499,6 +506,7 @@ class GroundSession:
     async def _resume(self) -> None:
         """Continue with the flight that a restart interrupted."""
         kept = self.store.current_flight
+        self.beeps += await self._disk.run(self._last_beeps, kept)
         if kept is None:
             return
         try:
@@ -539,6 +547,24 @@ class GroundSession:
             self.flight.add_note(note, self.clock.now_ns())
         self.hub.send("flight", {"flight_id": flight_id})
         self.send_state()
+
+    def _last_beeps(self, flight_id: str | None) -> list[Beep]:
+        """Read what beeped in a flight, or in the last one, as far as the list is as it was."""
+        known = {tag.tag_id: tag.frequency_hz for tag in self.store.tags}
+        try:
+            flights = self.store.directory.glob(f"{flight_id or '*'}/flight.sqlite")
+            newest = max(flights, key=lambda path: path.stat().st_mtime, default=None)
+            beeps = () if newest is None else read_beeps(newest.parent)
+        except (UavrtError, OSError):
+            return []
+        return [
+            beep
+            for beep in beeps
+            if all(
+                abs(known.get(tag_id, 0.0) + away_hz - beep.frequency_hz) < 1.0
+                for tag_id, away_hz in zip(beep.tag_ids, beep.offsets_hz, strict=True)
+            )
+        ]
 
     def _drones_own(self) -> Path | None:
         """Get the drone's own recording of its flight, where that is in our directory.

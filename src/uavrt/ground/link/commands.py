@@ -3,6 +3,7 @@
 Each command raises what the drone or the link answers, and gives the text for the operator.
 """
 
+import asyncio
 import contextlib
 import sys
 from collections.abc import AsyncIterator
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from uavrt.commands import Button, SystemState
 from uavrt.config import TagCorrection, correction_of, faults_of_tags
+from uavrt.detection import gain_in_words
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.web import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
@@ -184,7 +186,8 @@ class Commands:
             one for one in session.beeps if correction.tag_id not in one.tag_ids
         ]
         session.send_state()
-        return str(correction)
+        gain = await asyncio.to_thread(gain_in_words, correction.before, correction.after)
+        return f"{correction}{gain}"
 
     async def parameters(self) -> dict[str, float]:
         """Get the drone's parameters."""
