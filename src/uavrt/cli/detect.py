@@ -467,6 +467,7 @@ def _report(
         f"tag {tag_id}: {count} pulses are a ghost of tag {original}, made in the receiver"
         for (tag_id, original), count in summary.ghosts.items()
     ]
+    lines += summary.input_faults
     if summary.clipped:
         lines.append(
             f"{summary.clipped} pulses were clipped ({100.0 * summary.clipped_share:.2g} % of "

@@ -141,10 +141,10 @@ def correct(
     for beep in sorted(beeps, key=lambda one: one.time_ns):
         if len(beep.tag_ids) > 1:
             print(f"not corrected: {beep}")
-        elif (tag := found.get(*beep.tag_ids[:1] or (0,))) and (beep.odd or intervals):
-            one = correction_of(tag, beep, beep.time_ns)
-            if one is not None:
-                corrections[tag.tag_id] = one
+        elif beep.tag_ids and beep.tag_ids[0] in found and (beep.odd or intervals):
+            correction = correction_of(found[beep.tag_ids[0]], beep, beep.time_ns)
+            if correction is not None:
+                corrections[correction.tag_id] = correction
     for one in corrections.values():
         print(f"{one}{gain_in_words(one.before, one.after)}")
         found[one.tag_id] = one.after

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from uavrt.dsp.decimator import Decimator
     from uavrt.dsp.fourier import transform_columns
     from uavrt.dsp.frontend import FrontEnd
+    from uavrt.dsp.input_check import InputCheck
     from uavrt.dsp.plan import FrontEndPlan, channel_center_hz
     from uavrt.dsp.sliding_medians import medians
     from uavrt.dsp.tuner import TunerPlan, tune
@@ -29,6 +30,7 @@ __all__ = [
     "Decimator",
     "FrontEnd",
     "FrontEndPlan",
+    "InputCheck",
     "TunerPlan",
     "channel_center_hz",
     "medians",
@@ -46,6 +48,7 @@ __getattr__ = lazily(
         "Decimator": "decimator",
         "FrontEnd": "frontend",
         "FrontEndPlan": "plan",
+        "InputCheck": "input_check",
         "TunerPlan": "tuner",
         "channel_center_hz": "plan",
         "medians": "sliding_medians",

@@ -111,9 +111,9 @@ class GroundStatus:
 
     def beep(self, beep: Beep) -> None:
         """Take a sender of pulses, or a newer measurement of one."""
-        if keep_beep(self._beeps, beep):
-            self._next_ns.pop("beep", None)
-            self._next_beep = len(self._beeps) - 1
+        keep_beep(self._beeps, beep)
+        self._next_beep = self._beeps.index(beep)
+        self._next_ns.pop("beep", None)
         if len(self._beeps) > MOST_BEEPS:
             self._beeps.remove(
                 min(self._beeps, key=lambda one: (bool(one.tag_ids), one.pulses))

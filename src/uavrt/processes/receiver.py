@@ -15,7 +15,7 @@ from uavrt.clock import monotonic_s
 from uavrt.config import Receiver as RadioBand
 from uavrt.config import Settings
 from uavrt.detection.beeps import BeepSearch
-from uavrt.dsp import Carriers, Clipping, FrontEnd
+from uavrt.dsp import Carriers, Clipping, FrontEnd, InputCheck
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ChannelSender, ProcessFrame
 from uavrt.log import get_logger
@@ -96,6 +96,7 @@ class Receiver:
         self._check = SampleCheck("the radio")
         self._clipping = Clipping()
         self._carriers = Carriers()
+        self._input_check = InputCheck(flight.tags, flight.center_frequency_hz)
         self._begin_beep_search = partial(
             BeepSearch,
             flight.tags,
@@ -171,6 +172,8 @@ class Receiver:
         self._clipping.look(block)
         self._carriers.look(block, self.center_frequency_hz)
         self._tell_of_clipping()
+        for fault in self._input_check.look(block):
+            self._tell(4, fault)
         band = self._front_end.decimate(block)
         self._check.look(band)
         if self._recorder is not None:

@@ -8,7 +8,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -349,10 +349,20 @@ def trains_of(scene: Scene) -> list[Train]:
 
 def named(scene: Scene, tags: Sequence[Tag], frequency_window_hz: float) -> list[Beep]:
     """Name what beeps in a scene, as `uavrt detect` does."""
-    rate_hz = scene.sample_rate_hz
-    search = BeepSearch(tags, frequency_window_hz, Receiver(CENTER_HZ, rate_hz))
-    for block in blocks_of(scene):
+    return searched_blocks(blocks_of(scene), tags, frequency_window_hz)
+
+
+def searched_blocks(
+    blocks: Iterable[IQBlock], tags: Sequence[Tag], frequency_window_hz: float
+) -> list[Beep]:
+    """Name what beeps in blocks that are the whole band."""
+    search: BeepSearch | None = None
+    for block in blocks:
+        if search is None:
+            radio = Receiver(CENTER_HZ, block.sample_rate_hz)
+            search = BeepSearch(tags, frequency_window_hz, radio)
         search.add(block, block)
+    assert search is not None
     return search.finish()
 
 

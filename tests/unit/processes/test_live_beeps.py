@@ -51,7 +51,7 @@ def test_a_wrong_label_and_an_animal_anywhere_in_the_radios_band_are_named(
     tmp_path: Path,
 ) -> None:
     frame = Frame(tmp_path)
-    receiver = Receiver(frame, frame.flight, [Sink()])  # type: ignore[arg-type,list-item]
+    receiver = Receiver(frame, frame.flight, [Sink()])  # type: ignore[arg-type]
     scene = Scene(
         duration_s=36.0,
         sample_rate_hz=RATE_HZ,

@@ -20,7 +20,7 @@ from uavrt.detection import (
 from uavrt.detection import (
     coded as coded_tags,
 )
-from uavrt.dsp import Carriers, Clipping, FrontEnd
+from uavrt.dsp import Carriers, Clipping, FrontEnd, InputCheck
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio import SampleSource
@@ -86,6 +86,9 @@ class DetectionChain:
             )
         self.clipping = Clipping()
         self._carriers = Carriers()
+        self._input_check = InputCheck(tags, center_frequency_hz)
+        self.input_faults: list[str] = []
+        """What is poor about the samples, each once."""
         self._center_frequency_hz = center_frequency_hz
         self.invalid_samples = 0
         """Samples of a channel that were not numbers and were replaced by zero."""
@@ -136,6 +139,7 @@ class DetectionChain:
     def process(self, block: IQBlock) -> list[Pulse]:
         """Process the next block; get the pulses that are certain by now."""
         self.clipping.look(block)
+        self.input_faults += self._input_check.look(block)
         self._carriers.look(block, self._center_frequency_hz)
         self._group.carriers_hz = self._carriers.frequencies_hz
         # A value that is no number runs through the filters, and stops here: the detectors'
@@ -245,6 +249,8 @@ class DetectionSummary:
     """Pulses during which the receiver's converter was at its limits."""
     clipped_share: float = 0.0
     """Of the time that in which it was."""
+    input_faults: list[str] = field(default_factory=list)
+    """What is poor about the samples."""
     searched: dict[int, "Searched"] = field(default_factory=dict)
     """For each tag's number, in what its frequency was searched."""
 
@@ -360,6 +366,7 @@ def detect(
     summary.stopped = stopped
     summary.invalid_samples = chain.invalid_samples
     summary.clipped_share = chain.clipping.share
+    summary.input_faults = chain.input_faults
     summary.elapsed_s = monotonic_s() - begun_s
     if fault is not None:
         raise fault

@@ -75,6 +75,9 @@ class Points:
         return moved.take(order)
 
 
+NO_POINTS: Final = Points(*np.zeros((4, 0)))
+
+
 class PointSearch:
     """Finds pulses in a stream of samples.
 

@@ -10,11 +10,12 @@ from typing import Final
 import numpy as np
 
 from uavrt.config import Receiver
+from uavrt.detection.beeps.gaps import gapped_tags
 from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
-from uavrt.detection.beeps.points import PointSearch
+from uavrt.detection.beeps.points import NO_POINTS, PointSearch
 from uavrt.detection.beeps.trains import Train, find_trains
 from uavrt.dsp import BlockTimes
-from uavrt.messages import Beep, IQBlock, Tag, keep_beep
+from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
 _TAGS_BAND: Final = (60.0, 20.0, 90.0)
@@ -54,6 +55,8 @@ class _Band:
         self._heard = 0
         self.center_hz = 0.0
         self.half_hz = 0.0
+        self.points = NO_POINTS
+        """At absolute frequencies, as of the last search for trains."""
 
     def add(self, block: IQBlock, center_hz: float, share: float) -> None:
         """Take the next block; skip it outside of a turn."""
@@ -96,7 +99,7 @@ class _Band:
         if not ended and len(points) > _MOST_POINTS:
             points = points.take(np.sort(np.argsort(points.levels_db)[-_MOST_POINTS:]))
         times_s = self._times.seconds(points.times_s * self._rate_hz, self._times.start_ns)
-        points = points.moved(times_s, self.center_hz)
+        self.points = points = points.moved(times_s, self.center_hz)
         span_s = self._heard / self._rate_hz
         return find_trains(points, span_s if ended else min(span_s, _RECENT_S), receiver)[0]
 
@@ -174,13 +177,20 @@ class BeepSearch:
             for train in self._whole.trains(self._receiver, ended=ended)
             if abs(train.frequency_hz - self._near.center_hz) > self._near.half_hz
         ]
-        return name_trains(
+        named = name_trains(
             sorted([*near, *far], key=lambda train: -train.level_db),
             self._tags,
             self._window_hz,
             center_hz=self._receiver.center_frequency_hz,
             start_ns=self._near.start_ns,
         )
+        certain = [one for one in named if one.kind is not BeepKind.DOUBTFUL]
+        heard = {tag_id for one in certain for tag_id in one.tag_ids}
+        silent = [tag for tag in self._tags if tag.tag_id not in heard and not tag.coded]
+        start_ns = self._near.start_ns
+        gapped = gapped_tags(self._near.points, silent, self._window_hz, start_ns)
+        explained = {one.tag_ids for one in gapped}
+        return [one for one in named if one.tag_ids not in explained] + gapped
 
 
 def words_of_beeps(named: Sequence[Beep]) -> list[str]:
