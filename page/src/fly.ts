@@ -2,6 +2,7 @@
 
 import { afterPanel, openAfter } from "./after";
 import { getOnceThere, reasonOf, send } from "./api";
+import { beepBox, drawBeeps } from "./beeps";
 import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { mayCommand } from "./commands";
 import { append, by, describe, fill, h, say } from "./dom";
@@ -80,6 +81,7 @@ export function buildFly(go: (name: string) => void): void {
       h("button", { id: "show-after", "aria-pressed": "false", hidden: true, onclick: () => side("after") }, "After"),
     ),
     h("div", { id: "cards", class: "cards", role: "list", "aria-label": "Tags" }),
+    beepBox(),
   );
   const map = h("div", { id: "map", class: "map" });
   const beside = h("div", { class: "map-wrap" }, map, walkBox(), legend());
@@ -90,6 +92,7 @@ export function buildFly(go: (name: string) => void): void {
   panel.appendChild(afterPanel(view));
   map.addEventListener("follow", () => drawFollow());
   store.on(["state"], drawActions);
+  store.on(["state", "reset"], drawBeeps);
   store.on(["tags", "reset", "selection"], buildCards);
   store.on(["pulses", "reset", "state", "selection"], drawCards);
   store.on(["pulses"], () => view.drawPulses(false));
@@ -114,6 +117,7 @@ export function buildFly(go: (name: string) => void): void {
 function side(name: "tags" | "move" | "after"): void {
   for (const one of ["tags", "move", "after"]) by(`show-${one}`).setAttribute("aria-pressed", String(name === one));
   by("cards").hidden = name !== "tags";
+  by("beeps").classList.toggle("away", name !== "tags");
   openMotion(name === "move");
   openAfter(name === "after");
 }

@@ -89,10 +89,31 @@ export interface State {
   /** Null: the drone says nothing of motion. */
   motion: Motion | null;
   tags_sent: boolean;
+  /** What beeps in this flight, listed or not. */
+  beeps: BeepRecord[];
+  /** Listed tags as a measurement has corrected them. */
+  corrections: { tag_id: number; text: string }[];
+  /** Offset of all tags, if it is one: the receiver's error. */
+  common_ppm: number | null;
   /** Seconds since each detector was heard. */
   detectors: Record<string, number>;
   busy: { action: string; text: string; done: number; whole: number } | null;
   actions: Record<string, ActionState>;
+}
+
+/** A sender of pulses that was found without knowing any tag. */
+export interface BeepRecord {
+  kind: string;
+  frequency_hz: number;
+  interval_s: number;
+  pulses: number;
+  level_db: number;
+  tag_ids: number[];
+  meaning: string;
+  /** Something is not as listed. */
+  odd: boolean;
+  /** Tags of the list that it can correct. */
+  corrects: number[];
 }
 
 /** One of several vehicles. */

@@ -186,7 +186,7 @@ _ROWS = (
     ),
     CommandRow(
         name="add_tag",
-        meaning="one tag",
+        meaning="one tag; while detecting, a correction of one that is searched",
         number=CommandId.TAG,
         lengths={"G0": (48,), "G1": (88,), "G2": (96,)},
         who=Who.COMMANDER,
@@ -194,7 +194,7 @@ _ROWS = (
             _IDLE: _NO_UPLOAD,
             _RECEIVING: Accepted(_RECEIVING),
             _HAS_TAGS: _NO_UPLOAD,
-            _DETECTING: _BUSY,
+            _DETECTING: Accepted(_DETECTING),
             _CAPTURING: _IN_CAPTURE,
         },
     ),

@@ -6,6 +6,7 @@ the sample blocks, which have their own road.
 """
 
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
@@ -23,6 +24,10 @@ DetectionStatus = Literal["subthreshold", "detected", "confirmed", "integrated"]
 
 *integrated*: seen in hindsight, by the whole flight; never in flight, and never on the wire.
 """
+
+_SAME_SENDER_HZ = 300.0
+"""Frequencies of one sender, measured twice, differ by less."""
+_KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
 """Of a tag for which nothing else is given, wherever tags come from."""
@@ -200,6 +205,132 @@ class PulsePose:
 
     pulse: Pulse
     pose: Pose | None
+
+
+class BeepKind(StrEnum):
+    """What a sender of pulses is, seen from the list of tags."""
+
+    LISTED = "listed"
+    """A listed tag, as its entry says."""
+    OFF_LABEL = "off label"
+    """It keeps the interval of a listed tag at another frequency."""
+    OTHER_RATE = "other rate"
+    """It is at a listed tag's frequency, at another interval."""
+    MIRRORED = "mirrored"
+    """It is a listed tag on the other side of the centre: I and Q are swapped."""
+    UNLISTED = "unlisted"
+    IMAGE = "image"
+    """The receiver made it of stronger pulses."""
+    NOT_ANIMAL = "not an animal"
+    DOUBTFUL = "doubtful"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beep:
+    """A sender of pulses that was found without knowing any tag, and which tags it may be."""
+
+    kind: BeepKind
+    time_ns: int
+    """Of its last pulse so far."""
+    frequency_hz: float
+    interval_s: float
+    jitter_s: float
+    """Standard deviation of its pulses about the interval."""
+    pulses: int
+    level_db: float
+    """Median over the noise in 94 Hz."""
+    tag_ids: tuple[int, ...] = ()
+    """Which may be meant, the most likely first; of an image those of its original."""
+    offsets_hz: tuple[float, ...] = ()
+    """Distance from the listed frequency of each of them."""
+    image_of_hz: float | None = None
+    reason: str = ""
+    """Why it is doubtful or no animal; what another rate may mean."""
+
+    @property
+    def away_hz(self) -> float | None:
+        """Distance from the first tag's listed frequency [Hz]."""
+        return self.offsets_hz[0] if self.offsets_hz else None
+
+    def same_as(self, other: "Beep") -> bool:
+        """Whether both are measurements of one sender."""
+        near = abs(self.frequency_hz - other.frequency_hz) < _SAME_SENDER_HZ
+        return near and self.kind is other.kind
+
+    @property
+    def odd(self) -> bool:
+        """Whether something is not as listed, and worth a line."""
+        if self.kind is BeepKind.DOUBTFUL:
+            return bool(self.tag_ids)
+        return self.kind is not BeepKind.LISTED
+
+    @property
+    def meaning(self) -> str:
+        """Say what it may be."""
+        reason = f", {self.reason}" if self.reason else ""
+        match self.kind:
+            case BeepKind.OFF_LABEL | BeepKind.LISTED if self.tag_ids:
+                return " or ".join(self._names())
+            case BeepKind.OTHER_RATE:
+                first = f"tag {self.tag_ids[0]} at another rate{reason}"
+                return " or ".join([first, *self._names()[1:]])
+            case BeepKind.MIRRORED:
+                return f"tag {self.tag_ids[0]} mirrored at the centre"
+            case BeepKind.IMAGE:
+                of = f"an image of {(self.image_of_hz or 0.0) / 1e6:.6f} MHz"
+                return of + (f" (tag {self.tag_ids[0]})" if self.tag_ids else "")
+            case BeepKind.DOUBTFUL if self.tag_ids:
+                return f"doubtful, at tag {self.tag_ids[0]}'s frequency: {self.reason}"
+        return f"{self.kind}{reason}"
+
+    @property
+    def advice(self) -> str:
+        """Say what to do about it; nothing where there is nothing to do."""
+        return _ADVICE.get(self.kind, "")
+
+    def __str__(self) -> str:
+        """Write it as a line for the operator."""
+        rate = 60.0 / self.interval_s
+        return (
+            f"{self.level_db:.0f} dB at {self.frequency_hz / 1e6:.6f} MHz, "
+            f"{self.pulses} pulses every {1e3 * self.interval_s:.0f} ms ({rate:.0f} a minute): "
+            f"{self.meaning}{self.advice}"
+        )
+
+    def _names(self) -> list[str]:
+        return [
+            f"tag {tag_id}, {_distance(abs(away_hz))} {'above' if away_hz > 0.0 else 'below'} "
+            "its label"
+            for tag_id, away_hz in zip(self.tag_ids, self.offsets_hz, strict=True)
+        ]
+
+
+_ADVICE = {
+    BeepKind.OFF_LABEL: "? List it at this frequency",
+    BeepKind.OTHER_RATE: "? List this interval",
+    BeepKind.MIRRORED: ": I and Q are swapped. Swap them in the radio's program or format",
+    BeepKind.IMAGE: ", made in the receiver. Reduce its gain",
+}
+
+
+def _distance(hz: float) -> str:
+    return f"{hz:.0f} Hz" if hz < _KILOHERTZ_FROM_HZ else f"{hz / 1e3:.1f} kHz"
+
+
+def keep_beep(known: list[Beep], new: Beep) -> bool:
+    """Put a measurement in the place of older ones of the same sender.
+
+    Returns
+    -------
+    bool
+        Whether the sender is new.
+    """
+    for place, other in enumerate(known):
+        if other.same_as(new):
+            known[place] = new
+            return False
+    known.append(new)
+    return True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,8 @@ from uavrt.detection.detector import PulseDetector
 from uavrt.guidance.mission import MissionItem
 from uavrt.mavlink import dialect
 from uavrt.messages import (
+    Beep,
+    BeepKind,
     ChannelBlock,
     Command,
     CommandReply,
@@ -196,6 +198,19 @@ def live_bearing(tag_id: int = 2, **fields: Any) -> LiveBearing:
         "multipath_suspected": False,
     }
     return LiveBearing(tag_id=tag_id, **(usual | fields))
+
+
+def beep(kind: BeepKind = BeepKind.OFF_LABEL, **fields: Any) -> Beep:
+    """Make a sender of pulses at 148.71 MHz every 1.254 s."""
+    usual: dict[str, Any] = {
+        "time_ns": 0,
+        "frequency_hz": 148_710_000.0,
+        "interval_s": 1.254,
+        "jitter_s": 0.005,
+        "pulses": 12,
+        "level_db": 20.0,
+    }
+    return Beep(kind=kind, **(usual | fields))
 
 
 def system_status(time_ns: int = 0, **fields: Any) -> SystemStatus:

@@ -160,14 +160,6 @@ async def record(frame: ProcessFrame) -> None:
         recorder._lock.release()
 
 
-async def receive(frame: ProcessFrame) -> None:
-    """Serve as a receiver whose samples always flow; the detector needs none."""
-    while frame.running:
-        frame.receive()
-        frame.report("receiving")
-        await asyncio.sleep(0.2)
-
-
 class DroneComputer:
     """A supervisor with its processes; `run` serves them until cancelled.
 
@@ -179,10 +171,16 @@ class DroneComputer:
         Serves as a detector.
     on_record : callable
         Gets each line that passes the supervisor.
+    receive : callable
+        Serves as the receiver.
     """
 
     def __init__(
-        self, settings: Settings, detect: Program, on_record: Callable[[bytes], None]
+        self,
+        settings: Settings,
+        detect: Program,
+        on_record: Callable[[bytes], None],
+        receive: Program,
     ) -> None:
         self.launcher = TaskLauncher(
             {

@@ -54,7 +54,7 @@ from uavrt.ground.session import GroundSession
 from uavrt.ground.store.settings import GroundStore
 from uavrt.guidance.authority import Standing
 from uavrt.ipc import ProcessFrame, decode_record
-from uavrt.messages import Command, Health, Pose, Pulse, Tag, VehicleReport
+from uavrt.messages import Beep, Command, Health, Pose, Pulse, Tag, VehicleReport
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.supervisor.program import start_commands
 
@@ -158,6 +158,10 @@ class World:
         self.computer: DroneComputer
         self.to_find: deque[Pulse] = deque()
         """Pulses that the detectors find next, besides the animals'."""
+        self.beeps: deque[Beep] = deque()
+        """What the receiver finds next without knowing any tag."""
+        self.searched: dict[int, Tag] = {}
+        """Tags of the detectors that run."""
         self.records: list[tuple[str, Any]] = []
         """What passed the supervisor, but for what comes many times a second."""
         self.unkept = {"vehicle", "wish", "poses", "search_report", "course"}
@@ -192,7 +196,9 @@ class World:
     async def alive(self, script: Script = ()) -> AsyncIterator[None]:
         """Run the drone during the block, with unpredictable order numbers."""
         gc.freeze()  # what is there stays: each process collects garbage now and then
-        self.computer = DroneComputer(self.drone_settings, self._detect, self._passed)
+        self.computer = DroneComputer(
+            self.drone_settings, self._detect, self._passed, self._receive
+        )
         self.computer.start()
         flying = asyncio.create_task(self._fly())
         doing = asyncio.create_task(self._play(script))
@@ -298,6 +304,7 @@ class World:
         """Find what the detectors of these tags would find, and report what they searched."""
         report_s = 0.0
         loop = asyncio.get_running_loop()
+        self.searched.update((tag.tag_id, tag) for tag in frame.assignment.tags)
         while frame.running:
             frame.receive()
             while self.to_find:
@@ -309,6 +316,15 @@ class World:
                     frame.send("search_report", report(tag.tag_id, frame.clock.now_ns()))
             frame.report("detecting")
             await asyncio.sleep(DETECTOR_S)
+
+    async def _receive(self, frame: ProcessFrame) -> None:
+        """Serve as a receiver whose samples always flow; the detector needs none."""
+        while frame.running:
+            frame.receive()
+            while self.beeps:
+                frame.send("beep", self.beeps.popleft())
+            frame.report("receiving")
+            await asyncio.sleep(0.2)
 
     def _beep(self, frame: ProcessFrame) -> None:
         now_ns = frame.clock.now_ns()

@@ -41,6 +41,7 @@ from uavrt.localization import (
 )
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import (
+    Beep,
     FlightInfo,
     Health,
     Pose,
@@ -57,6 +58,7 @@ from uavrt.recording import (
     IntegratedVerdict,
     Mark,
     places_of,
+    read_beeps,
     read_flight,
     read_folds,
     read_health,
@@ -117,6 +119,8 @@ class Survey:
     info: FlightInfo | None = None
     health: tuple[Health, ...] = ()
     search_reports: tuple[SearchReport, ...] = ()
+    beeps: tuple[Beep, ...] = ()
+    """What beeped in the flight, listed or not."""
     search_notes: tuple[SearchNote, ...] = ()
     """Of searches that the drone flew by itself."""
     status_texts: tuple[tuple[int, StatusText], ...] = ()
@@ -417,6 +421,7 @@ def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
         info=flight.info,
         health=read_health(directory),
         search_reports=read_search_reports(directory),
+        beeps=read_beeps(directory),
         search_notes=read_search_notes(directory),
         status_texts=flight.status_texts,
         notes=flight.notes,

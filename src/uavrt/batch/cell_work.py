@@ -14,8 +14,10 @@ from uavrt.analysis.measure import DetectionChain, TagSource
 from uavrt.batch.cells import Cell
 from uavrt.batch.chain_state import read_state, write_state
 from uavrt.batch.recordings import Recording, out_of_reach
+from uavrt.config import Receiver
+from uavrt.detection.beeps import BeepSearch
 from uavrt.errors import FormatError, UavrtError
-from uavrt.messages import Pulse
+from uavrt.messages import Beep, Pulse
 from uavrt.radio import RecordingSource
 
 STATE = "state"
@@ -59,6 +61,8 @@ class Chunk(msgspec.Struct, frozen=True, kw_only=True):
     invalid_values: int
     cpu_s: float
     pulses: list[Pulse]
+    beeps: list[Beep] = msgspec.field(default_factory=list)
+    """What beeps, listed or not."""
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -197,6 +201,9 @@ def _chunk(
     gone: UavrtError | None = None
     until = min(task.cell.end, first + round(task.chunk_s * source.sample_rate_hz))
     invalid = source.invalid_values
+    radio = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+    search = BeepSearch(task.sought.tags, task.frequency_window_hz, radio)
+    chain.on_band = search.add
     while place < until and not should_stop():
         try:
             block = source.read()
@@ -223,6 +230,7 @@ def _chunk(
         fault = _fault_at_end(source)
     if fault is not None or place >= task.cell.end:
         gathered.pulses += chain.flush()
+    chain.on_band = None
     kept = [one for one in gathered.pulses if _counts(task, one)]
     chunk = Chunk(
         first=first,
@@ -231,6 +239,7 @@ def _chunk(
         invalid_values=source.invalid_values - invalid,
         cpu_s=time.process_time() - began_s,
         pulses=kept,
+        beeps=search.finish(),
     )
     if place > first or kept:
         encoded = msgspec.msgpack.encode(chunk, enc_hook=_plain)

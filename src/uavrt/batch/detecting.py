@@ -20,7 +20,7 @@ from uavrt.batch.tables import PULSES, RecordingRow, folder_of, write_pulses
 from uavrt.clock import Clock
 from uavrt.errors import FormatError, UavrtError
 from uavrt.log import get_logger
-from uavrt.messages import Pulse
+from uavrt.messages import Beep, Pulse, keep_beep
 
 log = get_logger()
 
@@ -241,7 +241,17 @@ def _row(
         cpu_s=sum(chunk.cpu_s for chunk in chunks),
         finished_time_ns=Clock.start().now_ns(),
         uavrt_version=uavrt.__version__,
+        beeps="\n".join(str(one) for one in _beeps(chunks) if one.odd),
     )
+
+
+def _beeps(chunks: Sequence[Chunk]) -> list[Beep]:
+    """What beeps in a recording, each sender once."""
+    found: list[Beep] = []
+    for chunk in chunks:
+        for beep in chunk.beeps:
+            keep_beep(found, beep)
+    return found
 
 
 def _joined(chunks: Sequence[tuple[int, Chunk]]) -> list[tuple[int, Pulse]]:

@@ -49,6 +49,8 @@ class RecordingRow:
     cpu_s: float
     finished_time_ns: int
     uavrt_version: str
+    beeps: str = ""
+    """What beeps and is not as listed, a line each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,22 +20,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from uavrt.analysis.measure import (
-    BeepSearch,
     DetectionSummary,
     FlightWriter,
     TagSource,
     read_tag_source,
-    words_of_beeps,
 )
 from uavrt.analysis.measure import detect as run_detectors
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import cpu_s, parse_iso_utc
 from uavrt.config import DetectionSettings, OperatingModeName, Receiver
 from uavrt.detection import OperatingMode
-from uavrt.detection.beeps import NamedTrain
+from uavrt.detection.beeps import BeepSearch, words_of_beeps
 from uavrt.detection.search_costs import search_cost
 from uavrt.errors import ConfigError, RecordingError, UavrtError
-from uavrt.messages import IQBlock, Pulse, Tag
+from uavrt.messages import Beep, IQBlock, Pulse, Tag, keep_beep
 from uavrt.radio import (
     SampleSource,
     is_udp_address,
@@ -137,12 +135,14 @@ def detect(
             print(origin, file=sys.stderr)
         live = source.total_samples is None
         receiver = Receiver(source.center_frequency_hz, source.sample_rate_hz)
+        known_beeps: list[Beep] = []
         beeps = BeepSearch(wanted, frequency_window, receiver, live=live)
 
         def on_band(block: IQBlock, band: IQBlock) -> None:
             beeps.add(block, band)
             if live:
-                _name(beeps.news(block.time_ns))
+                news = beeps.news(block.time_ns)
+                _name([one for one in news if keep_beep(known_beeps, one)])
 
         searched = _searched(known, frequency_window)
         _warn_of_cost(wanted, searched, live=live)
@@ -190,7 +190,7 @@ def detect(
         sys.exit(128 + number)
 
 
-def _name(beeps: Sequence[NamedTrain]) -> None:
+def _name(beeps: Sequence[Beep]) -> None:
     """Say what beeps beside the listed tags."""
     for line in words_of_beeps(beeps):
         print(line, file=sys.stderr)
@@ -467,6 +467,7 @@ def _report(
         f"tag {tag_id}: {count} pulses are a ghost of tag {original}, made in the receiver"
         for (tag_id, original), count in summary.ghosts.items()
     ]
+    lines += summary.input_faults
     if summary.clipped:
         lines.append(
             f"{summary.clipped} pulses were clipped ({100.0 * summary.clipped_share:.2g} % of "

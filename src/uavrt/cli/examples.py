@@ -90,6 +90,7 @@ EXAMPLES: dict[str, list[str]] = {
         "uavrt doctor --autopilot --mavlink serial:///dev/ttyACM0:57600",
     ],
     "tags check": ["uavrt tags check TagInfo.txt"],
+    "tags correct": ["uavrt tags correct tags.toml flights/flight_log_2026-05-01_08-15-00"],
     "tags convert": ["uavrt tags convert TagInfo.txt tags.toml"],
     "tags measure": [
         "uavrt tags measure tag.sigmf-meta -o tags.toml --name Luna",

@@ -106,6 +106,56 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     _tell_unselected(source)
 
 
+@tags.command(help_epilogue=examples("tags correct"))
+def correct(
+    file: Path,
+    *flights: Path,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    intervals: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Correct a tag list by what flights have measured; the old values are printed.
+
+    A pulse train that may be of two listed tags corrects neither.
+
+    Parameters
+    ----------
+    file
+        The list.
+    flights
+        Directories of flights, received or recorded; the newest measurement of a tag counts.
+    output
+        The file to write; without it the corrections are only shown.
+    intervals
+        Also list the measured interval and jitter of tags that were found.
+    overwrite
+        Replace the output if it exists.
+    """
+    from uavrt.config import TagCorrection, correction_of, write_tags
+    from uavrt.detection import gain_in_words
+    from uavrt.recording import read_beeps
+
+    found = {tag.tag_id: tag for tag in _read(file).tags}
+    beeps = [beep for flight in flights for beep in read_beeps(flight)]
+    corrections: dict[int, TagCorrection] = {}
+    for beep in sorted(beeps, key=lambda one: one.time_ns):
+        if len(beep.tag_ids) > 1:
+            print(f"not corrected: {beep}")
+        elif beep.tag_ids and beep.tag_ids[0] in found and (beep.odd or intervals):
+            correction = correction_of(found[beep.tag_ids[0]], beep, beep.time_ns)
+            if correction is not None:
+                corrections[correction.tag_id] = correction
+    for one in corrections.values():
+        print(f"{one}{gain_in_words(one.before, one.after)}")
+        found[one.tag_id] = one.after
+    if output is None:
+        print(f"{len(corrections)} tag(s) to correct; -o FILE writes the list")
+        return
+    check_place(output, overwrite=overwrite)
+    write_tags(output, tuple(found.values()))
+    print(f"{output}: {len(corrections)} of {len(found)} tag(s) corrected")
+
+
 def _read(path: Path) -> "TagSource":
     """Read whatever describes tags, by the rules of tag files."""
     from uavrt.analysis.measure import TagSource, read_tag_source

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         is_ros_namespace,
     )
     from uavrt.config.tag_bands import overlapping, tags_by_band
+    from uavrt.config.tag_corrections import TagCorrection, correction_of
     from uavrt.config.tag_files import (
         check_tag_file_name,
         faults_of_tags,
@@ -115,11 +116,13 @@ __all__ = [
     "Ros2Settings",
     "Settings",
     "Shape",
+    "TagCorrection",
     "TagDraft",
     "UdpChannelSettings",
     "change_settings",
     "check_start",
     "check_tag_file_name",
+    "correction_of",
     "default_settings_text",
     "faults_of_tags",
     "format_tag_info",
@@ -149,6 +152,8 @@ __all__ = [
 __getattr__ = lazily(
     __name__,
     {
+        "TagCorrection": "tag_corrections",
+        "correction_of": "tag_corrections",
         "AntennaSettings": "settings",
         "DetectionSettings": "settings",
         "Entry": "tag_rules",

@@ -10,7 +10,11 @@ if TYPE_CHECKING:
     from uavrt.detection.group import DetectorGroup
     from uavrt.detection.modes import OperatingMode
     from uavrt.detection.reporting import report_every_s
-    from uavrt.detection.sensitivity import detection_probability, enr_needed_db
+    from uavrt.detection.sensitivity import (
+        detection_probability,
+        enr_needed_db,
+        gain_in_words,
+    )
     from uavrt.detection.signal import Counters
 
 __all__ = [
@@ -21,6 +25,7 @@ __all__ = [
     "Receiver",
     "detection_probability",
     "enr_needed_db",
+    "gain_in_words",
     "report_every_s",
 ]
 __getattr__ = lazily(
@@ -33,6 +38,7 @@ __getattr__ = lazily(
         "Receiver": "uavrt.config",
         "detection_probability": "sensitivity",
         "enr_needed_db": "sensitivity",
+        "gain_in_words": "sensitivity",
         "report_every_s": "reporting",
     },
 )

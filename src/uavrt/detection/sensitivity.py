@@ -7,6 +7,7 @@ threshold is the search's own, with all the hypotheses that it tries.
 """
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -151,3 +152,11 @@ def enr_needed_db(
         )
         low, high = (middle, high) if found < probability else (low, middle)
     return high
+
+
+def gain_in_words(before: Tag, after: Tag) -> str:
+    """Say how much weaker pulses are found with a corrected interval; empty if none are."""
+    if replace(before, frequency_hz=after.frequency_hz) == after:
+        return ""
+    gained_db = enr_needed_db(before, 0.5) - enr_needed_db(after, 0.5)
+    return f". Pulses {gained_db:.1f} dB weaker are found" if gained_db > 0.05 else ""

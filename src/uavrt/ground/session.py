@@ -59,6 +59,7 @@ from uavrt.localization import HeardInTurn
 from uavrt.log import get_logger
 from uavrt.mavlink import Frame, parse_address
 from uavrt.messages import (
+    Beep,
     BurstInside,
     Course,
     LiveBearing,
@@ -67,8 +68,16 @@ from uavrt.messages import (
     StatusText,
     SystemState,
     Tag,
+    keep_beep,
 )
-from uavrt.recording import Mark, battery_note, home_note, pulse_record, vehicle_note
+from uavrt.recording import (
+    Mark,
+    battery_note,
+    home_note,
+    pulse_record,
+    read_beeps,
+    vehicle_note,
+)
 from uavrt.tunnel import MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -191,6 +200,8 @@ class GroundSession:
         self.heard: dict[int, int] = {}
         self._bench = Bench()
         self.drone_bearings: dict[tuple[int, int], LiveBearing] = {}
+        self.beeps: list[Beep] = []
+        """What beeps in the flight, as the drone has measured it last."""
         self.drone_directory = ""
         self._stopped_ns: int | None = None
         self._skew = ClockSkew()
@@ -419,6 +430,11 @@ class GroundSession:
             case DetectorAlive():
                 self.heard[event.tag_id] = now_ns
                 self._bench.alive(event.tag_id, now_ns)
+            case Beep():
+                if event not in self.beeps:
+                    keep_beep(self.beeps, event)
+                    self.flight.add_beep(event)
+                    self.send_state()
             case LiveBearing():
                 self.drone_bearings[event.tag_id, event.start_time_ns] = event
                 self._estimate_due = True
@@ -490,6 +506,7 @@ class GroundSession:
     async def _resume(self) -> None:
         """Continue with the flight that a restart interrupted."""
         kept = self.store.current_flight
+        self.beeps += await self._disk.run(self._last_beeps, kept)
         if kept is None:
             return
         try:
@@ -523,12 +540,31 @@ class GroundSession:
         self.heard.clear()
         self.marks = []
         self.drone_bearings.clear()
+        self.beeps.clear()
         number = self.identity.system_id
         if number is not None:
             note = vehicle_note(number, self.store.settings.vehicle_name)
             self.flight.add_note(note, self.clock.now_ns())
         self.hub.send("flight", {"flight_id": flight_id})
         self.send_state()
+
+    def _last_beeps(self, flight_id: str | None) -> list[Beep]:
+        """Read what beeped in a flight, or in the last one, as far as the list is as it was."""
+        known = {tag.tag_id: tag.frequency_hz for tag in self.store.tags}
+        try:
+            flights = self.store.directory.glob(f"{flight_id or '*'}/flight.sqlite")
+            newest = max(flights, key=lambda path: path.stat().st_mtime, default=None)
+            beeps = () if newest is None else read_beeps(newest.parent)
+        except (UavrtError, OSError):
+            return []
+        return [
+            beep
+            for beep in beeps
+            if all(
+                abs(known.get(tag_id, 0.0) + away_hz - beep.frequency_hz) < 1.0
+                for tag_id, away_hz in zip(beep.tag_ids, beep.offsets_hz, strict=True)
+            )
+        ]
 
     def _drones_own(self) -> Path | None:
         """Get the drone's own recording of its flight, where that is in our directory.

@@ -79,6 +79,13 @@ TOPICS: dict[str, Topic] = {
             backlog=50,
         ),
         Topic(
+            name="beep",
+            record=messages.Beep,
+            meaning="a sender of pulses that was found without knowing any tag",
+            lossless=False,
+            backlog=100,
+        ),
+        Topic(
             name="delivered",
             record=messages.Delivered,
             meaning="pulses that reached a ground station, never to be sent again",
@@ -95,6 +102,11 @@ TOPICS: dict[str, Topic] = {
             name="flight",
             record=messages.FlightInfo,
             meaning="a flight has started",
+        ),
+        Topic(
+            name="corrected_tags",
+            record=messages.FlightInfo,
+            meaning="the flight goes on with other values of its tags",
         ),
         Topic(
             name="flight_end",

@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from uavrt.messages import ProcessStatus, Pulse, StatusText, SystemStatus
+from uavrt.messages import Beep, ProcessStatus, Pulse, StatusText, SystemStatus, keep_beep
 from uavrt.recording.outline import HeardTag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -47,6 +47,8 @@ class MonitorView:
     status: SystemStatus | None = None
     heard: dict[int, Heard] = field(default_factory=dict)
     texts: deque[StatusText] = field(default_factory=lambda: deque(maxlen=TEXTS_SHOWN))
+    beeps: list[Beep] = field(default_factory=list)
+    """What beeps in this flight."""
     cpu_percent: dict[str, float] = field(default_factory=dict)
     _cpu_before: dict[str, tuple[int, float]] = field(default_factory=dict)
 
@@ -58,12 +60,15 @@ class MonitorView:
                 heard.pulses += record.start_time_ns > heard.recorded_ns
                 heard.last, heard.last_s = record, now_s
                 heard.times_s.append(now_s)
+            case Beep():
+                keep_beep(self.beeps, record)
             case StatusText():
                 self.texts.append(record)
             case SystemStatus():
                 before = None if self.status is None else self.status.flight_directory
                 if record.flight_directory not in (None, before):
                     self.heard.clear()
+                    self.beeps.clear()
                 self.status = record
                 for process in record.processes:
                     self._measure(process, record.time_ns)
@@ -100,6 +105,7 @@ class MonitorView:
                 self._head(),
                 self._tags(now_s),
                 self._processes(),
+                *(Text(str(one), "yellow") for one in self.beeps if one.odd),
                 *self._reasons(),
                 *self._texts(),
             ),

@@ -39,6 +39,7 @@ from uavrt.mavlink import (
 from uavrt.mavlink.dialect import ParamRequestList, ParamValue, RadioStatus
 from uavrt.messages import (
     STATION_COUNTER,
+    Beep,
     Command,
     CommandReply,
     Course,
@@ -236,6 +237,7 @@ class ConnectionProcess:
         self._crowd = Crowd()
         self._state = SystemState.IDLE
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
+        self._status.radio_set(settings.radio)
         self._asked_on: dict[tuple[int, int], int] = {}
         self._heard = (False, False)
         self._link_faults: dict[int, str] = {}
@@ -305,8 +307,12 @@ class ConnectionProcess:
                 self._link.tunnel.send_tunnel(
                     encode_bearing(record), Priority.STATUS, payload_type=BEARING_TYPE
                 )
+            case Beep():
+                self._status.beep(record)
             case Operation():
                 self._answer(self._exchange.progress(record))
+            case FlightInfo() if topic == "corrected_tags":
+                self._status.forget_beeps()
             case FlightInfo():
                 self._poses.use_clock(record.clock_offset_ns)
                 self._status.shift_ns = self._poses.shift_ns
@@ -314,6 +320,7 @@ class ConnectionProcess:
                 self._directory = record.directory
                 self._heard_tags.begin_flight(record.tags)
                 self._named_values.begin_flight()
+                self._status.forget_beeps()
             case CommandReply():
                 answer = self._exchange.reply(record)
                 if answer is not None and record.accepted and not self._crowd.has_commander:
@@ -330,6 +337,7 @@ class ConnectionProcess:
                 self._tell_course(record)
             case Settings():
                 self._parameters.changed(record)
+                self._status.radio_set(record.radio)
                 self._poses.use(record.pose)
             case StatusText():
                 self._send_text(record)
@@ -652,6 +660,7 @@ class ConnectionProcess:
             "messages_passed_over": self._crowd.passed_over,
             "parameters_refused": self._parameters.refused,
             "texts_left_out": self._status.texts_left_out,
+            "beeps_left_out": self._status.beeps_left_out,
             "disk_jobs_waiting": self._disk.waiting,
             **({} if self._motion is None else self._motion.counters()),
             **self._link.counters(),

@@ -10,10 +10,11 @@ import time
 from functools import partial
 from pathlib import Path
 
+from uavrt.config import RadioSettings
 from uavrt.mavlink import Disk, Peer, Priority, TextLimiter, TunnelSender, at_once
 from uavrt.mavlink.dialect import MavSeverity, OnboardComputerStatus
-from uavrt.messages import SearchReport, StatusText, SystemState
-from uavrt.tunnel import Exchange
+from uavrt.messages import Beep, SearchReport, StatusText, SystemState, keep_beep
+from uavrt.tunnel import BEEP_TYPE, Exchange, encode_beep
 from uavrt.units import ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
@@ -26,6 +27,9 @@ ALIVE_NS = ns_from_s(3.0)
 (K + 1) intervals and a second, about 6 s."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
 """With many tags ever less often: they never take more than 10 small messages a second."""
+BEEP_NS = ns_from_s(5.0)
+"""Between two messages on what beeps; all of them go out again and again, in turn."""
+MOST_BEEPS = 32
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127
@@ -59,6 +63,11 @@ class GroundStatus:
         self._limiter = TextLimiter()
         self._tag_limiter = TextLimiter()
         """Of their own, so that many tags leave no warning out."""
+        self._beeps: list[Beep] = []
+        self._ppm: float | None = None
+        self._next_beep = 0
+        self.beeps_left_out = 0
+        """Beeps that were too many to be repeated."""
         self._next_ns: dict[str, int] = {}
         self._state: SystemState | None = None
         """State in the last heartbeat."""
@@ -85,8 +94,37 @@ class GroundStatus:
             self._send(self._exchange.heartbeat(state, cpu_temperature_c()))
             for step in self._exchange.progress_again():
                 self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
+        if self._beeps and self._due("beep", BEEP_NS, now_ns):
+            self._tell_beep()
         if self._due("computer", COMPUTER_NS, now_ns):
             self._tell_computer()
+
+    def forget_beeps(self) -> None:
+        """Forget what beeps: it is another flight, or the list is another."""
+        self._beeps.clear()
+
+    def radio_set(self, radio: RadioSettings) -> None:
+        """Forget what beeped where the correction of the radio's frequency is another."""
+        if radio.frequency_correction_ppm != self._ppm:
+            self._ppm = radio.frequency_correction_ppm
+            self._beeps.clear()
+
+    def beep(self, beep: Beep) -> None:
+        """Take a sender of pulses, or a newer measurement of one."""
+        keep_beep(self._beeps, beep)
+        self._next_beep = self._beeps.index(beep)
+        self._next_ns.pop("beep", None)
+        if len(self._beeps) > MOST_BEEPS:
+            self._beeps.remove(
+                min(self._beeps, key=lambda one: (bool(one.tag_ids), one.pulses))
+            )
+            self.beeps_left_out += 1
+
+    def _tell_beep(self) -> None:
+        self._next_beep %= len(self._beeps)
+        payload = encode_beep(self._beeps[self._next_beep])
+        self._sender.send_tunnel(payload, Priority.OTHER, payload_type=BEEP_TYPE)
+        self._next_beep += 1
 
     def text(self, text: StatusText, now_ns: int) -> None:
         """Send a text for the operator, unless there are too many."""

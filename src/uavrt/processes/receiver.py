@@ -7,16 +7,19 @@ serve its tags. Keeps the channels' samples and, if asked, records the decimated
 import socket
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 from uavrt.clock import monotonic_s
+from uavrt.config import Receiver as RadioBand
 from uavrt.config import Settings
-from uavrt.dsp import Carriers, Clipping, FrontEnd
+from uavrt.detection.beeps import BeepSearch
+from uavrt.dsp import Carriers, Clipping, FrontEnd, InputCheck
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ChannelSender, ProcessFrame
 from uavrt.log import get_logger
-from uavrt.messages import ChannelBlock, FlightInfo, IQBlock
+from uavrt.messages import Beep, ChannelBlock, FlightInfo, IQBlock, keep_beep
 from uavrt.processes.capture import Capture
 from uavrt.processes.kept_channels import KeptChannels
 from uavrt.radio import ChannelOutput, SampleCheck, SampleSource, open_radio, unchosen
@@ -93,6 +96,17 @@ class Receiver:
         self._check = SampleCheck("the radio")
         self._clipping = Clipping()
         self._carriers = Carriers()
+        self._input_check = InputCheck(flight.tags, flight.center_frequency_hz)
+        self._begin_beep_search = partial(
+            BeepSearch,
+            flight.tags,
+            assignment.settings.detection.frequency_window_hz,
+            RadioBand(flight.center_frequency_hz, flight.sample_rate_hz),
+            live=True,
+        )
+        self._beeps = self._begin_beep_search()
+        self._beeping: list[Beep] = []
+        self._frame = frame
         self._told = False
         self._tell = frame.tell
         self.radio = assignment.settings.radio
@@ -158,6 +172,8 @@ class Receiver:
         self._clipping.look(block)
         self._carriers.look(block, self.center_frequency_hz)
         self._tell_of_clipping()
+        for fault in self._input_check.look(block):
+            self._tell(4, fault)
         band = self._front_end.decimate(block)
         self._check.look(band)
         if self._recorder is not None:
@@ -166,6 +182,15 @@ class Receiver:
             self._output.process(band)
         self._pass_on(band)
         self.flush()
+        self._search_beeps(block, band)
+
+    def _search_beeps(self, block: IQBlock, band: IQBlock) -> None:
+        """Look for what beeps beside the listed tags, after these have their samples."""
+        self._beeps.add(block, band)
+        for beep in self._beeps.news(block.time_ns):
+            self._frame.send("beep", beep)
+            if keep_beep(self._beeping, beep) and beep.odd:
+                log.info("beeps", what=str(beep))
 
     def _missed(self, block: IQBlock) -> int:
         """Count what the air brought while the radio was being opened again."""
@@ -209,6 +234,8 @@ class Receiver:
         if self._output is not None:
             self._output.reset()
         self._check = SampleCheck("the radio")
+        if not failed:  # its crystal's correction may be another
+            self._beeps = self._begin_beep_search()
 
     def flush(self) -> None:
         """End a radio block; try again to send what the detectors have not taken yet."""
@@ -234,6 +261,8 @@ class Receiver:
             "first_sample_ns": float(self.first_sample_ns),
             "last_sample_ns": float(self.last_sample_ns),
             "clipped_s": self._clipping.clipped_s,
+            "beeping": len(self._beeping),
+            "beep_cells_dropped": self._beeps.dropped,
             "channel_samples_dropped": sum(s.samples_dropped for s in self._sinks),
             **self._kept.counters(),
         }

@@ -16,6 +16,7 @@ from uavrt.errors import RecordingError
 from uavrt.ipc import ProcessFrame, SupervisorGone
 from uavrt.log import get_logger
 from uavrt.messages import (
+    Beep,
     Command,
     CommandReply,
     Delivered,
@@ -160,6 +161,8 @@ class Recorder:
                     self._delivered(record)
                 case FlightInfo() if topic == "flight":
                     self.open(record)
+                case FlightInfo() if topic == "corrected_tags":
+                    self._correct_tags(record)
                 case FlightInfo():
                     self.close()
                 case _:
@@ -226,6 +229,8 @@ class Recorder:
                 flight.write_status_text(record, now_ns)
             case SearchReport():
                 flight.write_search_report(record)
+            case Beep():
+                flight.write_beep(record)
             case SearchNote():
                 flight.write_search_note(record)
             case CommandReply():
@@ -233,6 +238,11 @@ class Recorder:
                 if command is not None:
                     flight.write_command(command, record, now_ns)
         self._times.others_wait(now_s)
+
+    def _correct_tags(self, flight: FlightInfo) -> None:
+        if self._flight is not None and self._flight.layout.root == Path(flight.directory):
+            self._flight.write_tags(flight.tags)
+            self._times.others_wait(monotonic_s())
 
     def _take_pulse_poses(self, pulse_poses: list[PulsePose]) -> None:
         if self._flight is not None:

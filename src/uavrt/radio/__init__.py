@@ -6,7 +6,6 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.radio.band_source import BandDatagramSource
-    from uavrt.radio.block_times import BlockTimes
     from uavrt.radio.channel_datagram import (
         PortScheme,
         StampStyle,
@@ -43,7 +42,6 @@ __all__ = [
     "HOLD_S",
     "PROGRAMS",
     "BandDatagramSource",
-    "BlockTimes",
     "ChannelDatagramSender",
     "ChannelDatagramSource",
     "ChannelOutput",
@@ -87,7 +85,6 @@ __getattr__ = lazily(
     __name__,
     {
         "BandDatagramSource": "band_source",
-        "BlockTimes": "block_times",
         "CF32": "formats",
         "CI8": "formats",
         "CS16": "formats",

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from uavrt.recording.flight_reader import (
         DAMAGED,
         Flight,
+        read_beeps,
         read_flight,
         read_health,
         read_search_notes,
@@ -157,6 +158,7 @@ __all__ = [
     "pulse_format",
     "pulse_from_record",
     "pulse_record",
+    "read_beeps",
     "read_detector_config",
     "read_flight",
     "read_folds",
@@ -260,6 +262,7 @@ __getattr__ = lazily(
         "read_pulse_pose_log": "pulse_pose_log",
         "read_search_notes": "flight_reader",
         "read_quiet_noise_db": "quiet_noise",
+        "read_beeps": "flight_reader",
         "read_search_reports": "flight_reader",
         "read_usual_noise_db": "quiet_noise",
         "usual_noise_db": "quiet_noise",

@@ -7,6 +7,7 @@ A new field of `uavrt.messages.Pulse` is a new column of the flight's database, 
 import math
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
+from enum import StrEnum
 from types import NoneType, UnionType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -116,6 +117,8 @@ def _field(name: str, hint: Any, *, defaulted: bool) -> RecordField:
     if get_origin(hint) is Literal:
         kind: Kind = "word"
         choices = get_args(hint)
+    elif isinstance(hint, type) and issubclass(hint, StrEnum):
+        kind, choices = "word", tuple(hint)
     elif get_origin(hint) is tuple:
         kind = "reals" if get_args(hint)[0] is float else "wholes"
         length = None if Ellipsis in get_args(hint) else len(get_args(hint))

@@ -6,12 +6,13 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.messages import (
+    Beep,
     FlightInfo,
     Health,
     Pose,
@@ -19,6 +20,7 @@ from uavrt.messages import (
     SearchNote,
     SearchReport,
     StatusText,
+    keep_beep,
 )
 from uavrt.on_ground import GROUND_STATION, ToldStates, told_of_ground
 from uavrt.recording import schema
@@ -143,14 +145,36 @@ def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ..
     FormatError
         There is no flight, or its database is damaged.
     """
+    rows = _rows_if_any(directory, "search_notes", schema.SEARCH_NOTE_COLUMNS)
+    return tuple(map(schema.search_note_from_row, rows))
+
+
+def read_beeps(directory: str | os.PathLike[str]) -> tuple[Beep, ...]:
+    """Read what beeped, each sender as it was measured last; nothing of older flights.
+
+    Raises
+    ------
+    FormatError
+        There is no flight, or its database is damaged.
+    """
+    found: list[Beep] = []
+    for row in _rows_if_any(directory, "beeps", schema.BEEP_COLUMNS):
+        with suppress(ValueError):  # a kind of a newer version
+            keep_beep(found, schema.beep_from_row(row))
+    return tuple(found)
+
+
+def _rows_if_any(
+    directory: str | os.PathLike[str], table: str, columns: str
+) -> list[schema.Row]:
+    """Rows of a table that older flights do not have, in order of time."""
     with flight_database(Path(directory)) as database:
-        tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'search_notes'"
-        if database.execute(tables).fetchone() is None:
-            return ()
-        rows = database.execute(
-            f"SELECT {schema.SEARCH_NOTE_COLUMNS} FROM search_notes ORDER BY time_ns, rowid"
-        )
-        return tuple(map(schema.search_note_from_row, rows))
+        tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?"
+        if database.execute(tables, (table,)).fetchone() is None:
+            return []
+        return database.execute(
+            f"SELECT {columns} FROM {table} ORDER BY time_ns, rowid"
+        ).fetchall()
 
 
 def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:

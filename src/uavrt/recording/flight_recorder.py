@@ -25,6 +25,7 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.config import DetectionSettings, Settings
 from uavrt.errors import RecordingError
 from uavrt.messages import (
+    Beep,
     BurstInside,
     Command,
     CommandReply,
@@ -38,6 +39,7 @@ from uavrt.messages import (
     SearchNote,
     SearchReport,
     StatusText,
+    Tag,
 )
 from uavrt.recording import schema
 from uavrt.recording.detector_configs import detector_config, write_detector_config
@@ -226,6 +228,15 @@ class FlightRecorder:
     def write_search_report(self, report: SearchReport) -> None:
         """Add what was searched without a detection, with its noise floor."""
         self._take(schema.INSERT_SEARCH_REPORT, schema.search_report_row(report))
+
+    def write_tags(self, tags: Iterable[Tag]) -> None:
+        """Replace tags by corrected ones."""
+        for tag in tags:
+            self._take(schema.REPLACE_TAG, schema.tag_row(tag))
+
+    def write_beep(self, beep: Beep) -> None:
+        """Add a measurement of a sender of pulses."""
+        self._take(schema.INSERT_BEEP, schema.beep_row(beep))
 
     def write_search_note(self, note: SearchNote) -> None:
         """Take what a search has decided or found."""

@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from uavrt.messages import (
+    Beep,
     BurstInside,
     Command,
     CommandReply,
@@ -26,9 +27,9 @@ from uavrt.messages import (
 )
 from uavrt.recording.fields import SQL_TYPES, fields_of
 
-VERSION = 5
+VERSION = 6
 """2: pulses say what is in doubt about them; 3: searches are noted; 4: coded tags; 5: search
-reports hold the usable share of the time and the weakest tag."""
+reports hold the usable share of the time and the weakest tag; 6: what beeps."""
 SEARCH_REPORT_COLUMNS = (
     "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
 )
@@ -38,6 +39,9 @@ _PULSE_FIELDS = fields_of(Pulse)
 _PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
 PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
 """The fields of a pulse; what older flights lack of them is NULL."""
+_BEEP_FIELDS = fields_of(Beep)
+BEEP_COLUMNS = ", ".join(one.name for one in _BEEP_FIELDS)
+_BEEP_TYPES = {one.name: SQL_TYPES[one.kind] for one in _BEEP_FIELDS}
 POSE_COLUMNS = (
     "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
     "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
@@ -84,6 +88,7 @@ CREATE TABLE IF NOT EXISTS search_reports (
     time_ns INTEGER, tag_id INTEGER, frequency_hz REAL, noise_psd REAL, best_score REAL,
     usable_share REAL, weakest_enr_db REAL
 );
+CREATE TABLE IF NOT EXISTS beeps ({_declared(_BEEP_TYPES)});
 CREATE TABLE IF NOT EXISTS search_notes (
     time_ns INTEGER, order_id INTEGER, event TEXT, text TEXT, reason TEXT, detail TEXT
 );
@@ -108,6 +113,7 @@ def insertion(table: str, columns: str) -> str:
 
 
 INSERT_TAG = insertion("tags", TAG_COLUMNS)
+REPLACE_TAG = INSERT_TAG.replace("OR IGNORE", "OR REPLACE")
 INSERT_PULSE = insertion("pulses", PULSE_COLUMNS)
 INSERT_POSE = insertion("poses", POSE_COLUMNS)
 INSERT_PULSE_POSE = insertion("pulse_poses", f"pulse_id, {POSE_COLUMNS}")
@@ -117,6 +123,7 @@ INSERT_COMMAND = insertion(
     "commands", "time_ns, request_id, name, source, detail, accepted, message"
 )
 INSERT_SEARCH_REPORT = insertion("search_reports", SEARCH_REPORT_COLUMNS)
+INSERT_BEEP = insertion("beeps", BEEP_COLUMNS)
 SEARCH_NOTE_COLUMNS = "time_ns, order_id, event, text, reason, detail"
 """Those that people ask for; the whole record is in ``detail``."""
 INSERT_SEARCH_NOTE = insertion("search_notes", SEARCH_NOTE_COLUMNS)
@@ -305,6 +312,21 @@ def search_report_from_row(row: Row) -> SearchReport:
         usable_share=row[5],
         weakest_enr_db=row[6],
     )
+
+
+def beep_row(beep: Beep) -> Row:
+    """Row of a sender of pulses, in the order of `BEEP_COLUMNS`."""
+    values = ((one, getattr(beep, one.name)) for one in _BEEP_FIELDS)
+    return tuple(one.to_sql(value) if one.to_sql else value for one, value in values)
+
+
+def beep_from_row(row: Row) -> Beep:
+    """Sender of pulses of a row; raises `ValueError` where it is none."""
+    values = {
+        one.name: one.from_sql(cell) if one.from_sql else cell
+        for one, cell in zip(_BEEP_FIELDS, row, strict=True)
+    }
+    return msgspec.convert(values, Beep)
 
 
 def search_note_row(note: SearchNote) -> Row:

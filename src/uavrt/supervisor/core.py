@@ -100,6 +100,7 @@ class Supervisor:
         self._radio_question: asyncio.Future[tuple[bool, str]] | None = None
         self._stopping = False
         self._end_task: asyncio.Future[None] | None = None
+        self._restart_task: asyncio.Future[None] | None = None
         self._output = OutputLog(directory)
         self._store = StateStore(directory)
         self._disk = DiskGuard(directory, settings.recording)
@@ -116,6 +117,7 @@ class Supervisor:
             tell=self._tell,
             on_start=self._flight_started,
             on_stop=self._end_flight_soon,
+            on_correction=self._tag_corrected,
             on_settings=lambda changed: self._publish("settings", changed),
             operations=self._operations,
             tuner=partial(ask_tuner, launcher=self._launcher),
@@ -222,6 +224,11 @@ class Supervisor:
         if (text := self._wall_clock.flight_started(monotonic_s())) is not None:
             self._tell(4, text)
         self._next_disk_s = 0.0  # what is wrong with the card is told as it begins
+
+    def _tag_corrected(self, flight: FlightInfo) -> None:
+        """Search with the corrected tag: receiver and detectors start again."""
+        self._publish("corrected_tags", flight)
+        self._restart_task = asyncio.ensure_future(self._fleet.restart_search())
 
     def _end_flight_soon(self) -> None:
         self._progress.stopping()

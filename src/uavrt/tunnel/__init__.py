@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
+    from uavrt.tunnel.beep import BEEP_TYPE, encode_beep
     from uavrt.tunnel.burst import BURST_TYPE, encode_burst
     from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
     from uavrt.tunnel.coded_tag import CODED_TAG_TYPE, CodedTag
@@ -109,6 +110,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ALIVE_INSIDE",
     "BEARING_TYPE",
+    "BEEP_TYPE",
     "BURST_TYPE",
     "CODED_TAG_INSIDE",
     "CODED_TAG_TYPE",
@@ -187,6 +189,7 @@ __all__ = [
     "detector_heartbeat",
     "digest_in",
     "encode_bearing",
+    "encode_beep",
     "encode_burst",
     "encode_confirmation",
     "encode_course",
@@ -225,6 +228,7 @@ __getattr__ = lazily(
         "AckG2": "g2",
         "Answer": "exchange",
         "BEARING_TYPE": "live_bearing",
+        "BEEP_TYPE": "beep",
         "BURST_TYPE": "burst",
         "BareG2": "g2",
         "CODED_TAG_INSIDE": "seal",
@@ -297,6 +301,7 @@ __getattr__ = lazily(
         "detector_heartbeat": "convert",
         "digest_in": "tag_lists",
         "encode_bearing": "live_bearing",
+        "encode_beep": "beep",
         "encode_burst": "burst",
         "encode_confirmation": "motion",
         "encode_request": "motion",

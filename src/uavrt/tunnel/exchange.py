@@ -280,6 +280,8 @@ class Exchange:
             case g2.UploadG2():
                 self._open_upload(message).check_end(message, question.asker)
                 return self._ask(question, "end_tags")
+            case g2.TagG2(upload_id=0):  # a correction in flight
+                return replace(self._ask(question, "add_tag"), tag=tag_from_wire(message.tag))
             case g2.TagG2():
                 self._open_upload(message).check_tag(message, question.asker)
                 tag = tag_from_wire(message.tag)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from uavrt.tunnel.beep import BEEP_TYPE, decode_beep
 from uavrt.tunnel.burst import BURST_TYPE, decode_burst
 from uavrt.tunnel.coded_tag import CODED_TAG_TYPE
 from uavrt.tunnel.live_bearing import BEARING_TYPE, decode_bearing
@@ -33,6 +34,7 @@ from uavrt.tunnel.wire import PAYLOAD_TYPE
 
 FROM_DRONE: dict[int, Callable[[bytes], Any]] = {
     BEARING_TYPE: decode_bearing,
+    BEEP_TYPE: decode_beep,
     BURST_TYPE: decode_burst,
     MOTION_STATE_TYPE: decode_state,
     COURSE_TYPE: decode_course,

@@ -8,16 +8,16 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import BeepSearch, Measurement, measure_tags
+from uavrt.analysis.measure import Measurement, measure_tags
 from uavrt.config import Receiver
-from uavrt.detection.beeps import Kind, NamedTrain, PointSearch, Train, find_trains
-from uavrt.messages import IQBlock, Tag
+from uavrt.detection.beeps import BeepSearch, PointSearch, Train, find_trains
+from uavrt.messages import Beep, BeepKind, IQBlock, Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
 
@@ -347,12 +347,22 @@ def trains_of(scene: Scene) -> list[Train]:
     return find_trains(search.finish(), scene.duration_s, Receiver(0.0, rate_hz))[0]
 
 
-def named(scene: Scene, tags: Sequence[Tag], frequency_window_hz: float) -> list[NamedTrain]:
+def named(scene: Scene, tags: Sequence[Tag], frequency_window_hz: float) -> list[Beep]:
     """Name what beeps in a scene, as `uavrt detect` does."""
-    rate_hz = scene.sample_rate_hz
-    search = BeepSearch(tags, frequency_window_hz, Receiver(CENTER_HZ, rate_hz))
-    for block in blocks_of(scene):
+    return searched_blocks(blocks_of(scene), tags, frequency_window_hz)
+
+
+def searched_blocks(
+    blocks: Iterable[IQBlock], tags: Sequence[Tag], frequency_window_hz: float
+) -> list[Beep]:
+    """Name what beeps in blocks that are the whole band."""
+    search: BeepSearch | None = None
+    for block in blocks:
+        if search is None:
+            radio = Receiver(CENTER_HZ, block.sample_rate_hz)
+            search = BeepSearch(tags, frequency_window_hz, radio)
         search.add(block, block)
+    assert search is not None
     return search.finish()
 
 
@@ -396,10 +406,10 @@ def names_right(tries: int, what: str, *, seed: int = 1) -> float:
         if what == "offset":
             inside = abs(offset_hz) <= 530.0
             near = one.away_hz is not None and abs(one.away_hz - offset_hz) < 15.0
-            right += near and one.kind is (Kind.LISTED if inside else Kind.OFF_LABEL)
+            right += near and one.kind is (BeepKind.LISTED if inside else BeepKind.OFF_LABEL)
         else:
             same = abs(one.interval_s - interval_s) < 0.01
-            right += same and one.kind is Kind.OTHER_RATE
+            right += same and one.kind is BeepKind.OTHER_RATE
     return right / tries
 
 

@@ -111,7 +111,9 @@ def nasty_bytes(random: Random, size: int) -> bytes:
 def tunnel_message(random: Random) -> dialect.Tunnel:
     size = random.choice((*SIZES, random.randrange(129)))
     payload = bytearray(nasty_bytes(random, size))
-    kind = random.choice((0, 0, 0, 0, 0, 0, 5, 60_001, 60_002, BEARING_TYPE, BURST_TYPE))
+    kind = random.choice(
+        (0, 0, 0, 0, 0, 0, 5, 60_001, 60_002, 60_012, BEARING_TYPE, BURST_TYPE)
+    )
     if kind == 0 and random.random() < 0.6:  # a length that the command has
         command, size = random.choice(MESSAGES)
         payload = bytearray(command.to_bytes(4, "little") + nasty_bytes(random, size)[4:])
@@ -129,7 +131,7 @@ def tunnel_message(random: Random) -> dialect.Tunnel:
         payload[16:24] = struct.pack("<d", random.choice((*NASTY, *PLAUSIBLE)))
         payload[24:32] = struct.pack("<d", random.choice((*NASTY, *PLAUSIBLE)))
         payload[64 if size == 128 else 72] = random.randrange(5)
-    if kind in (BEARING_TYPE, BURST_TYPE) and payload:
+    if kind in (BEARING_TYPE, BURST_TYPE, 60_012) and payload:
         payload[0] = 1
     if kind == BURST_TYPE and size >= 24 and random.random() < 0.8:
         count = (size - 16) // 6

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uavrt.radio import BlockTimes
+from uavrt.dsp import BlockTimes
 
 RATE_HZ = 1000.0
 START_NS = 1_714_543_200_000_000_000

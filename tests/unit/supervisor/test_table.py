@@ -17,6 +17,7 @@ from uavrt.supervisor.tree.shapes import SHAPES, rows_for
 from uavrt.supervisor.tree.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
 
 PUBLISHED_BY_SUPERVISOR = {
+    "corrected_tags",
     "operation",
     "settings",
     "assignment",

@@ -12,7 +12,6 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.analysis.measure.antenna_files import antenna_named, write_antenna
     from uavrt.analysis.measure.bag import export_bag
-    from uavrt.analysis.measure.beep_search import BeepSearch, words_of_beeps
     from uavrt.analysis.measure.channel_files import (
         ChannelizeSummary,
         channelize,
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "REGION_SHARES",
-    "BeepSearch",
     "ChannelizeSummary",
     "DetectionChain",
     "DetectionSummary",
@@ -77,14 +75,11 @@ __all__ = [
     "switched_bearings",
     "way_of",
     "wedge",
-    "words_of_beeps",
     "write_antenna",
 ]
 __getattr__ = lazily(
     __name__,
     {
-        "BeepSearch": "beep_search",
-        "words_of_beeps": "beep_search",
         "ChannelizeSummary": "channel_files",
         "DetectionChain": "recorded_pulses",
         "DetectionSummary": "recorded_pulses",

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from uavrt.config import GAP_TOLERANCE_S
 from uavrt.detection.beeps import BURST_S, FEWEST_BURSTS, Beat, fit_beat, split_bursts
 from uavrt.detection.coded import Cells
+from uavrt.dsp import BlockTimes
 from uavrt.messages import ChannelBlock, Tag
-from uavrt.radio import BlockTimes
 
 LONGEST_PULSE_S: Final = 0.006
 """Pulses of coded tags are short: 2.5 ms; those that beep have 8 ms and more."""

@@ -17,7 +17,7 @@ from uavrt.detection import (
     PulseDetector,
     Receiver,
 )
-from uavrt.dsp import Carriers, Clipping, FrontEnd
+from uavrt.dsp import Carriers, Clipping, FrontEnd, InputCheck
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
 from uavrt.radio import SampleSource
@@ -89,6 +89,9 @@ class DetectionChain:
             )
         self.clipping = Clipping()
         self._carriers = Carriers()
+        self._input_check = InputCheck(tags, center_frequency_hz)
+        self.input_faults: list[str] = []
+        """What is poor about the samples, each once."""
         self._center_frequency_hz = center_frequency_hz
         self.invalid_samples = 0
         """Samples of a channel that were not numbers and were replaced by zero."""
@@ -96,7 +99,8 @@ class DetectionChain:
         """So much longer a value that was no number may come out of the channels' filters."""
         self._excluded_hz = tuple(excluded_hz)
         self._on_channel = on_channel
-        self._on_band = on_band
+        self.on_band = on_band
+        """Gets each block and its decimated band; not part of a state that is kept."""
         modes = {} if operating_modes is None else operating_modes
         self._front_end = FrontEnd(
             sample_rate_hz=sample_rate_hz,
@@ -137,6 +141,7 @@ class DetectionChain:
     def process(self, block: IQBlock) -> list[Pulse]:
         """Process the next block; get the pulses that are certain by now."""
         self.clipping.look(block)
+        self.input_faults += self._input_check.look(block)
         self._carriers.look(block, self._center_frequency_hz)
         self._group.carriers_hz = self._carriers.frequencies_hz
         # A value that is no number runs through the filters, and stops here: the detectors'
@@ -150,8 +155,8 @@ class DetectionChain:
             channels = self._front_end.channelize(band)
         bursts: list[Pulse] = []
         suspect = self._suspect_s > 0.0
-        if self._on_band is not None and not suspect:
-            self._on_band(block, band)
+        if self.on_band is not None and not suspect:
+            self.on_band(block, band)
         self._suspect_s -= len(band.samples) / band.sample_rate_hz
         for channel in channels:
             if suspect:
@@ -246,6 +251,8 @@ class DetectionSummary:
     """Pulses during which the receiver's converter was at its limits."""
     clipped_share: float = 0.0
     """Of the time that in which it was."""
+    input_faults: list[str] = field(default_factory=list)
+    """What is poor about the samples."""
     searched: dict[int, "Searched"] = field(default_factory=dict)
     """For each tag's number, in what its frequency was searched."""
 
@@ -361,6 +368,7 @@ def detect(
     summary.stopped = stopped
     summary.invalid_samples = chain.invalid_samples
     summary.clipped_share = chain.clipping.share
+    summary.input_faults = chain.input_faults
     summary.elapsed_s = monotonic_s() - begun_s
     if fault is not None:
         raise fault

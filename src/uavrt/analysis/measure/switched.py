@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.bearings import TagBearing
+from uavrt.dsp import BlockTimes
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import (
     ArrayMethod,
@@ -29,7 +30,7 @@ from uavrt.localization import (
 )
 from uavrt.localization.bearing import Steering
 from uavrt.messages import Pose, PulsePose
-from uavrt.radio import BlockTimes, open_recording, sigmf_global
+from uavrt.radio import open_recording, sigmf_global
 
 SWITCH_KEY = "uavrt:antenna_switch"
 """In the global part of the recording's metadata (docs/reference/formats.md)."""

@@ -179,6 +179,8 @@ class _Book:
         if survey.bearings:
             widths = (6, 11, 22, 8, 15, 7, 23)
             writer.table("Bearings", words.bearing_table(survey), widths)
+        if (beeps := words.beep_table(survey)) is not None:
+            writer.table("What else beeped", beeps, (10, 11, 9, 7, 5, 50))
         if survey.health:
             writer.table("System", words.health_table(survey), (14, 18, 18, 42))
         if events := words.events(survey):

@@ -181,6 +181,8 @@ def _system(survey: Survey) -> str:
     parts = []
     if survey.bearings:
         parts += ["<h2>Bearings</h2>", _table(words.bearing_table(survey))]
+    if (beeps := words.beep_table(survey)) is not None:
+        parts += ["<h2>What else beeped</h2>", _table(beeps)]
     if survey.health or survey.search_reports or words.events(survey):
         parts.append("<h2>System</h2>")
     if survey.health:

@@ -273,6 +273,24 @@ def events(survey: Survey) -> list[tuple[str, str]]:
     return [(survey.facts.clock(time_ns), text) for time_ns, text in sorted(found)]
 
 
+def beep_table(survey: Survey) -> Table | None:
+    """What beeped and was not as listed; None where there is nothing."""
+    rows = [
+        [
+            survey.facts.clock(one.time_ns),
+            f"{one.frequency_hz / 1e6:.6f}",
+            f"{1e3 * one.interval_s:.0f}",
+            f"{one.pulses}",
+            f"{one.level_db:.0f}",
+            one.meaning,
+        ]
+        for one in survey.beeps
+        if one.odd
+    ]
+    names = [f"Until {zones(survey)}", "MHz", "Every, ms", "Pulses", "dB", "What it may be"]
+    return (names, rows) if rows else None
+
+
 def methods(survey: Survey) -> list[str]:
     """How everything was computed."""
     hindsight = [HINDSIGHT_METHOD] if survey.verdicts else []

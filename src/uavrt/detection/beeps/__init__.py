@@ -11,13 +11,9 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.detection.beeps.beats import FEWEST, FoundBeat, find_beats
     from uavrt.detection.beeps.interval_fit import Beat, fit_beat
-    from uavrt.detection.beeps.naming import (
-        Kind,
-        NamedTrain,
-        name_trains,
-        shared_offset_ppm,
-    )
+    from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
     from uavrt.detection.beeps.points import Points, PointSearch
+    from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
     from uavrt.detection.beeps.trains import (
         BURST_S,
         FEWEST_BURSTS,
@@ -31,9 +27,8 @@ __all__ = [
     "FEWEST",
     "FEWEST_BURSTS",
     "Beat",
+    "BeepSearch",
     "FoundBeat",
-    "Kind",
-    "NamedTrain",
     "PointSearch",
     "Points",
     "Train",
@@ -43,17 +38,17 @@ __all__ = [
     "name_trains",
     "shared_offset_ppm",
     "split_bursts",
+    "words_of_beeps",
 ]
 __getattr__ = lazily(
     __name__,
     {
         "BURST_S": "trains",
         "Beat": "interval_fit",
+        "BeepSearch": "search",
         "FEWEST": "beats",
         "FEWEST_BURSTS": "trains",
         "FoundBeat": "beats",
-        "Kind": "naming",
-        "NamedTrain": "naming",
         "name_trains": "naming",
         "shared_offset_ppm": "naming",
         "PointSearch": "points",
@@ -63,5 +58,6 @@ __getattr__ = lazily(
         "find_trains": "trains",
         "fit_beat": "interval_fit",
         "split_bursts": "trains",
+        "words_of_beeps": "search",
     },
 )

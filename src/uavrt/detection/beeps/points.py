@@ -75,6 +75,9 @@ class Points:
         return moved.take(order)
 
 
+NO_POINTS: Final = Points(*np.zeros((4, 0)))
+
+
 class PointSearch:
     """Finds pulses in a stream of samples.
 
@@ -84,9 +87,18 @@ class PointSearch:
         Rate of the samples.
     low_hz, high_hz : float
         Frequencies to search, relative to the band's centre.
+    most_cells : int
+        Cells of the spectrogram that are kept and searched at once.
     """
 
-    def __init__(self, *, sample_rate_hz: float, low_hz: float, high_hz: float) -> None:
+    def __init__(
+        self,
+        *,
+        sample_rate_hz: float,
+        low_hz: float,
+        high_hz: float,
+        most_cells: int = _MOST_CELLS_AT_ONCE,
+    ) -> None:
         self._rate_hz = sample_rate_hz
         length = max(16, round(WINDOW_S * sample_rate_hz))
         self._hop = max(4, round(HOP_S * sample_rate_hz))
@@ -98,7 +110,7 @@ class PointSearch:
         last = min(self._size - half - 1, int(np.floor(high_hz / self._step_hz)))
         self._first_bin, self._bins = first, max(last - first + 1, 1)
         self._low_hz = first * self._step_hz
-        frames = min(BATCH_S / HOP_S, _MOST_CELLS_AT_ONCE / self._bins)
+        frames = min(BATCH_S / HOP_S, most_cells / self._bins)
         self._held = 2 * _AROUND
         """Frames of the batch before with which a batch begins."""
         self._power = np.zeros((max(4 * _AROUND, round(frames)), self._bins), np.float32)

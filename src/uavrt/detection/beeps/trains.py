@@ -87,6 +87,11 @@ class Train:
         return max(beat.sigma_s, 0.002 / max(int(beat.numbers[-1]), 1))
 
     @property
+    def jitter_s(self) -> float:
+        """Scatter of the pulses about the interval [s]."""
+        return self._longest.beat.scatter_s
+
+    @property
     def _longest(self) -> FoundBeat:
         return max(self.beats, key=lambda one: one.members.size)
 

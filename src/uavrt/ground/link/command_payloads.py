@@ -74,6 +74,15 @@ class Writing:
             inside.append(tunnel.TagG2(tag=wire, **numbers).encode())
         return [frames[0], *inside, frames[1]]
 
+    def correction(self, tag: Tag) -> bytes:
+        """Write a beeping tag by itself, with values that a measurement has corrected."""
+        if self._generation != "G2":
+            return tag_to_wire(tag, "G0" if self._generation == "G0" else "G1").encode()
+        wire = tag_to_wire(tag, "G1")
+        assert isinstance(wire, tunnel.TagG1)
+        numbers = {"request_id": self._next_id(), "upload_id": 0, "tag_index": 0}
+        return tunnel.TagG2(tag=wire, **numbers).encode()
+
     def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
         """Write a start; a frequency of None is 0: the drone's tuner chooses."""
         check_start(None, center_frequency_hz, gain)

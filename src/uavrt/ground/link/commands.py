@@ -3,6 +3,7 @@
 Each command raises what the drone or the link answers, and gives the text for the operator.
 """
 
+import asyncio
 import contextlib
 import sys
 from collections.abc import AsyncIterator
@@ -11,6 +12,8 @@ from math import nan
 from typing import Any
 
 from uavrt.commands import Button, SystemState
+from uavrt.config import TagCorrection, correction_of, faults_of_tags
+from uavrt.detection import gain_in_words
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.session_parts import HeldSession
@@ -28,6 +31,33 @@ def _parameter(wish: Any) -> tuple[str, float]:
     if isinstance(value, bool) or not abs(number) <= sys.float_info.max:
         raise FormatError("value must be a number")
     return name, float(number)
+
+
+def _correction(session: HeldSession, wish: Any) -> TagCorrection:
+    """Read which correction is wished; raises `FormatError`."""
+    now_ns = session.clock.now_ns()
+    tag_id = wish.get("tag_id") if isinstance(wish, dict) else None
+    tag = next((one for one in session.store.tags if one.tag_id == tag_id), None)
+    if tag is None:
+        raise FormatError("tag_id must be a listed tag's")
+    if wish.get("undo") is True:
+        last = next(
+            (x for x in reversed(session.store.corrections) if x.tag_id == tag_id), None
+        )
+        if last is None or last.after != tag:
+            raise FormatError(f"tag {tag_id} has no correction to undo")
+        return replace(last, time_ns=now_ns, before=tag, after=last.before)
+    frequency_hz = wish.get("frequency_hz")
+    if not isinstance(frequency_hz, int | float):
+        raise FormatError("frequency_hz must be a number")
+    for beep in session.beeps:
+        if tag.tag_id in beep.tag_ids and abs(beep.frequency_hz - frequency_hz) < 1.0:
+            correction = correction_of(tag, beep, now_ns)
+            if correction is not None:
+                return correction
+    raise FormatError(
+        f"nothing was measured at {frequency_hz:.0f} Hz that corrects tag {tag_id}"
+    )
 
 
 def place_in(wish: Any) -> tuple[float, float] | None:
@@ -120,6 +150,43 @@ class Commands:
         async with self._working(button.action, button.asking):
             return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
 
+    async def correct_tag(self, wish: Any) -> str:
+        """Correct a listed tag by what was measured, in the list and in the flight.
+
+        ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency, and ``"undo":
+        true`` lists the values before the last correction again.
+
+        Raises
+        ------
+        FormatError
+            There is no such tag or sender, or nothing to correct.
+        CommandRefused, LinkError
+            The list is corrected; the drone refused, or did not answer.
+        """
+        session, store = self._session, self._session.store
+        correction = _correction(session, wish)
+        if faults := faults_of_tags([correction.after]):
+            raise FormatError(faults[0])
+        await store.disk.run(store.correct_tag, correction)
+        session.tags_changed()
+        session.note(5, str(correction))
+        known = {tag.tag_id: tag for tag in session.sent_tags}
+        if session.state is SystemState.DETECTING and correction.tag_id in known:
+            if (reason := unreachable(session.situation())) is not None:
+                raise LinkError(f"corrected in the list only. {reason}")
+            assert session.link is not None
+            async with self._working("correct_tag", f"correcting tag {correction.tag_id}"):
+                await session.link.correct_tag(correction.after)
+            known[correction.tag_id] = correction.after
+            session.sent_tags = tuple(known.values())
+            session.flight.correct_tags(session.sent_tags)
+        session.beeps[:] = [
+            one for one in session.beeps if correction.tag_id not in one.tag_ids
+        ]
+        session.send_state()
+        gain = await asyncio.to_thread(gain_in_words, correction.before, correction.after)
+        return f"{correction}{gain}"
+
     async def parameters(self) -> dict[str, float]:
         """Get the drone's parameters."""
         return await self._allowed("parameters").parameters.list_all()
@@ -129,7 +196,10 @@ class Commands:
         name, value = _parameter(wish)
         link = self._allowed("parameters")
         async with self._working("parameters", f"setting {name}"):
-            return f"{name} = {await link.parameters.set(name, value):g}"
+            value = await link.parameters.set(name, value)
+            if name == "RADIO_PPM":  # what was measured before is no longer so
+                self._session.beeps.clear()
+            return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
         """Write a remark with time and place (the drone's unless told) into the flight."""
@@ -170,7 +240,7 @@ class Commands:
         try:
             yield
         except UavrtError as error:
-            self._session.note(4, f"{ACTIONS[action]} failed: {error}")
+            self._session.note(4, f"{ACTIONS.get(action, 'Correction')} failed: {error}")
             raise
         finally:
             self._session.busy = None

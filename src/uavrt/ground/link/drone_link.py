@@ -309,6 +309,20 @@ class GroundLink:
                 progress(count, len(payloads))
         self.protocol.tags = {tag.tag_id: tag for tag in tags}
 
+    async def correct_tag(self, tag: Tag) -> str:
+        """Replace a tag that is being searched; return the drone's message.
+
+        Raises
+        ------
+        CommandRefused
+            The drone refused; the text is its reason.
+        LinkError
+            It did not answer.
+        """
+        answer = await self.command(self._writing.correction(tag))
+        self.protocol.tags[tag.tag_id] = tag
+        return answer.message
+
     async def start_detection(
         self, *, center_frequency_hz: float | None = None, gain: int = 0
     ) -> str:

@@ -19,6 +19,7 @@ from uavrt.mavlink import (
     station_heartbeat,
 )
 from uavrt.messages import (
+    Beep,
     BurstInside,
     Course,
     LiveBearing,
@@ -95,6 +96,7 @@ GroundEvent = (
     PulsePose
     | BurstInside
     | LiveBearing
+    | Beep
     | SearchReport
     | DetectorAlive
     | DroneHeartbeat

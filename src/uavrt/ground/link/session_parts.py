@@ -10,7 +10,7 @@ from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.web.actions import Busy, Situation
 from uavrt.ground.web.listeners import Hub
-from uavrt.messages import Tag
+from uavrt.messages import Beep, Tag
 from uavrt.recording.places import Mark
 
 
@@ -27,6 +27,7 @@ class HeldSession(Protocol):
     busy: Busy | None
     sent_tags: tuple[Tag, ...]
     marks: list[Mark]
+    beeps: list[Beep]
     drone_directory: str
 
     def situation(self) -> Situation:
@@ -34,6 +35,9 @@ class HeldSession(Protocol):
 
     def note(self, severity: int, text: str) -> None:
         """Write a line into the event log, and show it."""
+
+    def tags_changed(self) -> None:
+        """Show the tag table to all listeners."""
 
     def send_state(self) -> None:
         """Show the state to every listener."""

@@ -17,6 +17,7 @@ from uavrt.ground.store.flight_writer import FlightWriter, Stored, Written
 from uavrt.ground.store.flights import PULSE_COLUMNS, Columns, pulse_cells
 from uavrt.log import get_logger
 from uavrt.messages import (
+    Beep,
     BurstInside,
     FlightInfo,
     Health,
@@ -338,6 +339,16 @@ class FlightKeeper:
         """Add what was searched in vain."""
         if not self.ended:
             self._record(lambda flight: flight.write_search_report(report))
+
+    def correct_tags(self, tags: tuple[Tag, ...]) -> None:
+        """Go on with other values of the flight's tags."""
+        if not self.ended:
+            self._record(lambda flight: flight.write_tags(tags))
+
+    def add_beep(self, beep: Beep) -> None:
+        """Add a measurement of a sender of pulses."""
+        if not self.ended:
+            self._record(lambda flight: flight.write_beep(beep))
 
     def add_text(self, severity: int, text: str, time_ns: int) -> None:
         """Add a text for the operator."""

@@ -6,9 +6,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
+import msgspec
+
 from uavrt.atomic_file import write_atomically
 from uavrt.batch import check_archive
-from uavrt.config import check_start, write_tags
+from uavrt.config import TagCorrection, check_start, write_tags
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web import read_table
@@ -151,6 +153,8 @@ class GroundStore:
             with contextlib.suppress(UavrtError):
                 self.settings = self.settings.changed({name: value})
         self.tags: tuple[Tag, ...] = read_table(self._tags_path)
+        self.corrections: list[TagCorrection] = self._read_corrections()
+        """What of listed tags was corrected, with the old values; the newest last."""
 
     def of_vehicle(self, system_id: int) -> "GroundStore":
         """Get the store of a further vehicle; at first with these settings and tags.
@@ -185,6 +189,10 @@ class GroundStore:
         return self.own / "tags.toml"
 
     @property
+    def _corrections_path(self) -> Path:
+        return self.own / "tag_corrections.jsonl"
+
+    @property
     def log_path(self) -> Path:
         """The log of all flights together."""
         return self.own / "ground_log.jsonl"
@@ -196,6 +204,34 @@ class GroundStore:
             write_tags(self._tags_path, tags)
         else:
             self._tags_path.unlink(missing_ok=True)
+
+    def correct_tag(self, correction: TagCorrection) -> None:
+        """Put a corrected tag into the list, and keep the old values beside it."""
+        with self._corrections_path.open("ab") as file:
+            file.write(msgspec.json.encode(correction) + b"\n")
+        self.corrections.append(correction)
+        after = correction.after
+        self.set_tags(tuple(after if one.tag_id == after.tag_id else one for one in self.tags))
+
+    @property
+    def corrections_listed(self) -> list[TagCorrection]:
+        """Newest corrections of the tags that are listed with other values than at first."""
+        first = {one.tag_id: one for one in reversed(self.corrections)}
+        last = {one.tag_id: one for one in self.corrections}
+        return [
+            one
+            for one in last.values()
+            if one.after in self.tags and first[one.tag_id].before != one.after
+        ]
+
+    def _read_corrections(self) -> list[TagCorrection]:
+        """Read the corrections; a damaged line is left out."""
+        found = []
+        with contextlib.suppress(OSError):
+            for line in self._corrections_path.read_bytes().splitlines():
+                with contextlib.suppress(msgspec.MsgspecError):
+                    found.append(msgspec.json.decode(line, type=TagCorrection))
+        return found
 
     def set_settings(self, settings: GroundSettings) -> None:
         """Keep the settings."""

@@ -267,6 +267,7 @@ class Api:
                 if button.asking
             },
             "set_parameter": lambda: session.commands.set_parameter(body),
+            "correct_tag": lambda: session.commands.correct_tag(body),
         }
         name = request.path_params["name"]
         if name not in commands:

@@ -6,6 +6,8 @@ from typing import Any, Protocol
 
 import uavrt
 from uavrt.attitude import euler_deg
+from uavrt.config import correction_of
+from uavrt.detection.beeps import shared_offset_ppm
 from uavrt.ground.fetch.downloads import Downloads
 from uavrt.ground.link.flying import Flying
 from uavrt.ground.link.my_place import MyPlace
@@ -16,7 +18,7 @@ from uavrt.ground.store.event_log import EventLog
 from uavrt.ground.web.actions import action_states
 from uavrt.ground.web.commanding_page import Commander
 from uavrt.ground.web.tag_table import rows_from_tags, table_version
-from uavrt.messages import Pose
+from uavrt.messages import Beep, Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 
@@ -91,6 +93,11 @@ def snapshot(session: ShownSession) -> dict[str, Any]:
             str(tag_id): (now_ns - heard_ns) / NANOSECONDS_PER_SECOND
             for tag_id, heard_ns in session.heard.items()
         },
+        "beeps": [beep_record(session, beep) for beep in session.beeps],
+        "corrections": [
+            {"tag_id": one.tag_id, "text": str(one)} for one in session.store.corrections_listed
+        ],
+        "common_ppm": shared_offset_ppm(session.beeps),
         "commander": session.commander.present,
         "marks": [asdict(mark) for mark in session.marks],
         "motion": session.flying.record(),
@@ -98,6 +105,17 @@ def snapshot(session: ShownSession) -> dict[str, Any]:
         "busy": None if session.busy is None else asdict(session.busy),
         "actions": action_states(situation),
     }
+
+
+def beep_record(session: ShownSession, beep: Beep) -> dict[str, Any]:
+    """What beeps, in words, and which listed tags it can correct."""
+    corrects = [
+        tag.tag_id
+        for tag in session.store.tags
+        if tag.tag_id in beep.tag_ids and correction_of(tag, beep, 0) is not None
+    ]
+    words = {"meaning": beep.meaning, "odd": beep.odd, "corrects": corrects}
+    return asdict(beep) | words
 
 
 def all_vehicles(session: ShownSession) -> "list[ShownSession]":

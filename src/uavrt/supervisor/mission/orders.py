@@ -75,6 +75,8 @@ class Mission:
         Sends a text (severity, text) to the operator.
     on_start, on_stop : callable
         Called when a flight begins, and when its end was asked for.
+    on_correction : callable
+        Called when a tag of the flight has other values.
     on_settings : callable
         Called when an operator has changed a setting.
     tuner : callable
@@ -91,6 +93,7 @@ class Mission:
         tell: Tell,
         on_start: Callable[[FlightInfo], None],
         on_stop: Callable[[], None],
+        on_correction: Callable[[FlightInfo], None] = lambda _flight: None,
         on_settings: Callable[[Settings], None] = lambda _settings: None,
         tuner: Tuner = ask_tuner,
         operations: Operations | None = None,
@@ -115,7 +118,7 @@ class Mission:
         self._gain: int | None = None
         self._store = store
         self._tell, self._on_start, self._on_stop = tell, on_start, on_stop
-        self._on_settings = on_settings
+        self._on_settings, self._on_correction = on_settings, on_correction
         self._replies: dict[tuple[str, int], CommandReply] = {}
         self.refused = 0
         """Commands that were refused."""
@@ -279,6 +282,8 @@ class Mission:
             case "start_tags":
                 self.tags.clear()
                 self._tags_sent = 0
+            case "add_tag" if self.state is SystemState.DETECTING:
+                return self._correct_tag(command.tag)
             case "add_tag":
                 self._add_tag(command.tag)
             case "end_tags":
@@ -324,6 +329,33 @@ class Mission:
         if tag.tag_id not in self.tags and len(self.tags) >= most:
             raise UavrtError(f"{most} tags are the most: see detection.maximum_tags")
         self.tags[tag.tag_id] = tag
+
+    def _correct_tag(self, tag: Tag | None) -> str:
+        """Search for a tag with other values from now on, in the flight that goes on."""
+        known = None if tag is None else self.tags.get(tag.tag_id)
+        if tag is None or known is None or self.flight is None:
+            raise UavrtError(f"detecting {searched_text(self.tags.values())}: send stop first")
+        tag = replace(tag, name=known.name)
+        if tag == known:
+            return "as it was"
+        _check_tag(tag)
+        if known.coded or tag.coded:
+            raise UavrtError("coded tags cannot be corrected in flight: send stop first")
+        flight = self.flight
+        warnings_of_band((tag,), flight.center_frequency_hz, flight.sample_rate_hz)
+        self.tags[tag.tag_id] = tag
+        (searched,) = tags_with_overrides(self.settings, (tag,))
+        others = (searched if one.tag_id == tag.tag_id else one for one in flight.tags)
+        self.flight = replace(flight, tags=tuple(others))
+        self._last_tags.keep(tuple(self.tags.values()))
+        self._save()
+        self._on_correction(self.flight)
+        words = f"{tag.frequency_hz / 1e6:.6f} MHz, was {known.frequency_hz / 1e6:.6f}"
+        if tag.frequency_hz == known.frequency_hz:
+            before_s, now_s = known.pulse_intervals_s[-1], tag.pulse_intervals_s[-1]
+            words = f"{1e3 * now_s:.0f} ms, was {1e3 * before_s:.0f}"
+        self._tell(5, f"Tag {tag.tag_id}: {words}")
+        return words
 
     def _check_complete(self, sent: int) -> None:
         if len(self.tags) < sent:

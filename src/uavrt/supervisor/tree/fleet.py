@@ -80,6 +80,9 @@ class Fleet:
         """As the tags were shared out by: the settings may change before the flight ends."""
         self._receiver: Receiver | None = None
         """Likewise, what the radio is set to."""
+        self._restarting = asyncio.Lock()
+        self._restarts_waiting = 0
+        """Restarts of the search under way; nothing of it is started until they are done."""
 
     @property
     def instances(self) -> Iterable[Instance]:
@@ -133,7 +136,8 @@ class Fleet:
 
     def _wanted(self) -> Iterable[Instance]:
         for row in self._rows:
-            if not row.runs(self._mission.state):
+            stopping = self._restarts_waiting and not row.runs(SystemState.HAS_TAGS)
+            if stopping or not row.runs(self._mission.state):
                 continue
             for worker in range(self._worker_count() if row.per_worker else 1):
                 name = f"{row.name}-{worker + 1}" if row.per_worker else row.name
@@ -261,6 +265,20 @@ class Fleet:
                 for sock in sockets:
                     sock.close()
         self._roads = {}
+
+    async def restart_search(self) -> None:
+        """Start receiver and detectors again with the flight's present tags."""
+        flight = self._mission.flight
+        self._restarts_waiting += 1
+        try:
+            async with self._restarting:
+                await self.stop_flight()
+                now = self._mission.flight
+                if flight is not None and now is not None and now.directory == flight.directory:
+                    self.make_sample_roads()
+        finally:
+            self._restarts_waiting -= 1
+            self._wake()
 
     async def stop_all(self) -> None:
         """Stop everything, in reverse order."""

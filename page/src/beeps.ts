@@ -1,0 +1,89 @@
+/** What beeps beside the listed tags, and what a measurement corrects of the list. */
+
+import { ApiError, reasonOf, send } from "./api";
+import { by, fill, h } from "./dom";
+import { toast } from "./notice";
+import { store } from "./store";
+import type { BeepRecord, State } from "./types";
+
+let drawn = "";
+
+export function beepBox(): HTMLElement {
+  return h("div", { id: "beeps", class: "beeps", role: "group", "aria-label": "What else beeps", hidden: true });
+}
+
+/** The list changes seldom; it is drawn when it has changed, so that a button stays under a finger. */
+export function drawBeeps(): void {
+  const state = store.review ? null : store.state;
+  const key = state ? JSON.stringify([state.beeps, state.corrections, state.common_ppm, store.looksOn()]) : "";
+  if (key === drawn) return;
+  drawn = key;
+  const box = by("beeps");
+  const odd = state?.beeps.filter((one) => one.odd) ?? [];
+  odd.sort((a, b) => b.corrects.length - a.corrects.length);
+  const listed = state?.beeps.filter((one) => !one.odd && one.corrects.length) ?? [];
+  box.hidden = !state || !(odd.length || listed.length || state.corrections.length);
+  if (!state || box.hidden) return;
+  fill(
+    box,
+    odd.length > 0 && h("h3", {}, "What else beeps"),
+    state.common_ppm !== null && common(state.common_ppm),
+    ...odd.map(item),
+    listed.length > 0 &&
+      h("details", {}, h("summary", {}, `Measured intervals (${listed.length})`), ...listed.map(item)),
+    ...state.corrections.map(corrected),
+  );
+}
+
+function item(one: BeepRecord): HTMLElement {
+  const place = `${(one.frequency_hz / 1e6).toFixed(4)}\u202fMHz`;
+  const interval = one.odd ? (1e3 * one.interval_s).toFixed(0) : (1e3 * one.interval_s).toFixed(1);
+  return h(
+    "div",
+    { class: "beep", "data-kind": one.kind },
+    h("strong", {}, one.meaning),
+    h("span", { class: "facts" }, `${place} · every ${interval}\u202fms · ${one.pulses} pulses · ${one.level_db.toFixed(0)}\u202fdB`),
+    ...one.corrects.map((id) => press(words(one, id), { tag_id: id, frequency_hz: one.frequency_hz })),
+  );
+}
+
+function words(one: BeepRecord, id: number): string {
+  const interval = !one.odd || (one.kind === "other rate" && id === one.tag_ids[0]);
+  return interval ? `List this interval for tag ${id}` : `List tag ${id} here`;
+}
+
+function common(ppm: number): HTMLElement {
+  const signed = `${ppm > 0 ? "+" : ""}${ppm.toFixed(0)}`;
+  const text = `All tags are ${signed} ppm off their labels: the receiver's own error`;
+  return h("p", { class: "note" }, text, " ", button("Correct the receiver", () => correctReceiver(ppm)));
+}
+
+function corrected(one: State["corrections"][number]): HTMLElement {
+  return h("div", { class: "beep" }, h("span", { class: "facts" }, one.text), press("Undo", { tag_id: one.tag_id, undo: true }));
+}
+
+function press(text: string, wish: object): HTMLElement {
+  return button(text, () => send<{ message: string }>("POST", "/commands/correct_tag", wish));
+}
+
+function button(text: string, ask: () => Promise<{ message: string }>): HTMLElement {
+  const one = h("button", { disabled: store.looksOn(), onclick: () => void answer() }, text) as HTMLButtonElement;
+  async function answer(): Promise<void> {
+    one.disabled = true;
+    try {
+      toast((await ask()).message, 6);
+    } catch (error) {
+      toast(reasonOf(error), 3);
+      one.disabled = false;
+    }
+  }
+  return one;
+}
+
+async function correctReceiver(ppm: number): Promise<{ message: string }> {
+  const found = await send<Record<string, number>>("POST", "/parameters", {});
+  const before = found["RADIO_PPM"];
+  if (before === undefined) throw new ApiError("the drone has no parameter RADIO_PPM", 409);
+  // A slow crystal shows all frequencies too high.
+  return send("POST", "/commands/set_parameter", { name: "RADIO_PPM", value: Number((before - ppm).toFixed(2)) });
+}

@@ -1,0 +1,91 @@
+"""Correct a listed tag by what was measured of it."""
+
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+from uavrt.messages import Beep, BeepKind, Tag
+
+DRIFT: Final = 0.005
+"""Change of a measured interval with temperature and battery, as a part of it."""
+_LEAST_JITTER_S: Final = 0.002
+_JITTER_SIGMAS: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagCorrection:
+    """What of a tag was corrected, and what was listed before."""
+
+    time_ns: int
+    tag_id: int
+    what: Literal["frequency", "interval"]
+    before: Tag
+    after: Tag
+
+    def __str__(self) -> str:
+        """Write it as a line for the operator."""
+        return (
+            f"tag {self.tag_id}: {_listed(self.after, self)}, was {_listed(self.before, self)}"
+        )
+
+
+def _listed(tag: Tag, one: TagCorrection) -> str:
+    if one.what == "frequency":
+        return f"{tag.frequency_hz / 1e6:.6f} MHz"
+    intervals = " and ".join(f"{1e3 * interval_s:.1f}" for interval_s in tag.pulse_intervals_s)
+    return (
+        f"{intervals} ms ± {1e3 * tag.interval_uncertainty_s:.1f} ms, "
+        f"jitter {1e3 * tag.interval_jitter_s:.1f} ms"
+    )
+
+
+def corrected_frequency(tag: Tag, frequency_hz: float) -> Tag:
+    """List a tag at the frequency that was measured, to 1 Hz."""
+    return replace(tag, frequency_hz=float(round(frequency_hz)))
+
+
+def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
+    """List a tag with the interval that was measured, in place of the nearest listed one.
+
+    An interval that is none of those listed is added as the second, or replaces the second.
+
+    Parameters
+    ----------
+    tag : Tag
+    interval_s, jitter_s : float
+        The interval, and the standard deviation of the pulses about it.
+    """
+    listed = list(tag.pulse_intervals_s)
+    nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))
+    allowed_s = max(tag.interval_uncertainty_s, 0.02 * listed[nearest])
+    measured_s = round(interval_s, 4)
+    jitter_s = max(_LEAST_JITTER_S, round(_JITTER_SIGMAS * jitter_s, 4))
+    if abs(listed[nearest] - interval_s) <= allowed_s:
+        listed[nearest] = measured_s
+    else:
+        listed = [listed[0], measured_s]
+    alone = len(listed) == 1
+    return replace(
+        tag,
+        pulse_intervals_s=tuple(listed),
+        # The other rate of a tag that has two was not measured.
+        interval_uncertainty_s=(
+            round(DRIFT * measured_s, 4) if alone else tag.interval_uncertainty_s
+        ),
+        interval_jitter_s=jitter_s if alone else max(jitter_s, tag.interval_jitter_s),
+    )
+
+
+def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
+    """Get what a measured sender corrects of a tag that it may be; None if nothing."""
+    if beep.kind is BeepKind.OFF_LABEL or (
+        beep.kind is BeepKind.OTHER_RATE and tag.tag_id != beep.tag_ids[0]
+    ):
+        what: Literal["frequency", "interval"] = "frequency"
+        after = corrected_frequency(tag, beep.frequency_hz)
+    elif beep.kind in (BeepKind.OTHER_RATE, BeepKind.LISTED):
+        what, after = "interval", corrected_interval(tag, beep.interval_s, beep.jitter_s)
+    else:
+        return None
+    if tag.coded or after == tag:
+        return None
+    return TagCorrection(time_ns=time_ns, tag_id=tag.tag_id, what=what, before=tag, after=after)

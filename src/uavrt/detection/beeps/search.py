@@ -1,0 +1,202 @@
+"""Find what beeps in a stream beside the listed tags, while these are detected.
+
+A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
+or the animal may belong to another study. The detector then finds nothing and gives no reason.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from uavrt.config import Receiver
+from uavrt.detection.beeps.gaps import gapped_tags
+from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
+from uavrt.detection.beeps.points import NO_POINTS, PointSearch
+from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.dsp import BlockTimes
+from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
+from uavrt.units import ns_from_s
+
+_TAGS_BAND: Final = (60.0, 20.0, 90.0)
+"""The band of the tags: the first minute, then 20 s of every 90; .4 % of a core [s]."""
+_WHOLE_BAND: Final = (20.0, 20.0, 300.0)
+"""The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
+_WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
+_CELLS_LIVE: Final = 5_000_000
+"""Cells searched at once while samples wait: .8 s at 3 MS/s, in 20 MiB and 60 ms."""
+_RECENT_S: Final = 300.0
+"""Samples of a live stream, those of turns, in which trains are searched for."""
+_MOST_POINTS: Final = 6000
+"""Points among which trains are searched for while a stream runs, the strongest ones."""
+_NEWS_S: Final = 5.0
+_LEAST_LIVE: Final = 8
+"""Pulses of a train that is named while a stream runs."""
+_CLEAN: Final = 0.45
+"""Half the part of a decimated band that is searched, as a share of its rate."""
+
+
+class _Band:
+    """Searches a band in turns.
+
+    Parameters
+    ----------
+    turns : (float, float, float)
+        Listen for this many seconds at the start, and at the end of each period.
+    """
+
+    def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
+        self._live = live
+        self._first_s, self._listen_s, self._period_s = turns
+        self._search: PointSearch | None = None
+        self._rate_hz = 1.0
+        self._times = BlockTimes(1.0)
+        self._taken = 0
+        self._heard = 0
+        self.center_hz = 0.0
+        self.half_hz = 0.0
+        self.points = NO_POINTS
+        """At absolute frequencies, as of the last search for trains."""
+
+    def add(self, block: IQBlock, center_hz: float, share: float) -> None:
+        """Take the next block; skip it outside of a turn."""
+        rate_hz = block.sample_rate_hz
+        if self._search is None:
+            self.center_hz, self.half_hz = center_hz, share * rate_hz
+            self._search = PointSearch(
+                sample_rate_hz=rate_hz,
+                low_hz=-self.half_hz,
+                high_hz=self.half_hz,
+                **({"most_cells": _CELLS_LIVE} if self._live else {}),
+            )
+            self._rate_hz = rate_hz
+            self._times = BlockTimes(rate_hz)
+        at_s = self._taken / rate_hz
+        self._taken += len(block.samples)
+        turn_s = at_s % self._period_s
+        if at_s >= self._first_s and turn_s < self._period_s - self._listen_s:
+            return
+        self._times.add(self._heard, block.time_ns)
+        self._heard += len(block.samples)
+        self._search.process(block.samples)
+
+    @property
+    def start_ns(self) -> int:
+        """Time of the first sample [ns]."""
+        return self._times.start_ns
+
+    @property
+    def dropped(self) -> int:
+        """Cells that stood out and were not examined, since too many did at a time."""
+        return 0 if self._search is None else self._search.dropped
+
+    def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
+        """Return the trains so far, at absolute frequencies; while it runs, recent ones."""
+        if self._search is None or not self._heard:
+            return []
+        since_s = max(0.0, self._heard / self._rate_hz - _RECENT_S)
+        points = self._search.finish() if ended else self._search.found(since_s)
+        if not ended and len(points) > _MOST_POINTS:
+            points = points.take(np.sort(np.argsort(points.levels_db)[-_MOST_POINTS:]))
+        times_s = self._times.seconds(points.times_s * self._rate_hz, self._times.start_ns)
+        self.points = points = points.moved(times_s, self.center_hz)
+        span_s = self._heard / self._rate_hz
+        return find_trains(points, span_s if ended else min(span_s, _RECENT_S), receiver)[0]
+
+
+class BeepSearch:
+    """Names everything that beeps.
+
+    Parameters
+    ----------
+    tags : sequence of Tag
+        All that are searched for.
+    frequency_window_hz : float
+        Half-width of each tag's search.
+    receiver : Receiver
+        Centre and rate of the radio.
+    live : bool
+        Report while the stream runs, at a lower cost.
+    """
+
+    def __init__(
+        self,
+        tags: Sequence[Tag],
+        frequency_window_hz: float,
+        receiver: Receiver,
+        *,
+        live: bool = False,
+    ) -> None:
+        self._tags = tuple(tags)
+        self._window_hz = frequency_window_hz
+        self._receiver = receiver
+        self._near = _Band(_TAGS_BAND, live=live)
+        self._whole = _Band(_WHOLE_BAND_LIVE if live else _WHOLE_BAND, live=live)
+        self._next_ns: int | None = None
+        self._known: list[Beep] = []
+
+    def add(self, block: IQBlock, band: IQBlock) -> None:
+        """Take the radio's next block, and the same at the rate of the tags' band."""
+        center_hz = self._receiver.center_frequency_hz
+        decimated = band is not block
+        if band.samples.size:
+            self._near.add(band, center_hz, _CLEAN if decimated else 0.5)
+        if decimated:
+            self._whole.add(block, center_hz, 0.5)
+
+    def finish(self) -> list[Beep]:
+        """Name the trains that were found, the strongest first; of a stream, the new ones."""
+        found = self._found(ended=True)
+        return [one for one in found if keep_beep(self._known, one)]
+
+    def news(self, now_ns: int) -> list[Beep]:
+        """Name the trains of a live stream that are new, or have twice the pulses by now."""
+        if self._next_ns is None:
+            self._next_ns = now_ns + ns_from_s(_NEWS_S)
+        if now_ns < self._next_ns:
+            return []
+        self._next_ns = now_ns + ns_from_s(_NEWS_S)
+        news = [one for one in self._found(ended=False) if one.pulses >= self._wanted(one)]
+        for one in news:
+            keep_beep(self._known, one)
+        return news
+
+    @property
+    def dropped(self) -> int:
+        """Cells of the spectrum that were not examined, since too many stood out."""
+        return self._near.dropped + self._whole.dropped
+
+    def _wanted(self, one: Beep) -> int:
+        """Pulses that make it news."""
+        return max([_LEAST_LIVE, *(2 * old.pulses for old in self._known if old.same_as(one))])
+
+    def _found(self, *, ended: bool) -> list[Beep]:
+        near = self._near.trains(self._receiver, ended=ended)
+        far = [
+            train
+            for train in self._whole.trains(self._receiver, ended=ended)
+            if abs(train.frequency_hz - self._near.center_hz) > self._near.half_hz
+        ]
+        named = name_trains(
+            sorted([*near, *far], key=lambda train: -train.level_db),
+            self._tags,
+            self._window_hz,
+            center_hz=self._receiver.center_frequency_hz,
+            start_ns=self._near.start_ns,
+        )
+        certain = [one for one in named if one.kind is not BeepKind.DOUBTFUL]
+        heard = {tag_id for one in certain for tag_id in one.tag_ids}
+        silent = [tag for tag in self._tags if tag.tag_id not in heard and not tag.coded]
+        start_ns = self._near.start_ns
+        gapped = gapped_tags(self._near.points, silent, self._window_hz, start_ns)
+        explained = {one.tag_ids for one in gapped}
+        return [one for one in named if one.tag_ids not in explained] + gapped
+
+
+def words_of_beeps(named: Sequence[Beep]) -> list[str]:
+    """Describe what is not as listed, one line each."""
+    lines = [str(one) for one in named if one.odd]
+    ppm = shared_offset_ppm(named)
+    if ppm is not None:
+        lines.append(f"all tags are {ppm:+.0f} ppm off their labels: the receiver's own error")
+    return lines

@@ -1,0 +1,92 @@
+"""Name poor input by its samples: wrong format, gain too low, a tag on the DC line."""
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.messages import IQBlock, Tag
+from uavrt.units import ns_from_s
+
+_EVERY_NS: Final = ns_from_s(1.0)
+_LOOKED_AT: Final = 8192
+"""Samples of a block that are examined."""
+_FEWEST_SAMPLES: Final = 1024
+_LOOKS: Final = 3
+"""Looks in a row at which a fault is there before it is reported."""
+_SAME_LEVEL: Final = 0.6
+"""Share of samples at one level of the converter; noise of .6 steps costs 1 dB."""
+_EMPTY_MIDDLE: Final = 0.25
+"""Part of full scale below which some values of noise lie; a wrong format has none there."""
+_UNEQUAL: Final = 4.0
+"""Ratio of the powers of I and Q that no radio makes."""
+_ON_DC_HZ: Final = 300.0
+_DC_RATIO: Final = 30.0
+"""Power of the DC line over the noise in the same bandwidth."""
+
+WRONG_FORMAT: Final = "Wrong sample format? Values are not those of noise"
+UNEQUAL: Final = "I and Q differ in power: wrong format, or half is dead"
+GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
+
+
+class InputCheck:
+    """Looks once a second at the radio's samples for faults of the set-up.
+
+    Parameters
+    ----------
+    tags : iterable of Tag
+        Those that are searched for.
+    center_frequency_hz : float
+        Of the radio.
+    """
+
+    def __init__(self, tags: Iterable[Tag], center_frequency_hz: float) -> None:
+        self._on_dc = sorted(
+            tag.tag_id
+            for tag in tags
+            if abs(tag.frequency_hz - center_frequency_hz) <= _ON_DC_HZ
+        )
+        self._next_ns: int | None = None
+        self._seen: dict[str, int] = {}
+
+    def look(self, block: IQBlock) -> list[str]:
+        """Look at a block, if it is time; get what is reported for the first time."""
+        due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
+        samples = block.samples[:_LOOKED_AT]
+        if not due or len(samples) < _FEWEST_SAMPLES:
+            return []
+        self._next_ns = block.time_ns + _EVERY_NS
+        faults = set(self._faults(np.ascontiguousarray(samples)))
+        new = []
+        for fault in (*self._seen, *(faults - set(self._seen))):
+            count = self._seen.get(fault, 0)
+            if count < _LOOKS:
+                self._seen[fault] = count = count + 1 if fault in faults else 0
+                if count == _LOOKS:
+                    new.append(fault)
+        return new
+
+    def _faults(self, samples: NDArray[np.complex64]) -> Iterator[str]:
+        parts = samples.view(np.float32).reshape(-1, 2)
+        about_mean = parts - parts.mean(axis=0)
+        power = np.square(about_mean, dtype=np.float64).mean(axis=0)
+        if not np.isfinite(power).all() or not power.any():
+            return  # other checks report values that are no numbers, and silence
+        middle = (np.abs(about_mean) < _EMPTY_MIDDLE).any(axis=0)
+        if not middle.all():
+            yield WRONG_FORMAT
+        elif power.max() > _UNEQUAL * power.min():
+            yield UNEQUAL
+        elif _most_common(parts[:, 0]) > _SAME_LEVEL:
+            yield GAIN_TOO_LOW
+        mean = samples.mean()
+        noise = float(np.mean(np.abs(samples - mean) ** 2)) / len(samples)
+        if self._on_dc and abs(mean) ** 2 > _DC_RATIO * noise:
+            ids = ", ".join(map(str, self._on_dc[:5]))
+            yield f"Tag {ids} lies on the radio's DC line: tune 10 kHz away"
+
+
+def _most_common(values: NDArray[np.float32]) -> float:
+    """Share of the values that are the most frequent one."""
+    return float(np.unique(values, return_counts=True)[1].max()) / values.size

@@ -1,0 +1,70 @@
+"""The page lists what beeps beside the listed tags; one press corrects the list."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import made
+import pytest
+from page_driver import WAIT_MS, Ground, Watched
+from playwright.sync_api import expect
+from until import until
+from willing_drone import WillingDrone
+
+from uavrt.config import read_tags, write_tags
+from uavrt.demo.programs import free_udp_port
+from uavrt.messages import BeepKind
+from world import THESIS_TAG
+
+pytestmark = pytest.mark.timeout(240)
+
+
+def test_a_wrong_label_is_shown_and_corrected_by_one_press_and_undone_by_another(
+    watch: Callable[..., Watched],
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    here = tmp_path / "ground"
+    here.mkdir()
+    write_tags(here / "tags.toml", [THESIS_TAG])
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = willing(port)
+    watched = watch(ground.address, color_scheme="light")
+    page = watched.page
+    page.click("#act-send_tags")
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent", timeout=WAIT_MS)
+    page.click("#act-start")
+    expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
+    drone.world.beeps.extend(
+        (
+            made.beep(frequency_hz=148_710_640.0, tag_ids=(2,), offsets_hz=(640.0,)),
+            made.beep(BeepKind.UNLISTED, frequency_hz=148_935_200.0, interval_s=1.102),
+            made.beep(
+                BeepKind.IMAGE,
+                frequency_hz=148_689_360.0,
+                image_of_hz=148_710_640.0,
+                tag_ids=(2,),
+                offsets_hz=(640.0,),
+            ),
+        )
+    )
+    box = page.locator("#beeps")
+    expect(box).to_contain_text("tag 2, 640 Hz above its label", timeout=4 * WAIT_MS)
+    expect(box).to_contain_text("unlisted", timeout=4 * WAIT_MS)
+    expect(box).to_contain_text("148.9352\u202fMHz · every 1102\u202fms")
+    expect(box).to_contain_text("an image of 148.710640 MHz (tag 2)", timeout=4 * WAIT_MS)
+    watched.picture("beeps")
+    page.get_by_role("button", name="List tag 2 here").click()
+    expect(box).to_contain_text(
+        "tag 2: 148.710640 MHz, was 148.710000 MHz", timeout=4 * WAIT_MS
+    )
+    assert read_tags(here / "tags.toml")[0].frequency_hz == 148_710_640.0
+    until(lambda: drone.world.mission.tags[2].frequency_hz == 148_710_640.0)
+    expect(page.locator("#chip-state")).to_have_text("Detecting")
+    watched.picture("beeps-corrected")
+    page.get_by_role("button", name="Undo").click()
+    expect(box).not_to_contain_text("above its label", timeout=4 * WAIT_MS)
+    expect(box.get_by_role("button")).to_have_count(0, timeout=4 * WAIT_MS)
+    until(lambda: drone.world.mission.tags[2].frequency_hz == THESIS_TAG.frequency_hz)
+    expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")

@@ -1,0 +1,81 @@
+"""``uavrt tags correct``: flights correct a tag list."""
+
+from pathlib import Path
+
+import made
+import pytest
+
+from uavrt.cli.tags import correct
+from uavrt.config import read_tags, write_tags
+from uavrt.messages import BeepKind
+from uavrt.recording import FlightRecorder, read_beeps
+
+TAG = made.tag(2, 148_710_000.0, interval_uncertainty_s=0.06, interval_jitter_s=0.01)
+OTHER = made.tag(4, 148_760_000.0, 1.0)
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Path:
+    directory = tmp_path / "flight"
+    recorder = FlightRecorder.create(made.flight_info(directory, (TAG, OTHER)))
+    for pulses, away_hz in ((12, 600.0), (30, 640.0)):
+        recorder.write_beep(
+            made.beep(
+                time_ns=pulses,
+                frequency_hz=TAG.frequency_hz + away_hz,
+                tag_ids=(2,),
+                offsets_hz=(away_hz,),
+                pulses=pulses,
+            )
+        )
+    recorder.write_beep(
+        made.beep(
+            BeepKind.LISTED,
+            frequency_hz=OTHER.frequency_hz + 3.0,
+            interval_s=1.0013,
+            jitter_s=0.0012,
+            tag_ids=(4,),
+            offsets_hz=(3.0,),
+        )
+    )
+    recorder.write_beep(
+        made.beep(
+            frequency_hz=148_900_000.0, interval_s=1.5, tag_ids=(2, 4), offsets_hz=(1.0, 2.0)
+        )
+    )
+    recorder.close()
+    return directory
+
+
+def test_the_newest_measurement_of_each_sender_is_read_back(flight: Path) -> None:
+    beeps = read_beeps(flight)
+    assert [(one.kind, one.pulses, one.tag_ids) for one in beeps] == [
+        (BeepKind.LISTED, 12, (4,)),
+        (BeepKind.OFF_LABEL, 12, (2, 4)),
+        (BeepKind.OFF_LABEL, 30, (2,)),
+    ]
+
+
+def test_a_flight_corrects_the_labels_of_a_list_and_says_what_was_listed(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
+    write_tags(tags, [TAG, OTHER])
+    correct(tags, flight, output=better)
+    said = capsys.readouterr().out
+    assert "tag 2: 148.710640 MHz, was 148.710000 MHz" in said
+    assert "not corrected: 20 dB at 148.900000 MHz" in said
+    assert [one.frequency_hz for one in read_tags(better)] == [148_710_640.0, 148_760_000.0]
+    assert read_tags(tags) == (TAG, OTHER)
+
+
+def test_measured_intervals_are_listed_when_asked_for_with_what_they_are_worth(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
+    write_tags(tags, [TAG, made.tag(4, 148_760_000.0, 1.0, interval_uncertainty_s=0.06)])
+    correct(tags, flight, output=better, intervals=True)
+    said = capsys.readouterr().out
+    assert "tag 4: 1001.3 ms ± 5.0 ms, jitter 3.6 ms, was 1000.0 ms ± 60.0 ms" in said
+    assert "dB weaker are found" in said
+    assert read_tags(better)[1].pulse_intervals_s == pytest.approx((1.0013,))

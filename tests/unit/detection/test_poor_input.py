@@ -1,0 +1,129 @@
+"""Poor input is named from the samples: wrong format, gain, swapped I and Q, lost samples."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import made
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uavrt.dsp import InputCheck
+from uavrt.dsp.input_check import GAIN_TOO_LOW, UNEQUAL, WRONG_FORMAT
+from uavrt.messages import BeepKind, IQBlock
+from uavrt_experiments.detection.beeping import (
+    CENTER_HZ,
+    Beeper,
+    Scene,
+    blocks_of,
+    named,
+    regular,
+    searched_blocks,
+)
+
+RATE_HZ = 24_000.0
+TAG = made.tag(2, CENTER_HZ + 2000.0, 1.254)
+Samples = NDArray[np.complex64]
+
+
+def noise(sigma: float) -> Samples:
+    values = np.random.default_rng(1).standard_normal(2 * 240_000) * sigma
+    return values.astype(np.float32).view(np.complex64)
+
+
+def blocks(samples: Samples) -> list[IQBlock]:
+    step = 12_000
+    return [
+        made.iq_block(samples[first : first + step], first, RATE_HZ, start_ns=10**18)
+        for first in range(0, len(samples), step)
+    ]
+
+
+def found(samples: Samples, *tag_hz: float) -> list[str]:
+    check = InputCheck([made.tag(2, hz, 1.254) for hz in tag_hz], CENTER_HZ)
+    return [fault for block in blocks(samples) for fault in check.look(block)]
+
+
+def stepped(samples: Samples, steps: float) -> Samples:
+    values = np.clip(np.round(samples.view(np.float32) * steps), -steps, steps - 1) / steps
+    return values.astype(np.float32).view(np.complex64)
+
+
+def unsigned_as_signed(samples: Samples) -> Samples:
+    codes = np.clip(np.round(samples.view(np.float32) * 128.0 + 127.5), 0, 255)
+    values = codes.astype(np.uint8).view(np.int8).astype(np.float32) / np.float32(128.0)
+    return values.view(np.complex64)
+
+
+def words_as_bytes(samples: Samples) -> Samples:
+    words = np.round(samples.view(np.float32) * 32_768.0).astype(np.int16)
+    values = words.view(np.int8).astype(np.float32) / np.float32(128.0)
+    return values.view(np.complex64)
+
+
+def with_line(samples: Samples) -> Samples:
+    return samples + np.complex64(0.2)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault"),
+    [
+        (lambda x: unsigned_as_signed(x), WRONG_FORMAT),
+        (lambda x: words_as_bytes(x * np.float32(0.3)), UNEQUAL),
+        (lambda x: x.real.astype(np.complex64), UNEQUAL),
+        (lambda x: stepped(x * np.float32(0.05), 128.0), GAIN_TOO_LOW),
+    ],
+)
+def test_each_fault_is_reported_once(spoil: Callable[[Samples], Samples], fault: str) -> None:
+    assert found(spoil(noise(0.05))) == [fault]
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.1, 0.4])
+def test_noise_of_a_converter_with_8_bits_is_no_fault(sigma: float) -> None:
+    assert found(stepped(noise(sigma), 128.0), CENTER_HZ + 2000.0) == []
+
+
+def test_a_tag_on_the_dc_line_is_named_where_there_is_a_line() -> None:
+    assert found(noise(0.05), CENTER_HZ + 100.0) == []
+    (fault,) = found(with_line(noise(0.05)), CENTER_HZ + 100.0)
+    assert "Tag 2 lies on the radio's DC line" in fault
+    assert found(with_line(noise(0.05)), CENTER_HZ + 2000.0) == []
+
+
+def scene(enr_db: float = 22.0) -> Scene:
+    starts_s = regular(60.0, 1.254, 0.4)
+    beeper = Beeper(offset_hz=2000.0, enr_db=enr_db, width_s=0.02, starts_s=starts_s)
+    return Scene(duration_s=60.0, sample_rate_hz=RATE_HZ, seed=3, beepers=(beeper,))
+
+
+def test_a_tag_on_the_other_side_of_the_centre_means_that_i_and_q_are_swapped() -> None:
+    far = replace(scene().beepers[0], offset_hz=8000.0)
+    swapped = [
+        replace(block, samples=block.samples.conj())
+        for block in blocks_of(replace(scene(), beepers=(far,)))
+    ]
+    (one,) = searched_blocks(swapped, [made.tag(2, CENTER_HZ + 8000.0, 1.254)], 500.0)
+    assert (one.kind, one.tag_ids) == (BeepKind.MIRRORED, (2,))
+    assert "I and Q are swapped" in str(one)
+
+
+def test_a_tag_on_the_other_side_is_unlisted_while_the_listed_one_beeps() -> None:
+    here, there = (replace(scene().beepers[0], offset_hz=hz) for hz in (8000.0, -8000.0))
+    there = replace(there, starts_s=there.starts_s + 0.6)
+    tag = made.tag(2, CENTER_HZ + 8000.0, 1.254)
+    both = named(replace(scene(), beepers=(here, there)), [tag], 500.0)
+    assert {one.kind for one in both} == {BeepKind.LISTED, BeepKind.UNLISTED}
+
+
+def test_samples_that_are_missing_without_a_mark_are_named() -> None:
+    samples = np.concatenate([block.samples for block in blocks_of(scene())])
+    rng = np.random.default_rng(5)
+    keep, place = np.ones(len(samples), dtype=bool), 0
+    while place < len(samples):
+        place += int(RATE_HZ * rng.uniform(1.0, 2.0))
+        keep[place : place + int(RATE_HZ * rng.uniform(0.05, 0.2))] = False
+    (one,) = searched_blocks(blocks(samples[keep]), [TAG], 500.0)
+    assert (one.kind, one.tag_ids) == (BeepKind.DOUBTFUL, (2,))
+    assert "ms of samples lost (USB?)" in str(one)
+    (whole,) = searched_blocks(blocks(samples), [TAG], 500.0)
+    assert whole.kind is BeepKind.LISTED

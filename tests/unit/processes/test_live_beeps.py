@@ -1,0 +1,75 @@
+"""A receiver names what beeps beside its tags while they are searched for."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import made
+from tests.unit.processes.test_radio_restart import Sink
+
+from uavrt.config.settings import RecordingSettings, Settings
+from uavrt.ipc import Assignment
+from uavrt.messages import Beep, BeepKind
+from uavrt.processes.receiver import Receiver
+from uavrt_experiments.detection.beeping import CENTER_HZ, Beeper, Scene, blocks_of, regular
+
+RATE_HZ = 1e6
+TAG = made.tag(2, CENTER_HZ + 10_000.0, 1.254)
+
+
+class Frame:
+    """As much of a process as a receiver needs."""
+
+    def __init__(self, directory: Path) -> None:
+        self.sent: list[Beep] = []
+        self.flight = made.flight_info(
+            directory, (TAG,), center_frequency_hz=CENTER_HZ, sample_rate_hz=RATE_HZ
+        )
+        self.assignment = Assignment(
+            process="receiver",
+            settings=Settings(recording=RecordingSettings(channels=False)),
+            clock_offset_ns=0,
+            flight=self.flight,
+            worker_of_tag={TAG.tag_id: 0},
+        )
+
+    def tell(self, severity: int, text: str) -> None:
+        """Ignore it: no warning belongs to these samples."""
+        raise AssertionError(text)
+
+    def send(self, topic: str, record: Beep) -> None:
+        """Keep what beeps."""
+        assert topic == "beep"
+        self.sent.append(record)
+
+
+def beeper(offset_hz: float, interval_s: float) -> Beeper:
+    starts_s = regular(36.0, interval_s, 0.3)
+    return Beeper(offset_hz=offset_hz, enr_db=22.0, width_s=0.02, starts_s=starts_s)
+
+
+def test_a_wrong_label_and_an_animal_anywhere_in_the_radios_band_are_named(
+    tmp_path: Path,
+) -> None:
+    frame = Frame(tmp_path)
+    receiver = Receiver(frame, frame.flight, [Sink()])  # type: ignore[arg-type]
+    scene = Scene(
+        duration_s=36.0,
+        sample_rate_hz=RATE_HZ,
+        seed=3,
+        beepers=(beeper(10_640.0, 1.26), beeper(-420_000.0, 0.9)),
+    )
+    for block in blocks_of(scene):
+        receiver.process(replace(block, samples=block.samples * 1e-3))
+    counters = receiver.counters()
+    receiver.close()
+    by_kind = {one.kind: one for one in frame.sent}
+    assert set(by_kind) == {BeepKind.OFF_LABEL, BeepKind.UNLISTED}
+    off = by_kind[BeepKind.OFF_LABEL]
+    assert off.tag_ids == (2,)
+    assert off.away_hz is not None
+    assert abs(off.away_hz - 640.0) < 15.0
+    assert abs(by_kind[BeepKind.UNLISTED].frequency_hz - CENTER_HZ + 420_000.0) < 15.0
+    assert counters["beeping"] == 2
+    first = next(one for one in frame.sent if one.kind is BeepKind.OFF_LABEL)
+    assert first.pulses <= 12, "named within 15 s"
+    assert off.pulses > first.pulses, "and again when there are twice as many"

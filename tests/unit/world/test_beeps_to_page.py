@@ -1,0 +1,121 @@
+"""What beeps beside the list travels from the drone to the page, and corrects the list."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import made
+from asked_page import AskedPage
+
+from uavrt.config import read_tags
+from uavrt.messages import Beep, BeepKind, SystemState
+from uavrt.recording import read_beeps, read_flight
+from world import THESIS_TAG, World, until
+
+OFF_LABEL = made.beep(
+    BeepKind.OFF_LABEL, frequency_hz=148_710_640.0, tag_ids=(2,), offsets_hz=(640.0,)
+)
+UNLISTED = made.beep(BeepKind.UNLISTED, frequency_hz=148_935_200.0, interval_s=1.102)
+ROW = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20}
+
+
+def found(count: int) -> Any:
+    return lambda state: len(state["beeps"]) == count
+
+
+def present(beep: Beep, world: World) -> Beep:
+    return replace(beep, time_ns=world.clock.now_ns())
+
+
+async def test_all_that_beeps_reaches_the_page_and_both_flights_over_a_bad_link(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await page.until(lambda state: state["drone"]["state"] == "idle")
+        world.detect()
+        await page.until(lambda state: state["drone"]["state"] == "detecting")
+        world.radio.loss = 0.3
+        world.beeps.extend(present(one, world) for one in (OFF_LABEL, UNLISTED))
+        world.find_pulse(0)
+        state = await page.until(found(2))
+        meanings = {one["meaning"] for one in state["beeps"]}
+        assert meanings == {"tag 2, 640 Hz above its label", "unlisted"}
+        newer = replace(UNLISTED, pulses=40, frequency_hz=148_935_210.0)
+        world.beeps.append(present(newer, world))
+        await page.until(lambda state: 40 in (one["pulses"] for one in state["beeps"]))
+        wanted = {(BeepKind.OFF_LABEL, 12), (BeepKind.UNLISTED, 40)}
+        for directory in (page.directory, world.directory / "drone"):
+            await until(partial(has_recorded, directory, wanted))
+
+
+def has_recorded(directory: Path, wanted: set[tuple[BeepKind, int]]) -> bool:
+    """Compare kinds and pulses with the only flight; the drone repeats what came before it."""
+    flights = [path.parent for path in directory.glob("*/flight.sqlite")]
+    found = {(one.kind, one.pulses) for flight in flights for one in read_beeps(flight)}
+    return found == wanted
+
+
+async def test_one_press_corrects_a_label_in_the_list_and_in_the_flight(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await page.until(lambda state: state["drone"]["state"] == "idle")
+        assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
+        for name in ("send_tags", "start"):
+            answer = await page.ask("POST", f"/api/commands/{name}", {})
+            assert answer.status == 200, answer.json
+        world.beeps.append(present(OFF_LABEL, world))
+        state = await page.until(found(1))
+        assert state["beeps"][0]["corrects"] == [2]
+        wish = {"tag_id": 2, "frequency_hz": 148_710_640.0}
+        answer = await page.ask("POST", "/api/commands/correct_tag", wish)
+        assert answer.json["message"] == "tag 2: 148.710640 MHz, was 148.710000 MHz"
+        assert answer.status == 200
+        (listed,) = read_tags(page.directory / "tags.toml")
+        assert listed.frequency_hz == 148_710_640.0
+        mission = world.mission
+        assert mission.state is SystemState.DETECTING
+        assert mission.tags[2].frequency_hz == 148_710_640.0
+        await until(lambda: _searched_hz(world) == 148_710_640.0)
+        state = await page.state()
+        assert (state["beeps"], state["tags_sent"]) == ([], True)
+        undone = await page.ask(
+            "POST", "/api/commands/correct_tag", {"tag_id": 2, "undo": True}
+        )
+        assert undone.status == 200, undone.json
+        await until(lambda: _searched_hz(world) == 148_710_000.0)
+        assert mission.tags[2].frequency_hz == 148_710_000.0
+        await page.ask("POST", "/api/commands/stop", {})
+        await page.until(lambda state: state["drone"]["state"] == "has_tags")
+    (drone,) = (tmp_path / "drone").glob("*/flight.sqlite")
+    texts = [one.text for _, one in read_flight(drone.parent).status_texts]
+    assert "Tag 2: 148.710640 MHz, was 148.710000" in texts
+
+
+def _searched_hz(world: World) -> float | None:
+    """Frequency that the detector that runs was started with."""
+    return world.searched[2].frequency_hz if 2 in world.searched else None
+
+
+async def test_what_nobody_measured_corrects_nothing(tmp_path: Path) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with page.served():
+        assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
+        wishes: tuple[object, ...] = (
+            {"tag_id": 2, "frequency_hz": 148_710_640.0},
+            {"tag_id": 4, "frequency_hz": 148_710_640.0},
+            {"tag_id": 2, "undo": True},
+            {"tag_id": 2},
+            [],
+        )
+        for wish in wishes:
+            answer = await page.ask("POST", "/api/commands/correct_tag", wish)
+            assert answer.status in (400, 422), answer.json
+        (listed,) = read_tags(page.directory / "tags.toml")
+        assert listed.frequency_hz == THESIS_TAG.frequency_hz
