@@ -47,6 +47,7 @@ from uavrt.messages import (
     LiveBearing,
     MotionOffer,
     Operation,
+    ProcessStatus,
     Pulse,
     PulsePose,
     Recorded,
@@ -235,6 +236,7 @@ class ConnectionProcess:
         """Handlers of what ground stations send, by its number inside a seal."""
         self._crowd = Crowd()
         self._state = SystemState.IDLE
+        self._processes: tuple[ProcessStatus, ...] = ()
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
         self._asked_on: dict[tuple[int, int], int] = {}
         self._heard = (False, False)
@@ -334,7 +336,7 @@ class ConnectionProcess:
             case StatusText():
                 self._send_text(record)
             case SystemStatus():
-                self._state = record.state
+                self._state, self._processes = record.state, record.processes
                 self._know_commander(record.commander)
                 detecting = record.state is SystemState.DETECTING and not record.ending
                 self._parameters.running(detecting)
@@ -372,6 +374,8 @@ class ConnectionProcess:
             if own_pose is not None:
                 self._link.component.tell_pose(own_pose, now_ns)
             self._status.tick(self._shown_state(), now_ns)
+            newcomer = self._link.station_present and not self._heard[1]
+            self._status.faults(self._processes, now_ns, newcomer=newcomer)
             self._say_who_is_there()
         self._link.tunnel.wake()
         if self._disk.failure is not None:

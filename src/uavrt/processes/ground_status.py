@@ -7,18 +7,21 @@ so each kind has its own pace.
 import os
 import shutil
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from uavrt.mavlink import Disk, Peer, Priority, TextLimiter, TunnelSender, at_once
 from uavrt.mavlink.dialect import MavSeverity, OnboardComputerStatus
-from uavrt.messages import SearchReport, StatusText, SystemState
+from uavrt.messages import ProcessStatus, SearchReport, StatusText, SystemState
 from uavrt.tunnel import Exchange
 from uavrt.units import ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
 """250 bytes: 2 % of the slowest link."""
+FAULTS_NS = ns_from_s(30.0)
+"""Between two reports of faults that last; 200 bytes each, under 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Between two reports of the same tag; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
@@ -92,6 +95,24 @@ class GroundStatus:
         """Send a text for the operator, unless there are too many."""
         if self._limiter.allows(text.severity, text.text, now_ns):
             self._sender.send_text(text.severity, text.text)
+
+    def faults(
+        self, processes: Sequence[ProcessStatus], now_ns: int, *, newcomer: bool
+    ) -> None:
+        """Repeat why processes are not ok, for stations that were away when it was reported.
+
+        `newcomer`: a station has just appeared, which gets it at once.
+        """
+        if newcomer:
+            self._next_ns.pop("faults", None)
+        reasons = [one for one in processes if one.reason]
+        if reasons and self._due("faults", FAULTS_NS, now_ns):
+            for one in reasons:
+                own = one.reason.startswith(one.process)
+                words = (
+                    one.reason if own else f"{one.process}: {one.status} (reason {one.reason})"
+                )
+                self.text(StatusText(severity=MavSeverity.WARNING, text=words[:200]), now_ns)
 
     def tag_text(self, text: str, now_ns: int) -> bool:
         """Send a text about a tag; False when there were too many."""

@@ -93,7 +93,7 @@ class Receiver:
         self._check = SampleCheck("the radio")
         self._clipping = Clipping()
         self._carriers = Carriers()
-        self._told = False
+        self._told = self._trouble_reported = False
         self._tell = frame.tell
         self.radio = assignment.settings.radio
         self.center_frequency_hz = flight.center_frequency_hz
@@ -162,6 +162,11 @@ class Receiver:
         self._check.look(band)
         if self._recorder is not None:
             self._recorder.put(band)
+            if self._recorder.trouble is not None and not self._trouble_reported:
+                self._trouble_reported = True
+                kept_s = self._recorder.written_samples / self._front_end.plan.band_rate_hz
+                words = f"Band no longer recorded: {self._recorder.trouble}"
+                self._tell(4, f"{words}. {kept_s:.0f} s are kept")
         if self._output is not None:
             self._output.process(band)
         self._pass_on(band)
@@ -282,10 +287,11 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
                     if reason != reason_told or delay_s == 0.0:
                         log.warning("radio absent", reason=reason)
                     reason_told = reason
-                    wait(frame, receiver, delay_s)
+                    wait(frame, receiver, delay_s, reason)
         finally:
             receiver.close()
-        frame.report("stopped", counters=receiver.counters, last=True)
+        said = receiver.said() if isinstance(receiver, Capture) else ""
+        frame.report("stopped", counters=receiver.counters, last=True, reason=said)
 
 
 def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo) -> None:
@@ -307,7 +313,14 @@ def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInf
                 flowing = True
             take_settings(frame.receive(), receiver)
             status = receiver.status or ("receiving" if flowing else "waiting for samples")
-            frame.report(status, counters=receiver.counters)
+            fault: str | None = getattr(source, "rate_fault", None)
+            if isinstance(receiver, Capture) and receiver.status is not None:
+                frame.report(status, counters=receiver.counters, reason=receiver.said())
+            elif fault is not None:
+                rate = "receiving at another rate"
+                frame.report(rate, ok=False, counters=receiver.counters, reason=fault)
+            else:
+                frame.report(status, counters=receiver.counters)
     finally:
         source.close()
     if frame.running:
@@ -327,13 +340,15 @@ def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Ca
             receiver.radio = replace(record.radio, center_frequency_hz=frequency_hz)
 
 
-def wait(frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float) -> None:
+def wait(
+    frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float, reason: str
+) -> None:
     """Stay alive until the next attempt."""
     end_s = monotonic_s() + delay_s
-    frame.report("radio absent", ok=False, counters=receiver.counters)
+    frame.report("radio absent", ok=False, counters=receiver.counters, reason=reason)
     while frame.running and monotonic_s() < end_s:
         take_settings(frame.receive(timeout_s=0.2), receiver)
-        frame.report("radio absent", ok=False, counters=receiver.counters)
+        frame.report("radio absent", ok=False, counters=receiver.counters, reason=reason)
 
 
 if __name__ == "__main__":
