@@ -75,7 +75,7 @@ public:
 	int readStream(SoapySDR::Stream *, void *const *buffers, const size_t count, int &, long long &, const long timeout_us) override
 	{
 		const std::string fault = content("fault");
-		if (fault == "unplugged" || fault == "absent") return SOAPY_SDR_STREAM_ERROR;
+		if (fault == "unplugged" || fault == "absent" || fault == "busy" || fault == "forbidden") return SOAPY_SDR_STREAM_ERROR;
 		if (fault == "stalls") {
 			std::this_thread::sleep_for(std::chrono::microseconds(timeout_us));
 			return SOAPY_SDR_TIMEOUT;
@@ -98,7 +98,7 @@ static SoapySDR::KwargsList find(const SoapySDR::Kwargs &wanted)
 {
 	SoapySDR::Kwargs one{{"driver", "standin"}, {"label", "stand-in"}, {"serial", "77"}};
 	const auto serial = wanted.find("serial");
-	const bool other = serial != wanted.end() && serial->second != "77";
+	const bool other = serial != wanted.end() && serial->second + "\n" != content("serials");
 	return content("fault") == "absent" || other ? SoapySDR::KwargsList{} : SoapySDR::KwargsList{one};
 }
 

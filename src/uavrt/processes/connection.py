@@ -237,6 +237,8 @@ class ConnectionProcess:
         self._crowd = Crowd()
         self._state = SystemState.IDLE
         self._processes: tuple[ProcessStatus, ...] = ()
+        self._stations: set[tuple[int, int]] = set()
+        """Ground stations that were present at the last tick."""
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
         self._asked_on: dict[tuple[int, int], int] = {}
         self._heard = (False, False)
@@ -374,7 +376,9 @@ class ConnectionProcess:
             if own_pose is not None:
                 self._link.component.tell_pose(own_pose, now_ns)
             self._status.tick(self._shown_state(), now_ns)
-            newcomer = self._link.station_present and not self._heard[1]
+            stations = self._link.stations_silent_s().keys()
+            newcomer = not stations <= self._stations
+            self._stations = set(stations)
             self._status.faults(self._processes, now_ns, newcomer=newcomer)
             self._say_who_is_there()
         self._link.tunnel.wake()

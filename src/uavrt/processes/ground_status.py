@@ -20,8 +20,9 @@ from uavrt.units import ns_from_s
 HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
 """250 bytes: 2 % of the slowest link."""
-FAULTS_NS = ns_from_s(30.0)
-"""Between two reports of faults that last; 200 bytes each, under 1 % of the slowest link."""
+FAULTS_NS = ns_from_s(2.0)
+AGAIN_NS = ns_from_s(30.0)
+"""Between two reports of a fault that lasts; 200 bytes, under 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Between two reports of the same tag; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
@@ -99,20 +100,20 @@ class GroundStatus:
     def faults(
         self, processes: Sequence[ProcessStatus], now_ns: int, *, newcomer: bool
     ) -> None:
-        """Repeat why processes are not ok, for stations that were away when it was reported.
+        """Repeat why processes are not ok, for stations that did not get the first report.
 
         `newcomer`: a station has just appeared, which gets it at once.
         """
-        if newcomer:
-            self._next_ns.pop("faults", None)
-        reasons = [one for one in processes if one.reason]
-        if reasons and self._due("faults", FAULTS_NS, now_ns):
-            for one in reasons:
-                own = one.reason.startswith(one.process)
-                words = (
-                    one.reason if own else f"{one.process}: {one.status} (reason {one.reason})"
-                )
-                self.text(StatusText(severity=MavSeverity.WARNING, text=words[:200]), now_ns)
+        if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
+            return
+        for one in processes:
+            words = one.reason
+            if words and not words.startswith(one.process):
+                words = f"{one.process}: {one.status} (reason {words})"
+            words = words[:200]
+            known = not newcomer and self._limiter.sent_within(words, AGAIN_NS, now_ns)
+            if words and not known:
+                self.text(StatusText(severity=MavSeverity.WARNING, text=words), now_ns)
 
     def tag_text(self, text: str, now_ns: int) -> bool:
         """Send a text about a tag; False when there were too many."""

@@ -6,7 +6,7 @@ another program uses, or that may not be opened; the list of USB devices disting
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum, auto
 
 from uavrt.config import RADIOS, RadioRow, RadioSettings
@@ -104,8 +104,9 @@ def exit_error(
         (one for name, text, one in ANSWERS if name == program and text in words), None
     )
     there = [one for one in usb_radios() if one.kind == row.kind]
-    if cause is None and code >= 0 and row.usb and SYSFS_USB.is_dir() and not settings.program:
-        cause = None if there else Cause.ABSENT
+    listed = row.usb and SYSFS_USB.is_dir() and not settings.program
+    if cause in (None, Cause.STALLED) and code >= 0 and listed and not there:
+        cause = Cause.ABSENT  # unplugged
     if cause in (Cause.ABSENT, Cause.FORBIDDEN, Cause.BUSY):
         why, remedy = _missing(settings, row, there, cause)
         return RadioMissing(f"{row.title}: {why}", remedy=remedy)
@@ -140,6 +141,20 @@ def stalled(title: str) -> RadioStalled:
     )
 
 
+def serial_error(settings: RadioSettings, serials: Iterable[str]) -> RadioMissing:
+    """Make the error of a serial number that none of the devices has."""
+    why, remedy = _other_serial(settings, serials)
+    return RadioMissing(f"{RADIOS[settings.kind].title}: {why}", remedy=remedy)
+
+
+def _other_serial(settings: RadioSettings, serials: Iterable[str]) -> tuple[str, str]:
+    there = " or ".join(f'"{one}"' for one in serials)
+    return (
+        f"none has the serial number {settings.serial}",
+        f"Set [radio] serial to {there}, which is plugged in",
+    )
+
+
 def _missing(
     settings: RadioSettings, row: RadioRow, there: list[UsbRadio], cause: Cause
 ) -> tuple[str, str]:
@@ -148,11 +163,7 @@ def _missing(
     wanted = (settings.serial or "").casefold().removeprefix("0x")
     chosen = [one for one in there if one.serial.casefold().endswith(wanted)]
     if there and not chosen and cause is Cause.ABSENT:
-        serials = " or ".join(f'"{one.serial}"' for one in there)
-        return (
-            f"none has the serial number {settings.serial}",
-            f"Set [radio] serial to {serials}, which is plugged in",
-        )
+        return _other_serial(settings, [one.serial for one in there])
     closed = [one for one in chosen if not os.access(one.node, os.R_OK | os.W_OK)]
     if cause is Cause.FORBIDDEN or closed:
         return (

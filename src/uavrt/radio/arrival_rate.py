@@ -15,6 +15,8 @@ _STRETCHES: Final = 5
 _MOST_OFF: Final = 0.02
 """Largest difference that is not reported, as a share of the rate asked for."""
 _SETTLED: Final = 0.01
+_OTHER: Final = 0.1
+"""Share by which a wrong rate must change to be reported again."""
 
 
 class ArrivalRate:
@@ -67,4 +69,7 @@ class ArrivalRate:
         if abs(mean_s) < _SETTLED * _STRETCH_S:
             self.wrong_hz = None
         elif abs(mean_s) > _MOST_OFF * _STRETCH_S and min(s / mean_s for s in steps_s) > 0.5:
-            self.wrong_hz = self._rate_hz * (1.0 - mean_s / _STRETCH_S)
+            wrong_hz = self._rate_hz * (1.0 - mean_s / _STRETCH_S)
+            # One sentence for as long as it holds, not one for each measurement.
+            if self.wrong_hz is None or abs(wrong_hz / self.wrong_hz - 1.0) > _OTHER:
+                self.wrong_hz = wrong_hz

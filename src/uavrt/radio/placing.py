@@ -74,7 +74,7 @@ class Placer:
         self._rate_hz = sample_rate_hz
         self._arrival_rate = ArrivalRate(sample_rate_hz)
         self._may_be_slow, self._rate_remedy = may_be_slow, rate_remedy
-        self._rate_reported = False
+        self._rate_reported: str | None = None
         self._keeper = TimeKeeper(sample_rate_hz, may_be_slow=may_be_slow)
         self._nominal = (
             None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
@@ -193,9 +193,9 @@ class Placer:
             self._log(lost)
         else:
             unsure = 0
-        if not self._rate_reported and self.rate_fault is not None:
-            self._rate_reported = True
-            log.warning(self.rate_fault)
+        if (fault := self.rate_fault) is not None and fault != self._rate_reported:
+            log.warning(fault)
+        self._rate_reported = fault
         times = self._nominal or self._keeper
         block = IQBlock(
             samples=samples,

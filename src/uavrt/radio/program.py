@@ -17,7 +17,7 @@ from uavrt.config import RadioRow, RadioSettings
 from uavrt.errors import RadioError, RadioMissing, RadioStalled
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
-from uavrt.radio.answers import cause_of, exit_error, stalled
+from uavrt.radio.answers import cause_of, exit_error, serial_error, stalled
 from uavrt.radio.formats import sample_format
 from uavrt.radio.live_source import RADIO_RATE_REMEDY
 from uavrt.radio.programs import PROGRAMS, commands_before, receive_command
@@ -304,10 +304,7 @@ def _by_place(settings: RadioSettings) -> RadioSettings:
     if wanted in places:
         return replace(settings, serial=places[wanted])
     if places and (wanted != str(int(wanted)) or int(wanted) >= _MOST_PLACES):
-        raise RadioMissing(
-            f"no {program.title} has the serial number {wanted}",
-            remedy=f"Set [radio] serial to one of {', '.join(sorted(places))}",
-        )
+        raise serial_error(settings, sorted(places))
     return settings
 
 
