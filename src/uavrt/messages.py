@@ -409,6 +409,8 @@ class Health:
     ok: bool
     counters: dict[str, float] = field(default_factory=dict)
     """Everything counted since the start: samples lost, pulses refused, retries …"""
+    reason: str = ""
+    """Why it is not `ok`, or what came of its work at its end, with the remedy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -426,7 +428,7 @@ class ProcessStatus:
     memory_mb: float
     counters: dict[str, float] = field(default_factory=dict)
     reason: str = ""
-    """Last message of a process that is not `ok`; empty otherwise."""
+    """Why it is not `ok`, with the remedy; empty otherwise."""
     tag_ids: tuple[int, ...] = ()
     """Tags whose pulses it finds, if it is a detector."""
 

@@ -105,7 +105,9 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
             told = await link.capture(center_frequency_hz=148_705_000.0, gain=9)
             with pytest.raises(CommandRefused, match="capturing: wait"):
                 await link.ask("clean_logs")
-            await until(lambda: any("Raw capture in" in text for text in operator.texts()))
+            await until(
+                lambda: any("Raw capture: 1.0 of 1 s in" in text for text in operator.texts())
+            )
             await until(lambda: operator.state is SystemState.IDLE)
             # The operation's last step comes in a message of its own.
             await until(lambda: operator.steps(CommandId.RAW_CAPTURE)[-1] == COMPLETE)

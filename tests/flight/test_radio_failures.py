@@ -17,7 +17,7 @@ from uavrt.messages import ProcessStatus, StatusText, SystemStatus
 
 FAULTS = {
     "works, then is unplugged": "AIRSPY_ERROR_NOT_FOUND",
-    "hangs": "no samples for",
+    "hangs": "no samples arrive",
     "is killed": "SIGKILL",
     "writes garbage": "not samples",
     "gives only zeros": "only zeros",

@@ -64,23 +64,19 @@ def examine(
 
 def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
     """Is the radio there?"""
-    if running is not None and running.state is SystemState.DETECTING:
+    if running is not None and running.state in (SystemState.DETECTING, SystemState.CAPTURING):
         receiver = next((p for p in running.processes if p.process == "receiver"), None)
-        good = receiver is not None and receiver.status == "receiving"
-        return Finding(
-            what="radio",
-            ok=good,
-            text=f"in use: {receiver.status if receiver else 'no receiver'}",
-            remedy="" if good else "Look at the texts in uavrt monitor",
-        )
+        good = receiver is not None and receiver.ok
+        text = f"in use: {receiver.status if receiver else 'no receiver'}"
+        reason = receiver.reason if receiver is not None else ""
+        return Finding(what="radio", ok=good, text=f"{text}: {reason}" if reason else text)
     try:
         said = check_device(settings.radio)
     except UavrtError as error:
         return Finding(
             what="radio", ok=False, text=error.message, remedy=error.remedy or "Plug it in"
         )
-    words = said.splitlines()[0] if said else f"{settings.radio.kind}: not asked"
-    return Finding(what="radio", ok=True, text=words)
+    return Finding(what="radio", ok=True, text=said)
 
 
 def check_permissions(settings: Settings) -> Finding:

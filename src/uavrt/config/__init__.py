@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         parameter_values,
         run_wanted,
         tags_with_overrides,
+        tuned_frequency,
         warnings_of_band,
         with_parameter,
     )
@@ -143,6 +144,7 @@ __all__ = [
     "tags_by_band",
     "tags_from_drafts",
     "tags_with_overrides",
+    "tuned_frequency",
     "warnings_of_band",
     "with_parameter",
     "words_of_near_codes",
@@ -192,6 +194,7 @@ __getattr__ = lazily(
         "UdpChannelSettings": "settings",
         "change_settings": "setting_writer",
         "check_start": "parameters",
+        "tuned_frequency": "parameters",
         "check_tag_file_name": "tag_files",
         "default_settings_text": "loader",
         "faults_of_tags": "tag_files",

@@ -302,6 +302,25 @@ def check_start(
     return with_parameter(settings, "RADIO_GAIN", gain).radio.gain
 
 
+def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
+    """Get the frequency that the radio tunes to when asked for this one [Hz].
+
+    Raises
+    ------
+    ConfigError
+        The radio does not receive it.
+    """
+    row = RADIOS.get(radio.kind)
+    if row is None:
+        return frequency_hz
+    if not row.receives(frequency_hz):
+        raise ConfigError(
+            f"{row.title}: it does not receive {frequency_hz * 1e-6:.6g} MHz",
+            remedy=f"Choose a frequency within {row.receives_text()}",
+        )
+    return row.tuned_hz(frequency_hz, radio.frequency_correction_ppm)
+
+
 def warnings_of_band(
     tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
 ) -> tuple[str, ...]:

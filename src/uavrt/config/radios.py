@@ -9,6 +9,8 @@ Checked against the programs of Debian 12: airspy 1.0.10, airspyhf 1.6.8, rtl-sd
 hackrf 2022.09.1.
 """
 
+import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -29,19 +31,21 @@ class RadioRow:
     receive: str = ""
     """Program that writes samples to stdout; empty: it needs none."""
     inform: tuple[str, ...] = ()
-    """Program that tells whether a device is there."""
+    """Program that prints the sample rates of the device that is there."""
     sample_format: str = "cf32"
     """Of the program's samples (`uavrt.radio.formats`)."""
     rates_hz: tuple[tuple[float, float], ...] = ((3e3, 100e6),)
     """Supported sample rates: lowest and highest of each range [Hz]."""
     rates_note: str = ""
     """Which of its models supports which rate."""
+    receives_mhz: tuple[tuple[float, float], ...] = ((20.0, 1000.0),)
+    """Lowest and highest radio frequency of each range [MHz]."""
+    tunes_in_float32: bool = False
+    """Its program reads the frequency in megahertz as float32: it tunes in steps of 16 Hz."""
     usual_rate_hz: float = 3e6
     """What the first set-up proposes."""
     overruns_option: str = ""
     """Option, in versions that have it, that makes the program count its overruns on stderr."""
-    absent: tuple[str, ...] = ()
-    """Words of its programs that mean that there is no device."""
     lists: tuple[str, ...] = ()
     """Program that lists the devices with place and serial number; needed where `receive` takes
     a serial number of digits as a place."""
@@ -56,11 +60,35 @@ class RadioRow:
 
     def rates_text(self, unit_hz: float = 1.0) -> str:
         """Get the sample rates that it takes, for people, in this unit."""
-        spans = (
-            f"{a / unit_hz:.9g}" if a == b else f"{a / unit_hz:.9g} to {b / unit_hz:.9g}"
-            for a, b in self.rates_hz
-        )
-        return " or ".join(spans) + (f" ({self.rates_note})" if self.rates_note else "")
+        note = f" ({self.rates_note})" if self.rates_note else ""
+        return _spans([(a / unit_hz, b / unit_hz) for a, b in self.rates_hz]) + note
+
+    def receives(self, frequency_hz: float) -> bool:
+        """Whether the radio can be tuned to a frequency."""
+        return any(low <= frequency_hz * 1e-6 <= high for low, high in self.receives_mhz)
+
+    def receives_text(self) -> str:
+        """Get the radio frequencies that it receives, for people."""
+        return f"{_spans(self.receives_mhz)} MHz"
+
+    def tuned_hz(self, frequency_hz: float, correction_ppm: float = 0.0) -> float:
+        """Get the frequency that the radio tunes to when its program gets this one [Hz].
+
+        `correction_ppm` is the known error of the crystal.
+        """
+        if not self.tunes_in_float32:
+            return frequency_hz
+        factor = 1.0 + correction_ppm * 1e-6
+        asked_mhz = _float32(round(frequency_hz / factor * 1e-6, 6))
+        return int(_float32(asked_mhz * 1e6)) * factor
+
+
+def _float32(value: float) -> float:
+    return float(struct.unpack("f", struct.pack("f", value))[0])
+
+
+def _spans(spans: Sequence[tuple[float, float]]) -> str:
+    return " or ".join(f"{a:.9g}" if a == b else f"{a:.9g} to {b:.9g}" for a, b in spans)
 
 
 def _single(*rates_hz: float) -> tuple[tuple[float, float], ...]:
@@ -82,7 +110,7 @@ RADIOS: dict[str, RadioRow] = {
             # airspy_rx takes a number that is not a rate as a place in its list of rates.
             rates_hz=_single(2.5e6, 3e6, 6e6, 10e6),
             rates_note="Mini: 3 and 6 MS/s, R2: 2.5 and 10",
-            absent=("_ERROR_NOT_FOUND",),
+            receives_mhz=((24.0, 1900.0),),
             serial_prefix="0x",
             usb=(("1d50", "60a1", "Airspy Mini and R2"),),
         ),
@@ -96,8 +124,9 @@ RADIOS: dict[str, RadioRow] = {
             gains=(0, 8),  # steps of 6 dB, 8 is no attenuation
             default_gain=8,
             rates_hz=_single(192e3, 256e3, 384e3, 456e3, 768e3, 912e3),
+            receives_mhz=((0.009, 31.0), (60.0, 260.0)),
+            tunes_in_float32=True,
             usual_rate_hz=768e3,
-            absent=("No devices attached", "airspyhf_open() failed"),
             serial_prefix="0x",
             usb=(("03eb", "800c", "Airspy HF+"),),
         ),
@@ -107,15 +136,14 @@ RADIOS: dict[str, RadioRow] = {
             module="uavrt.radio.rtlsdr",
             package="rtl-sdr",
             receive="rtl_sdr",
-            inform=("rtl_eeprom",),
             sample_format="cu8",
             # Decibel; 0 would be its automatic gain, which follows the pulses themselves.
             gains=(1, 50),
             default_gain=40,
             # At any other rate rtl_sdr reports an error and continues at the rate set before.
             rates_hz=((225_001, 300e3), (900_001, 3.2e6)),
+            receives_mhz=((24.0, 1766.0),),
             usual_rate_hz=250e3,
-            absent=("No supported devices", "No matching devices"),
             # It lists all devices and exits, because no device has this serial number.
             lists=("rtl_sdr", "-d", "none", "/dev/null"),
             usb=(("0bda", "2838", "RTL-SDR"), ("0bda", "2832", "RTL-SDR")),
@@ -126,13 +154,12 @@ RADIOS: dict[str, RadioRow] = {
             module="uavrt.radio.hackrf",
             package="hackrf",
             receive="hackrf_transfer",
-            inform=("hackrf_info",),
             sample_format="ci8",
             gains=(0, 102),  # LNA and VGA together
             default_gain=64,
             rates_hz=((2e6, 20e6),),
+            receives_mhz=((1.0, 6000.0),),
             overruns_option="-B",
-            absent=("_ERROR_NOT_FOUND", "No HackRF boards", "HackRF not found"),
             usb=(("1d50", "6089", "HackRF One"),),
         ),
         RadioRow(

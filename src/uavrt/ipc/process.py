@@ -50,7 +50,7 @@ class ProcessFrame:
         self.counters: dict[str, float] = {}
         self._next_health_s = 0.0
         self._heap = HeapKeeper(monotonic_s())
-        self._last_status: tuple[str, bool] = ("", True)
+        self._last: tuple[str, bool, str] = ("", True, "")
 
     @classmethod
     def start(cls, *, finishes: bool = False) -> "ProcessFrame":
@@ -102,6 +102,7 @@ class ProcessFrame:
         ok: bool = True,
         counters: Callable[[], Mapping[str, float]] = dict,
         last: bool = False,
+        reason: str = "",
     ) -> None:
         """Send the health if it is due, or at once when it is the last or has changed.
 
@@ -109,12 +110,12 @@ class ProcessFrame:
         loop. `counters` is called only when the health is sent.
         """
         now_s = monotonic_s()
-        if not last and now_s < self._next_health_s and (status, ok) == self._last_status:
+        if not last and now_s < self._next_health_s and (status, ok, reason) == self._last:
             self.link.flush()
             return
         self._next_health_s = now_s + HEALTH_PERIOD_S
         self._heap.keep(now_s)
-        self._last_status = (status, ok)
+        self._last = (status, ok, reason)
         self.link.send(
             "health",
             Health(
@@ -123,6 +124,7 @@ class ProcessFrame:
                 status=status,
                 ok=ok,
                 counters=dict(counters()),
+                reason=reason,
             ),
         )
 

@@ -78,6 +78,11 @@ class TextLimiter:
             self._recent.popitem(last=False)
         return True
 
+    def sent_within(self, text: str, period_ns: int, now_ns: int) -> bool:
+        """Whether a text has gone out within a period."""
+        last_ns = self._recent.get(text)
+        return last_ns is not None and now_ns - last_ns < period_ns
+
 
 class TextAssembler:
     """Puts pieces of texts together; a missing piece becomes an ellipsis.

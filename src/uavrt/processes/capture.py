@@ -14,6 +14,7 @@ from uavrt.ipc import ProcessFrame
 from uavrt.messages import FlightInfo, IQBlock
 from uavrt.radio import SampleCheck
 from uavrt.recording import FlightLayout, IQRecorder
+from uavrt.recording.sample_file import BYTES_PER_SAMPLE
 
 
 class Capture:
@@ -42,28 +43,51 @@ class Capture:
             center_frequency_hz=flight.center_frequency_hz,
             frequencies_hz=[flight.center_frequency_hz],
         )
-        band_rate_hz = self._front_end.plan.band_rate_hz
-        self._wanted = round(flight.capture_s * band_rate_hz)
+        self._rate_hz = self._front_end.plan.band_rate_hz
+        self._capture_s = flight.capture_s
         self._taken = 0
         self._lost = 0
         self._check = SampleCheck("the radio")
         directory = FlightLayout(Path(flight.directory)).iq_directory
-        number = 1 + sum(1 for _ in directory.glob("capture_*.sigmf-data"))
+        earlier = sorted(directory.glob("capture_*.sigmf-data"))
+        # A receiver that was killed has left these: this one records the rest.
+        self._earlier = sum(file.stat().st_size for file in earlier) // BYTES_PER_SAMPLE
         self._recorder = IQRecorder(
-            directory / f"capture_{number}",
+            directory / f"capture_{len(earlier) + 1}",
             center_frequency_hz=flight.center_frequency_hz,
-            sample_rate_hz=band_rate_hz,
+            sample_rate_hz=self._rate_hz,
             minimum_free_mb=settings.recording.minimum_free_mb,
+            description="Raw capture of the receiver's band",
             hardware=settings.radio.kind,
         )
+        self._files = [*earlier, self._recorder.data_path]
+        self._wanted = max(0, round(self._capture_s * self._rate_hz) - self._earlier)
+        self._why = ""
+        if self._recorder.room_samples < self._wanted:
+            self._wanted = self._recorder.room_samples
+            self._why = "the disk is nearly full"
+            fits_s = (self._earlier + self._wanted) / self._rate_hz
+            frame.tell(4, f"Disk: {fits_s:.0f} of {self._capture_s:g} s fit, capture ends then")
 
     @property
     def status(self) -> str | None:
         """Word for the supervisor when it is over; None before."""
-        if self._taken < self._wanted:
+        if self._taken < self._wanted and self._recorder.trouble is None:
             return None
+        self._why = self._recorder.trouble or self._why
         self._recorder.close()
-        return "captured" if self._recorder.written_samples >= self._wanted else "not captured"
+        return "captured" if self.said() else "not captured"
+
+    def said(self) -> str:
+        """Say what was recorded, where, and why it is not all; empty for nothing."""
+        recorded = self._earlier + self._recorder.written_samples
+        if not recorded:
+            return ""
+        where = self._files[0] if len(self._files) == 1 else self._files[0].parent
+        parts = "" if len(self._files) == 1 else f", {len(self._files)} files"
+        why = f": {self._why}" if self._why else ""
+        seconds = recorded / self._rate_hz
+        return f"{seconds:.1f} of {self._capture_s:g} s in {where}{parts}{why}"
 
     def process(self, block: IQBlock) -> None:
         """Decimate and record; what is beyond the wanted length is left out."""
@@ -71,7 +95,7 @@ class Capture:
         self._lost += block.lost_before
         self._check.look(band)
         room = self._wanted - self._taken
-        if room <= 0 or not len(band.samples):
+        if self.status is not None or not len(band.samples):
             return
         samples = np.asarray(band.samples[:room])
         self._taken += len(samples)

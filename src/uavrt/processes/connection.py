@@ -48,6 +48,7 @@ from uavrt.messages import (
     LiveBearing,
     MotionOffer,
     Operation,
+    ProcessStatus,
     Pulse,
     PulsePose,
     Recorded,
@@ -236,6 +237,9 @@ class ConnectionProcess:
         """Handlers of what ground stations send, by its number inside a seal."""
         self._crowd = Crowd()
         self._state = SystemState.IDLE
+        self._processes: tuple[ProcessStatus, ...] = ()
+        self._stations: set[tuple[int, int]] = set()
+        """Ground stations that were present at the last tick."""
         self._status = GroundStatus(self._exchange, self._link.tunnel, tree.root, self._disk)
         self._status.radio_set(settings.radio)
         self._asked_on: dict[tuple[int, int], int] = {}
@@ -342,7 +346,7 @@ class ConnectionProcess:
             case StatusText():
                 self._send_text(record)
             case SystemStatus():
-                self._state = record.state
+                self._state, self._processes = record.state, record.processes
                 self._know_commander(record.commander)
                 detecting = record.state is SystemState.DETECTING and not record.ending
                 self._parameters.running(detecting)
@@ -380,6 +384,10 @@ class ConnectionProcess:
             if own_pose is not None:
                 self._link.component.tell_pose(own_pose, now_ns)
             self._status.tick(self._shown_state(), now_ns)
+            stations = self._link.stations_silent_s().keys()
+            newcomer = not stations <= self._stations
+            self._stations = set(stations)
+            self._status.faults(self._processes, now_ns, newcomer=newcomer)
             self._say_who_is_there()
         self._link.tunnel.wake()
         if self._disk.failure is not None:

@@ -7,19 +7,23 @@ so each kind has its own pace.
 import os
 import shutil
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from uavrt.config import RadioSettings
 from uavrt.mavlink import Disk, Peer, Priority, TextLimiter, TunnelSender, at_once
 from uavrt.mavlink.dialect import MavSeverity, OnboardComputerStatus
-from uavrt.messages import Beep, SearchReport, StatusText, SystemState, keep_beep
+from uavrt.messages import Beep, ProcessStatus, SearchReport, StatusText, SystemState, keep_beep
 from uavrt.tunnel import BEEP_TYPE, Exchange, encode_beep
 from uavrt.units import ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
 """250 bytes: 2 % of the slowest link."""
+FAULTS_NS = ns_from_s(2.0)
+AGAIN_NS = ns_from_s(30.0)
+"""Between two reports of a fault that lasts; 200 bytes, under 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Between two reports of the same tag; they share the link with its pulses."""
 ALIVE_NS = ns_from_s(3.0)
@@ -130,6 +134,24 @@ class GroundStatus:
         """Send a text for the operator, unless there are too many."""
         if self._limiter.allows(text.severity, text.text, now_ns):
             self._sender.send_text(text.severity, text.text)
+
+    def faults(
+        self, processes: Sequence[ProcessStatus], now_ns: int, *, newcomer: bool
+    ) -> None:
+        """Repeat why processes are not ok, for stations that did not get the first report.
+
+        `newcomer`: a station has just appeared, which gets it at once.
+        """
+        if not newcomer and not self._due("faults", FAULTS_NS, now_ns):
+            return
+        for one in processes:
+            words = one.reason
+            if words and not words.startswith(one.process):
+                words = f"{one.process}: {one.status} (reason {words})"
+            words = words[:200]
+            known = not newcomer and self._limiter.sent_within(words, AGAIN_NS, now_ns)
+            if words and not known:
+                self.text(StatusText(severity=MavSeverity.WARNING, text=words), now_ns)
 
     def tag_text(self, text: str, now_ns: int) -> bool:
         """Send a text about a tag; False when there were too many."""

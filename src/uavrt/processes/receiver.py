@@ -64,8 +64,6 @@ class Receiver:
         One for each worker; sockets of the assignment unless given.
     """
 
-    status: str | None = None
-    """It is never over by itself."""
     makes_channels = True
     """Then it keeps them, too."""
 
@@ -107,7 +105,7 @@ class Receiver:
         self._beeps = self._begin_beep_search()
         self._beeping: list[Beep] = []
         self._frame = frame
-        self._told = False
+        self._told = self._trouble_reported = False
         self._tell = frame.tell
         self.radio = assignment.settings.radio
         self.center_frequency_hz = flight.center_frequency_hz
@@ -178,6 +176,11 @@ class Receiver:
         self._check.look(band)
         if self._recorder is not None:
             self._recorder.put(band)
+            if self._recorder.trouble is not None and not self._trouble_reported:
+                self._trouble_reported = True
+                kept_s = self._recorder.written_samples / self._front_end.plan.band_rate_hz
+                words = f"Band no longer recorded: {self._recorder.trouble}"
+                self._tell(4, f"{words}. {kept_s:.0f} s are kept")
         if self._output is not None:
             self._output.process(band)
         self._pass_on(band)
@@ -297,28 +300,34 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
         receiver = kind(frame, flight) if flight.capture_s is None else Capture(frame, flight)
         if (several := unchosen(receiver.radio)) is not None:
             frame.tell(4, f"{several[0]}. {several[1]}")
-        last_failure_s, reason_told = -RETRY_WINDOW_S, ""
+        last_failure_s, last_reason = -RETRY_WINDOW_S, ""
         try:
             while frame.running:
                 try:
-                    receive(frame, receiver, flight)
+                    receive(frame, receiver, flight, last_reason)
                 except (UavrtError, EOFError) as error:
                     again = monotonic_s() - last_failure_s < RETRY_WINDOW_S
                     delay_s = receiver.radio.retry_s if again else 0.0
                     last_failure_s = monotonic_s()
                     receiver.forget()
                     reason = str(error) or "the stream ended"
-                    if reason != reason_told or delay_s == 0.0:
+                    if reason != last_reason or delay_s == 0.0:
                         log.warning("radio absent", reason=reason)
-                    reason_told = reason
-                    wait(frame, receiver, delay_s)
+                    last_reason = reason
+                    wait(frame, receiver, delay_s, reason)
         finally:
             receiver.close()
-        frame.report("stopped", counters=receiver.counters, last=True)
+        said = receiver.said() if isinstance(receiver, Capture) else ""
+        frame.report("stopped", counters=receiver.counters, last=True, reason=said)
 
 
-def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo) -> None:
-    """Pass samples on from one opened radio until it fails, is set again, or all is to end."""
+def receive(
+    frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInfo, last_reason: str
+) -> None:
+    """Pass samples on from one opened radio until it fails, is set again, or all is to end.
+
+    `last_reason` is why it failed before; it counts until samples arrive again.
+    """
     radio = receiver.radio
     source: SampleSource = open_radio(radio, flight.center_frequency_hz, clock=frame.clock)
     flowing = False
@@ -335,13 +344,25 @@ def receive(frame: ProcessFrame, receiver: Receiver | Capture, flight: FlightInf
                     frame.tell(5, "Radio gives samples again")
                 flowing = True
             take_settings(frame.receive(), receiver)
-            status = receiver.status or ("receiving" if flowing else "waiting for samples")
-            frame.report(status, counters=receiver.counters)
+            if not flowing:
+                _report(frame, receiver, "waiting for samples", last_reason)
+            elif (fault := getattr(source, "rate_fault", None)) is not None:
+                _report(frame, receiver, "receiving at another rate", fault)
+            else:
+                _report(frame, receiver, "receiving", "")
     finally:
         source.close()
     if frame.running:
         log.info("radio set anew", gain=receiver.radio.gain, bias_tee=receiver.radio.bias_tee)
         receiver.forget(failed=False)
+
+
+def _report(frame: ProcessFrame, receiver: Receiver | Capture, word: str, reason: str) -> None:
+    """Report the state of the radio; the reason is empty where all is well."""
+    if isinstance(receiver, Capture) and (over := receiver.status) is not None:
+        frame.report(over, counters=receiver.counters, reason=receiver.said())
+    else:
+        frame.report(word, ok=not reason, counters=receiver.counters, reason=reason)
 
 
 def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Capture) -> None:
@@ -356,13 +377,15 @@ def take_settings(records: Iterable[tuple[str, object]], receiver: Receiver | Ca
             receiver.radio = replace(record.radio, center_frequency_hz=frequency_hz)
 
 
-def wait(frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float) -> None:
+def wait(
+    frame: ProcessFrame, receiver: Receiver | Capture, delay_s: float, reason: str
+) -> None:
     """Stay alive until the next attempt."""
     end_s = monotonic_s() + delay_s
-    frame.report("radio absent", ok=False, counters=receiver.counters)
+    frame.report("radio absent", ok=False, counters=receiver.counters, reason=reason)
     while frame.running and monotonic_s() < end_s:
         take_settings(frame.receive(timeout_s=0.2), receiver)
-        frame.report("radio absent", ok=False, counters=receiver.counters)
+        frame.report("radio absent", ok=False, counters=receiver.counters, reason=reason)
 
 
 if __name__ == "__main__":

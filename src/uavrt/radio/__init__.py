@@ -16,13 +16,14 @@ if TYPE_CHECKING:
     from uavrt.radio.channel_output import ChannelOutput
     from uavrt.radio.channel_sender import ChannelDatagramSender
     from uavrt.radio.channel_source import ChannelDatagramSource, FrameOrder
+    from uavrt.radio.checking import check_device
     from uavrt.radio.devices import unchosen, usb_radios
     from uavrt.radio.formats import CF32, CI8, CS16, CU8, FORMATS, SampleFormat, sample_format
     from uavrt.radio.joined import JoinedRecording
     from uavrt.radio.losses import most_lost
     from uavrt.radio.opening import open_channel, open_radio, open_recording, open_stream
     from uavrt.radio.placing import HOLD_S, Placer
-    from uavrt.radio.program import ProgramSource, check_device
+    from uavrt.radio.program import ProgramSource
     from uavrt.radio.programs import PROGRAMS, receive_command
     from uavrt.radio.recording import Layout, RecordingSource, Segment
     from uavrt.radio.sanity import SampleCheck
@@ -113,7 +114,7 @@ __getattr__ = lazily(
         "TimeKeeper": "times",
         "block_length": "stream",
         "channel_port": "channel_datagram",
-        "check_device": "program",
+        "check_device": "checking",
         "unchosen": "devices",
         "usb_radios": "devices",
         "decode_channel_datagram": "channel_datagram",

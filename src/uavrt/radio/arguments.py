@@ -1,6 +1,6 @@
 """What the arguments of several radios' programs have in common."""
 
-from uavrt.config import RadioSettings
+from uavrt.config import RADIOS, RadioSettings
 
 
 def corrected(settings: RadioSettings, frequency_hz: float) -> float:
@@ -22,5 +22,8 @@ def rate(settings: RadioSettings) -> str:
 
 
 def serial(option: str, settings: RadioSettings) -> tuple[str, ...]:
-    """Choose one of several devices."""
-    return (option, settings.serial) if settings.serial else ()
+    """Choose one of several devices; Airspy's programs refuse a number without its prefix."""
+    if not settings.serial:
+        return ()
+    prefix = RADIOS[settings.kind].serial_prefix
+    return (option, prefix + settings.serial.removeprefix(prefix))

@@ -7,6 +7,11 @@ from uavrt.radio.placing import Placer
 
 _MEGAHERTZ = (20.0, 10e3)
 """No radio is tuned there in hertz, but all are in megahertz."""
+RADIO_RATE_REMEDY = (
+    "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a rate "
+    "that the radio takes"
+)
+"""A radio at another rate, or one whose cable or computer loses samples without a pause."""
 
 
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
@@ -56,6 +61,8 @@ class LiveSource:
 
     MAY_BE_SLOW: ClassVar[bool] = False
     """What writes may be slower than real time: then a shortfall is no loss."""
+    RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
+    """What to do about samples that arrive at another rate."""
 
     def __init__(
         self,
@@ -73,6 +80,7 @@ class LiveSource:
             start_time_ns=start_time_ns,
             start_moves=start_moves,
             may_be_slow=self.MAY_BE_SLOW,
+            rate_remedy=self.RATE_REMEDY,
         )
 
     @property
@@ -92,6 +100,11 @@ class LiveSource:
         None: they show it.
         """
         return self._placer.unseen
+
+    @property
+    def rate_fault(self) -> str | None:
+        """The rate at which samples arrive, with the remedy, if it is not the one asked for."""
+        return self._placer.rate_fault
 
     @property
     def sample_rate_hz(self) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
+from uavrt.radio.arrival_rate import ArrivalRate
 from uavrt.radio.losses import HALVED_S
 from uavrt.radio.times import NominalTimes, TimeKeeper
 
@@ -51,6 +52,8 @@ class Placer:
         those who listen need times without a step from the first block on.
     may_be_slow : bool
         The writer may be slower than real time; a radio never is.
+    rate_remedy : str
+        What to do about samples that arrive at another rate.
     """
 
     def __init__(
@@ -60,6 +63,7 @@ class Placer:
         start_time_ns: int | None = None,
         start_moves: bool = True,
         may_be_slow: bool = False,
+        rate_remedy: str = "",
     ) -> None:
         self._start_moves = start_moves
         self.index = 0
@@ -68,6 +72,9 @@ class Placer:
         self.unsure = 0
         """Of the lost, so many may as well be a crystal far off its rate."""
         self._rate_hz = sample_rate_hz
+        self._arrival_rate = ArrivalRate(sample_rate_hz)
+        self._may_be_slow, self._rate_remedy = may_be_slow, rate_remedy
+        self._rate_reported: str | None = None
         self._keeper = TimeKeeper(sample_rate_hz, may_be_slow=may_be_slow)
         self._nominal = (
             None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
@@ -94,6 +101,20 @@ class Placer:
         """Why arrivals are not used for times and losses; None: they are used."""
         return self._keeper.unseen if self._nominal is None else "--start-time was given"
 
+    @property
+    def rate_fault(self) -> str | None:
+        """The rate at which samples arrive, with the remedy, if it is not the one asked for.
+
+        A recording that is piped faster than three times real time is no fault.
+        """
+        wrong_hz = self._arrival_rate.wrong_hz
+        if wrong_hz is None or (self._may_be_slow and wrong_hz > 3.0 * self._rate_hz):
+            return None
+        return (
+            f"{float(f'{wrong_hz:.3g}'):.0f} samples a second arrive, not {self._rate_hz:.0f}. "
+            f"{self._rate_remedy}"
+        )
+
     def begin(self, now_ns: int) -> None:
         """Note when samples were first waited for."""
         if self._last is None:
@@ -111,6 +132,7 @@ class Placer:
         full : bool
             The sender is waiting for us: it tells nothing of the radio.
         """
+        self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
             return
         if full and self.index > 2.0 * self._rate_hz:
@@ -171,6 +193,9 @@ class Placer:
             self._log(lost)
         else:
             unsure = 0
+        if (fault := self.rate_fault) is not None and fault != self._rate_reported:
+            log.warning(fault)
+        self._rate_reported = fault
         times = self._nominal or self._keeper
         block = IQBlock(
             samples=samples,

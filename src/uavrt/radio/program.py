@@ -8,23 +8,19 @@ import signal
 import subprocess
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config import RadioRow, RadioSettings
-from uavrt.errors import RadioAmbiguous, RadioMissing, RadioStalled
+from uavrt.errors import RadioError, RadioMissing, RadioStalled
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
-from uavrt.radio.devices import unchosen
+from uavrt.radio.answers import cause_of, exit_error, serial_error, stalled
 from uavrt.radio.formats import sample_format
-from uavrt.radio.programs import (
-    PROGRAMS,
-    commands_before,
-    exit_error,
-    receive_command,
-    says_absent,
-)
+from uavrt.radio.live_source import RADIO_RATE_REMEDY
+from uavrt.radio.programs import PROGRAMS, commands_before, receive_command
 from uavrt.radio.stream import StreamSource
 
 _STARTUP_S: Final = 10.0
@@ -34,15 +30,17 @@ _STALL_S: Final = 1.0
 _TERMINATE_S: Final = 2.0
 """From SIGTERM to SIGKILL: airspy_rx stops in 0.1 s, if its USB transfers end."""
 _FIRST_LINES: Final = 4
-"""First lines of stderr that are kept: they hold the cause; a long usage text may follow."""
+"""First lines of stderr that are kept; a long usage text may follow."""
 _LINES: Final = 8
-_PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C")
-"""Lines that some programs write every second, and that say nothing."""
+_PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
+"""Lines that say nothing; some programs write them every second."""
 
 _LOST: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
 """A program that knows what it lost says it so; the others' losses the arrivals show."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
 """hackrf_transfer -B: how often the board's buffer was full since the start; not how long."""
+_RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
+"""A sample rate as airspy_info and airspyhf_info list it."""
 
 log = get_logger()
 
@@ -71,6 +69,7 @@ class ProgramSource(StreamSource):
 
     MAY_BE_SLOW = False
     """A radio keeps its rate: an even shortfall is lost samples, and times follow arrivals."""
+    RATE_REMEDY = RADIO_RATE_REMEDY
 
     def __init__(
         self,
@@ -90,6 +89,8 @@ class ProgramSource(StreamSource):
         self._first: list[str] = []
         self._lines: deque[str] = deque(maxlen=_LINES)
         self._line = b""
+        self._said = ""
+        """Line that was logged last: one that is repeated for ever would fill the disk."""
         self._lost = 0
         self.overruns = 0
         """Times that the radio's own buffer was full, where its program tells."""
@@ -168,11 +169,7 @@ class ProgramSource(StreamSource):
         allowed_s = self._startup_s if self._placer.index + self._filled == 0 else self._stall_s
         until_stall_s = self._last_byte_s + allowed_s - monotonic_s()
         if until_stall_s < 0.0:
-            raise RadioStalled(
-                f"{self._program.title}: {self.name} is running but has given no samples for "
-                f"{allowed_s:.0f} s{self._tail()}",
-                remedy="Unplug the radio and plug it in again; try another cable or port",
-            )
+            raise stalled(self._program.title)
         patience_s = until_stall_s if timeout_s is None else min(timeout_s, until_stall_s)
         ready = False
         for descriptor, _ in self._poll.poll(patience_s * 1000.0 + 1.0):
@@ -200,7 +197,8 @@ class ProgramSource(StreamSource):
         for raw in lines:
             line = raw.decode("utf-8", "replace").strip()
             self._note_overruns(line)
-            if line and not any(words in line for words in _PROGRESS):
+            if line and line != self._said and not any(words in line for words in _PROGRESS):
+                self._said = line
                 self._say(line)
                 if found := _LOST.search(line):
                     self._lost += int(found[1])
@@ -240,57 +238,31 @@ class ProgramSource(StreamSource):
         said = (
             f"was killed by {_signal_name(-code)}" if code < 0 else f"ended with status {code}"
         )
-        raise exit_error(self._settings, code, said, " | ".join(self.last_lines))
+        raise self._error(code, said, " | ".join(self.last_lines))
+
+    def _error(self, code: int, said: str, words: str) -> RadioError:
+        return exit_error(self._settings, code, said, words, own_rates=self._own_rates)
+
+    def _own_rates(self) -> str:
+        """List the rates that the information program prints of the device."""
+        if not self._program.inform or self._settings.program:
+            return ""
+        said = ""
+        with suppress(RadioError):
+            said = _run(self._program.inform, self._program.package).stdout
+        rates = (float(n) * (1e6 if u == "MSPS" else 1e3) for n, u in _RATE.findall(said))
+        return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
     def _say(self, line: str) -> None:
-        (self._lines if len(self._first) == _FIRST_LINES else self._first).append(line)
-
-    def _tail(self) -> str:
-        return f" ({' | '.join(self.last_lines)})" if self._first else ""
+        """Keep a line: the first ones, those that name a cause, and the last ones."""
+        most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
+        (self._first if len(self._first) < most else self._lines).append(line)
 
     def _run_before(self, command: Sequence[str]) -> None:
         finished = _run(command, self._program.package)
         if finished.returncode:
             said = f"{finished.stdout}\n{finished.stderr}".strip().replace("\n", " | ")
-            raise exit_error(self._settings, finished.returncode, f"{command[0]} failed", said)
-
-
-def check_device(settings: RadioSettings) -> str:
-    """Ask the radio's information program whether the device is there.
-
-    Parameters
-    ----------
-    settings : RadioSettings
-        Which radio. With `program` set there is nothing to ask, and nothing is.
-
-    Returns
-    -------
-    str
-        What the information program says.
-
-    Raises
-    ------
-    RadioMissing
-        No such program, or no such device.
-    RadioAmbiguous
-        Several, and the settings choose none.
-    """
-    if settings.program or settings.kind not in PROGRAMS:
-        return ""
-    program = PROGRAMS[settings.kind]
-    finished = _run(program.inform, program.package)
-    said = f"{finished.stdout}\n{finished.stderr}".strip()
-    # airspy_info ends with status 0 also when there is no radio, so its words count.
-    if finished.returncode or says_absent(said):
-        raise exit_error(
-            settings,
-            finished.returncode,
-            f"({program.inform[0]}) finds no usable device",
-            said.replace("\n", " | "),
-        )
-    if (several := unchosen(settings)) is not None:
-        raise RadioAmbiguous(several[0], remedy=several[1])
-    return said
+            raise self._error(finished.returncode, f"{command[0]} failed", said)
 
 
 def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[str]:
@@ -332,10 +304,7 @@ def _by_place(settings: RadioSettings) -> RadioSettings:
     if wanted in places:
         return replace(settings, serial=places[wanted])
     if places and (wanted != str(int(wanted)) or int(wanted) >= _MOST_PLACES):
-        raise RadioMissing(
-            f"no {program.title} has the serial number {wanted}",
-            remedy=f"Set [radio] serial to one of {', '.join(sorted(places))}",
-        )
+        raise serial_error(settings, sorted(places))
     return settings
 
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config import RadioSettings
-from uavrt.errors import RadioMissing, RadioStalled, RadioStopped
+from uavrt.errors import RadioError, RadioMissing
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
-from uavrt.radio.live_source import LiveSource
+from uavrt.radio.answers import exit_error, stalled
+from uavrt.radio.live_source import RADIO_RATE_REMEDY, LiveSource
 from uavrt.radio.stream import block_length
 from uavrt.units import ns_from_s
 
@@ -27,6 +28,10 @@ _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
 """Times of drivers are rounded to their own ticks; a gap is longer."""
+_SAME: Final = 1e-4
+"""Share by which a device's sample rate may differ from the one asked for: its divider."""
+_SAME_HZ: Final = 1000.0
+"""Difference of frequencies by which a device may round."""
 
 log = get_logger()
 
@@ -47,7 +52,11 @@ class SoapySource(LiveSource):
     ------
     RadioMissing
         No SoapySDR module, or no such device.
+    RadioStopped
+        The device does not take the sample rate or the frequency.
     """
+
+    RATE_REMEDY = RADIO_RATE_REMEDY
 
     def __init__(
         self,
@@ -74,22 +83,45 @@ class SoapySource(LiveSource):
         self._samples = np.zeros(block_length(self._rate_hz), np.complex64)
         self._filled = self._given = 0
         self._last_s = monotonic_s()
+        self._settings = settings
+        self._stream: Any = None
         try:
             self._device = soapy.Device(_device_arguments(settings))
-            self._device.setSampleRate(_RX, 0, self._rate_hz)
-            ppm = settings.frequency_correction_ppm
-            self._device.setFrequency(_RX, 0, center_frequency_hz / (1.0 + ppm * 1e-6))
-            if settings.gain is not None:
-                self._device.setGain(_RX, 0, float(settings.gain))
-            if settings.bias_tee:
-                self._device.writeSetting("biastee", "true")
+            self._set(center_frequency_hz)
             self._stream = self._device.setupStream(_RX, "CF32")
             self._device.activateStream(self._stream)
         except RuntimeError as error:
-            raise RadioMissing(
-                f"SoapySDR cannot open the radio: {error}",
-                remedy="See what is there: SoapySDRUtil --find",
-            ) from error
+            raise self._error(str(error)) from error
+
+    def _set(self, center_frequency_hz: float) -> None:
+        """Set the device, and check what it took: drivers choose the nearest that they have."""
+        device, settings = self._device, self._settings
+        device.setSampleRate(_RX, 0, self._rate_hz)
+        if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:
+            raise self._error("sample rate")
+        asked_hz = center_frequency_hz / (1.0 + settings.frequency_correction_ppm * 1e-6)
+        device.setFrequency(_RX, 0, asked_hz)
+        if abs(device.getFrequency(_RX, 0) - asked_hz) > _SAME_HZ:
+            raise self._error("frequency")
+        if device.hasGainMode(_RX, 0):
+            device.setGainMode(_RX, 0, False)  # automatic gain would follow the pulses
+        if settings.gain is not None:
+            device.setGain(_RX, 0, float(settings.gain))
+        # Also to switch it off: it stays on from an earlier flight.
+        if settings.bias_tee or "biastee" in [one.key for one in device.getSettingInfo()]:
+            device.writeSetting("biastee", "true" if settings.bias_tee else "false")
+
+    def _error(self, words: str) -> RadioError:
+        return exit_error(self._settings, 0, "failed", words, own_rates=self._own_rates)
+
+    def _own_rates(self) -> str:
+        """List the rates that the device takes."""
+        ranges = self._device.getSampleRateRange(_RX, 0)
+        return " or ".join(
+            f"{one.minimum():.0f}"
+            + (f" to {one.maximum():.0f}" if one.maximum() > one.minimum() else "")
+            for one in ranges
+        )
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`."""
@@ -102,9 +134,7 @@ class SoapySource(LiveSource):
             if deadline_s is not None and now_s > deadline_s:
                 return None
             if now_s - self._last_s > self._stall_s:
-                raise RadioStalled(
-                    "SoapySDR gives no samples", remedy="Unplug the radio and plug it in again"
-                )
+                raise stalled("SoapySDR")
             left_s = _SLICE_S if deadline_s is None else min(_SLICE_S, deadline_s - now_s)
             self._read_some(max(left_s, 0.0))
         return self._block()
@@ -130,12 +160,9 @@ class SoapySource(LiveSource):
             # How many are missing its times or the arrivals will show; drivers do not say it.
             self.overflows += 1
             self._placer.expect_losses()
-            log.warning("radio overflow", count=self.overflows)
+            log.seldom(self.overflows, "radio overflow")
         elif result.ret not in (0, _TIMEOUT):
-            raise RadioStopped(
-                f"SoapySDR's stream failed with error {result.ret}",
-                remedy="Check the radio's cable and power",
-            )
+            raise self._error(f"the stream failed with error {result.ret}")
 
     def _look_for_gap(self, result: Any) -> None:
         """Compare the radio's own time of these samples with that of those before, if told."""

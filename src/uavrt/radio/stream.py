@@ -68,6 +68,7 @@ class StreamSource(LiveSource):
     """
 
     MAY_BE_SLOW = True
+    RATE_REMEDY = "Check --sample-rate, and what slows the program before the pipe down"
 
     def __init__(
         self,

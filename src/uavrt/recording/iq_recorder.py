@@ -36,8 +36,8 @@ class IQRecorder:
         Of the blocks that will come [Hz].
     minimum_free_mb : float
         Nothing is written while the disk has less free space [MB].
-    hardware : str
-        The radio, for the metadata.
+    description, hardware : str
+        What is recorded, and the radio, for the metadata.
 
     Raises
     ------
@@ -52,6 +52,7 @@ class IQRecorder:
         sample_rate_hz: float,
         center_frequency_hz: float,
         minimum_free_mb: float = 500.0,
+        description: str = "Band of the receiver, recorded during detection",
         hardware: str = "",
     ) -> None:
         self._most_waiting = max(int(QUEUE_S * sample_rate_hz), 1)
@@ -70,7 +71,7 @@ class IQRecorder:
                 base,
                 sample_rate_hz=sample_rate_hz,
                 center_frequency_hz=center_frequency_hz,
-                description="Band of the receiver, recorded during detection",
+                description=description,
                 hardware=hardware,
                 settled_after_s=SETTLED_AFTER_S,
             )
@@ -96,6 +97,11 @@ class IQRecorder:
     def metadata_path(self) -> Path:
         """The file that describes them."""
         return self._file.metadata_path
+
+    @property
+    def room_samples(self) -> int:
+        """Samples that fit on the disk now."""
+        return self._space.room_bytes() // self._file.bytes_per_sample
 
     @property
     def written_samples(self) -> int:

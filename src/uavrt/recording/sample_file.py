@@ -237,9 +237,13 @@ class FreeSpace:
         now_s = monotonic_s()
         if now_s - self._checked_s >= _FREE_SPACE_PERIOD_S:
             self._checked_s = now_s
-            try:
-                status = os.statvfs(self._directory)
-            except OSError:
-                return False
-            self._free = status.f_bavail * status.f_frsize >= self._minimum_free_bytes
+            self._free = self.room_bytes() > 0
         return self._free
+
+    def room_bytes(self) -> int:
+        """Measure what may still be written; nothing where it cannot be measured."""
+        try:
+            status = os.statvfs(self._directory)
+        except OSError:
+            return 0
+        return max(0, int(status.f_bavail * status.f_frsize - self._minimum_free_bytes))

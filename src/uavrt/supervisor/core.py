@@ -262,7 +262,7 @@ class Supervisor:
                 (i for i in self._fleet.instances if i.row.name == "receiver"), None
             )
             health = None if receiver is None else receiver.health
-            text = "starting" if health is None else health.status
+            text = "starting" if health is None else health.reason or health.status
             found = health is not None and health.ok
         else:
             # Asked again meanwhile, it is the same answer: two programs cannot have the radio.

@@ -18,36 +18,45 @@ from uavrt.supervisor.mission import radio_check
 from uavrt.supervisor.mission.radio_check import RadioQuestion
 from uavrt.supervisor.tree.usage import descendants_of, is_alive
 
+SETTINGS = RadioSettings(kind="airspyhf", sample_rate_hz=768e3)
+PACED = """
+import os, sys, time
+begun, sent = time.monotonic(), 0
+while True:
+    sent += os.write(1, bytes([0, 0, 0, 60] * 2 * 8192)) // 8
+    time.sleep(max(0.0, begun + sent / 768e3 - time.monotonic()))
+"""
+WORKS = "Airspy HF+: 768000 samples a second arrive"
 
-def test_a_radio_that_answers_is_there_and_one_without_its_program_is_not(
+
+def install(program: Path, body: str) -> None:
+    program.write_text(body)
+    program.chmod(0o755)
+
+
+def test_a_radio_that_sends_samples_is_there_and_one_without_its_program_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    program = tmp_path / "airspyhf_info"
     monkeypatch.setenv("PATH", str(tmp_path))
-    question = RadioSettings(kind="airspyhf")
-    found, text = RadioQuestion(question).answer()
+    found, text = RadioQuestion(SETTINGS).answer()
     assert not found
-    assert "airspyhf_info" in text
-    program.write_text("#!/bin/sh\necho 'AirSpy HF+ S/N: 0x1234'\n")
-    program.chmod(0o755)
-    assert RadioQuestion(question).answer() == (True, "AirSpy HF+ S/N: 0x1234")
+    assert "airspyhf_rx is not installed" in text
+    install(tmp_path / "airspyhf_rx", f"#!{sys.executable}\n{PACED}")
+    assert RadioQuestion(SETTINGS).answer() == (True, WORKS)
 
 
-def test_a_radio_without_such_a_program_is_not_said_to_be_there() -> None:
+def test_soapy_without_its_module_is_not_said_to_be_there() -> None:
     found, text = RadioQuestion(RadioSettings(kind="soapy")).answer()
-    assert found
-    assert text == "soapy: shows itself only in a flight"
+    assert (found, "python3-soapysdr" in text) == (False, True)
 
 
 def test_a_radio_program_that_hangs_is_ended_with_the_question(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    program = tmp_path / "airspyhf_info"
-    program.write_text("#!/bin/sh\nexec sleep 600\n")
-    program.chmod(0o755)
+    install(tmp_path / "airspyhf_rx", "#!/bin/sh\nexec sleep 600\n")
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    monkeypatch.setattr(radio_check, "TIMEOUT_S", 5.0)
-    question = RadioQuestion(RadioSettings(kind="airspyhf"))
+    monkeypatch.setattr(radio_check, "TIMEOUT_S", 3.0)
+    question = RadioQuestion(SETTINGS)
     deadline_s = time.monotonic() + 30.0
     while not (started := descendants_of(question.pid)):
         assert time.monotonic() < deadline_s
@@ -59,13 +68,11 @@ def test_a_radio_program_that_hangs_is_ended_with_the_question(
 
 
 def test_a_radio_program_that_hangs_dies_with_a_killed_supervisor(tmp_path: Path) -> None:
-    program = tmp_path / "airspyhf_info"
-    program.write_text(f"#!/bin/sh\necho x > {tmp_path}/asked\nexec sleep 600\n")
-    program.chmod(0o755)
+    install(tmp_path / "airspyhf_rx", f"#!/bin/sh\necho x > {tmp_path}/asked\nexec sleep 600\n")
     asking = (
         "from uavrt.config.settings import RadioSettings\n"
         "from uavrt.supervisor.mission.radio_check import RadioQuestion\n"
-        "RadioQuestion(RadioSettings(kind='airspyhf')).answer()"
+        "RadioQuestion(RadioSettings(kind='airspyhf', sample_rate_hz=768e3)).answer()"
     )
     path = f"{tmp_path}:{os.environ['PATH']}"
     supervisor = subprocess.Popen([sys.executable, "-c", asking], env={"PATH": path})
@@ -86,22 +93,20 @@ async def test_the_operator_asks_twice_and_the_radio_is_asked_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = tmp_path / "asked"
-    program = tmp_path / "airspyhf_info"
-    program.write_text(f"#!/bin/sh\necho x >> {asked}\necho 'AirSpy HF+ S/N: 0x1234'\n")
-    program.chmod(0o755)
+    body = PACED.replace("begun", f"open({str(asked)!r}, 'a').write('x')\nbegun", 1)
+    install(tmp_path / "airspyhf_rx", f"#!{sys.executable}\n{body}")
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     records: list[bytes] = []
     settings = Settings(
-        radio=RadioSettings(kind="airspyhf"),
+        radio=SETTINGS,
         recording=RecordingSettings(directory=str(tmp_path)),
     )
     supervisor = Supervisor(settings, on_record=records.append)
     questions = [Command(name="radio_status", request_id=n, source="page") for n in (1, 2)]
     await asyncio.gather(*map(supervisor._answer_radio_status, questions))
     replies = [decode_record(line.strip())[1] for line in records]
-    text = "AirSpy HF+ S/N: 0x1234"
     assert replies == [
-        CommandReply(request_id=n, name="radio_status", accepted=True, message=text)
+        CommandReply(request_id=n, name="radio_status", accepted=True, message=WORKS)
         for n in (1, 2)
     ]
-    assert asked.read_text() == "x\n"
+    assert asked.read_text() == "x"

@@ -152,6 +152,7 @@ ASKED_OF = [
     *("uavrt.guidance.area_text", "uavrt.guidance.way_text"),
     *("uavrt.mavlink.address", "uavrt.mavlink.stream", "uavrt.mavlink.udp"),
     *("uavrt.radio.program", "uavrt.radio.programs", "uavrt.radio.soapy"),
+    *("uavrt.radio.answers", "uavrt.radio.checking"),
     "uavrt.radio.udp_address",
 ]
 RAISED = {

@@ -6,8 +6,8 @@ import pytest
 
 from uavrt.config import RADIOS, RadioSettings
 from uavrt.errors import RadioError, RadioMissing, RadioStopped
-from uavrt.radio import devices
-from uavrt.radio.programs import exit_error
+from uavrt.radio import answers, devices
+from uavrt.radio.answers import exit_error
 
 NOT_FOUND = {
     "airspy": "airspy_open_sn() failed: AIRSPY_ERROR_NOT_FOUND (-5)",
@@ -41,7 +41,7 @@ def test_a_rate_that_the_radio_refuses_is_answered_with_those_that_it_takes(
 
 def test_a_frequency_that_the_radio_does_not_receive_is_named() -> None:
     words = "argument error: frequency 40000000 Hz out of range | airspyhf_rx | Usage:"
-    assert "center_frequency_hz" in (cause("airspyhf", words).remedy or "")
+    assert "0.009 to 31 or 60 to 260 MHz" in (cause("airspyhf", words).remedy or "")
     assert "cable" in (cause("rtlsdr", "Library error -5, exiting...", 5).remedy or "")
 
 
@@ -50,7 +50,8 @@ def test_absent_forbidden_busy_and_another_one_have_each_their_remedy(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The libraries report "not found" for all four."""
-    monkeypatch.setattr(devices, "SYSFS_USB", tmp_path / "sys")
+    for module in (answers, devices):
+        monkeypatch.setattr(module, "SYSFS_USB", tmp_path / "sys")
     monkeypatch.setattr(devices, "NODES", tmp_path / "dev")
 
     def remedy(serial: str | None = None) -> str:

@@ -32,7 +32,9 @@ class Device:
         self.lose_at = None
 
     def __getattr__(self, name):
-        return lambda *arguments: calls.append((name, *arguments)) or "stream"
+        answers = {"getSampleRate": 250e3, "getFrequency": 148.7e6, "getSettingInfo": []}
+        answer = answers.get(name, "stream")
+        return lambda *arguments: calls.append((name, *arguments)) or answer
 
     def readStream(self, stream, buffers, count, timeoutUs):
         if self.answers:
@@ -78,6 +80,7 @@ def test_a_soapy_radio_is_set_up_read_and_given_back() -> None:
     assert ("setSampleRate", 1, 0, 250e3) in calls
     assert ("setFrequency", 1, 0, 148.7e6) in calls
     assert ("setGain", 1, 0, 30.0) in calls
+    assert ("setGainMode", 1, 0, False) in calls
     assert [call[0] for call in calls].count("closeStream") == 1
 
 
@@ -107,7 +110,7 @@ def test_the_radios_own_times_give_a_gap_exactly_and_in_its_place() -> None:
 
 @pytest.mark.usefixtures("soapy")
 def test_a_soapy_device_that_is_not_there_is_missing() -> None:
-    with pytest.raises(RadioMissing, match="SoapySDRUtil"):
+    with pytest.raises(RadioMissing, match="no radio is plugged in"):
         open_radio(RadioSettings(kind="soapy", serial="absent=1"), 148e6)
 
 

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import made
@@ -238,7 +239,7 @@ def test_a_start_is_complete_when_samples_flow() -> None:
 @pytest.mark.parametrize(
     ("word", "state", "text"),
     [
-        ("captured", "complete", "Raw capture in flight_log_x"),
+        ("captured", "complete", "Raw capture: 5.0 of 8 s in x: the disk is nearly full"),
         ("not captured", "failed", "Raw capture failed: the samples were not recorded"),
     ],
 )
@@ -248,7 +249,8 @@ def test_a_capture_ends_as_the_receiver_says(word: str, state: str, text: str) -
     progress.started(flight(8.0))
     progress.heard(health("receiving"))
     assert not progress.capture_over()
-    progress.heard(health(word))
+    said = "5.0 of 8 s in x: the disk is nearly full" if word == "captured" else ""
+    progress.heard(replace(health(word), reason=said))
     assert progress.capture_over()
     assert progress.ended("flight_log_x") == text
     assert (steps[-1].name, steps[-1].state) == ("raw_capture", state)

@@ -20,6 +20,7 @@ from uavrt.config import (
     run_wanted,
     same_codes,
     tags_with_overrides,
+    tuned_frequency,
     warnings_of_band,
     with_parameter,
 )
@@ -144,6 +145,8 @@ class Mission:
         flight = saved.flight
         same_boot = saved.boot_id == boot_id()
         self.last_flights.extend(d for d in saved.last_flights if same_boot or _recent(d))
+        if saved.state is SystemState.CAPTURING and flight is not None:
+            self._continue_capture(flight, saved.clock_offset_ns if same_boot else None)
         if saved.state is SystemState.DETECTING and flight is not None:
             if same_boot:
                 self.clock = Clock(saved.clock_offset_ns)
@@ -163,6 +166,16 @@ class Mission:
         self.flight, self.state = flight, SystemState.DETECTING
         self._on_start(flight)
         self._tell(4, f"Supervisor restarted: detecting {len(self.tags)} tags again")
+
+    def _continue_capture(self, flight: FlightInfo, clock_offset_ns: int | None) -> None:
+        """Record the rest of a raw capture; without a clock offset keep what there is."""
+        if clock_offset_ns is None or not Path(flight.directory).is_dir():
+            self._tell(4, f"Raw capture ended by a restart: kept in {flight.directory}")
+            return
+        self.clock = Clock(clock_offset_ns)
+        self.flight, self.state = flight, SystemState.CAPTURING
+        self._on_start(flight)
+        self._tell(4, "Supervisor restarted: recording the rest of the capture")
 
     def _try_new_flight(self, center_frequency_hz: float) -> None:
         try:
@@ -449,6 +462,7 @@ class Mission:
         if center_hz is None or not plain or len(tags) > UNMEASURED_TAGS:
             tuning = self._ask_tuner(self._question(tags, center_hz))
             center_hz, warnings = tuning.center_frequency_hz, warnings + tuning.warnings
+        center_hz = tuned_frequency(radio, center_hz)
         self.clock = Clock.start()
         self.flight = new_flight(
             self.settings,
@@ -489,6 +503,7 @@ class Mission:
         if center_hz is None:
             question = self._question(tuple(self.tags.values()), None)
             center_hz = self._ask_tuner(question).center_frequency_hz
+        center_hz = tuned_frequency(radio, center_hz)
         with suppress(OSError):
             free_mb = shutil.disk_usage(recording.directory).free / 1e6
             if free_mb < recording.minimum_free_mb:

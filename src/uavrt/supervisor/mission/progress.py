@@ -29,11 +29,12 @@ class FlightProgress:
         self._capture_s: float | None = None
         self._deadline_s = float("inf")
         self._over = False
-        self._fault = ""
+        self._fault = self._recorded = ""
 
     def started(self, flight: FlightInfo) -> None:
         """A flight or a capture has begun."""
-        self._capture_s, self._over, self._fault = flight.capture_s, False, ""
+        self._capture_s, self._over = flight.capture_s, False
+        self._fault = self._recorded = ""
         self._name = "start_detection" if flight.capture_s is None else "raw_capture"
         self._deadline_s = float("inf")
         if flight.capture_s is not None:
@@ -42,7 +43,11 @@ class FlightProgress:
 
     def heard(self, health: Health) -> None:
         """Take the health of a process."""
-        if not health.process.startswith("receiver") or self._over:
+        if not health.process.startswith("receiver"):
+            return
+        if self._capture_s is not None and health.ok:
+            self._recorded = health.reason or self._recorded
+        if self._over:
             return
         if self._name == "start_detection" and health.status == "receiving":
             self._say("complete", "samples flow")
@@ -68,13 +73,15 @@ class FlightProgress:
     def ended(self, directory: str) -> str:
         """The flight is closed; return the text for the operator."""
         captured = self._capture_s is not None
-        if captured and self._fault:
+        failed = captured and bool(self._fault) and not self._recorded
+        if failed:
             text = f"Raw capture failed: {self._fault}"
         elif captured:
-            text = f"Raw capture in {directory}"
+            text = f"Raw capture: {self._recorded or directory}"
+            text += f": {self._fault}" if self._fault else ""
         else:
             text = "Detection stopped"
-        self._say("failed" if captured and self._fault else "complete", text)
+        self._say("failed" if failed else "complete", text)
         self._name = self._capture_s = None
         self._deadline_s = float("inf")
         return text

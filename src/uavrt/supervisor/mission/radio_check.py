@@ -1,7 +1,7 @@
 """Is the radio there? ``python -m uavrt.supervisor.mission.radio_check``, a short-lived
 process.
 
-The module of the radios needs NumPy, and the radio's information program may hang.
+The module of the radios needs NumPy, and the radio's program may hang.
 """
 
 import json
@@ -17,8 +17,8 @@ from uavrt.config import RadioSettings
 from uavrt.errors import UavrtError
 from uavrt.ipc import PARENT_VARIABLE, die_with_parent
 
-TIMEOUT_S = 6.0
-"""The ground station waits 8 s for an answer; radios give theirs within a second or two."""
+TIMEOUT_S = 7.5
+"""The ground station waits 8 s for an answer; a radio that works gives it within four."""
 
 
 class RadioQuestion:
@@ -50,7 +50,7 @@ class RadioQuestion:
         return self._process.pid
 
     def answer(self) -> tuple[bool, str]:
-        """Get whether the radio is there, and what to say of it; takes up to six seconds."""
+        """Get whether the radio is there, and what to say of it; takes some seconds."""
         try:
             output, _ = self._process.communicate(timeout=TIMEOUT_S)
             answer = json.loads(output)
@@ -73,9 +73,7 @@ def main() -> None:
     die_with_parent()
     settings = msgspec.json.decode(sys.argv[1], type=RadioSettings)
     try:
-        said = check_device(settings)
-        text = f"{settings.kind}: shows itself only in a flight"
-        answer = {"found": True, "text": said.splitlines()[0] if said else text}
+        answer = {"found": True, "text": check_device(settings)}
     except UavrtError as error:
         answer = {"found": False, "text": str(error)}
     sys.stdout.write(json.dumps(answer))

@@ -72,7 +72,7 @@ class Instance:
             cpu_s=self.cpu_s_before + (child.cpu_s if child is not None else 0.0),
             memory_mb=self.memory_mb,
             counters=health.counters if health else {},
-            reason="" if ok else self.last_words,
+            reason="" if ok else (health.reason if health else "") or self.last_words,
             tag_ids=self.tag_ids,
         )
 

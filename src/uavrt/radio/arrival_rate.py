@@ -1,0 +1,75 @@
+"""Compares the rate at which samples arrive with the one that was asked for. Pure.
+
+A radio that streams at another rate looks well and finds nothing. The least delay of each
+stretch of 0.8 s shows its rate: a stall delays some arrivals, never all of them, and one loss
+is one step.
+"""
+
+from collections import deque
+from itertools import pairwise
+from typing import Final
+
+_STRETCH_S: Final = 0.5
+_STRETCHES: Final = 5
+"""A wrong rate shows after 2.5 s; on a busy computer a little later."""
+_MOST_OFF: Final = 0.02
+"""Largest difference that is not reported, as a share of the rate asked for."""
+_SETTLED: Final = 0.01
+_OTHER: Final = 0.1
+"""Share by which a wrong rate must change to be reported again."""
+
+
+class ArrivalRate:
+    """Watches one stream of samples.
+
+    Parameters
+    ----------
+    rate_hz : float
+        The rate asked for.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self.wrong_hz: float | None = None
+        """The rate by arrival while it differs by more than 2 %, else None."""
+        self._rate_hz = rate_hz
+        self._least_s: deque[float] = deque(maxlen=_STRETCHES)
+        self._stretch = 0
+        self._now_s = 0.0
+        self._first_ns: int | None = None
+
+    def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
+        """Learn that so many samples had arrived at a time.
+
+        `full`: the sender waits for us, and its pace shows nothing of its rate.
+        """
+        if full or self._first_ns is None:
+            self._least_s.clear()
+            self._first_ns, self._stretch = now_ns, 0
+            self._now_s = -received / self._rate_hz
+            return
+        age_s = (now_ns - self._first_ns) * 1e-9
+        delay_s = age_s - received / self._rate_hz
+        stretch = int(age_s / _STRETCH_S)
+        if stretch <= self._stretch:
+            self._now_s = min(self._now_s, delay_s)
+            return
+        if stretch > self._stretch + 1:
+            self._least_s.clear()  # a pause
+        else:
+            self._least_s.append(self._now_s)
+            self._judge()
+        self._stretch, self._now_s = stretch, delay_s
+
+    def _judge(self) -> None:
+        least_s = list(self._least_s)
+        if len(least_s) < _STRETCHES:
+            return
+        steps_s = [b - a for a, b in pairwise(least_s)]
+        mean_s = sum(steps_s) / len(steps_s)
+        if abs(mean_s) < _SETTLED * _STRETCH_S:
+            self.wrong_hz = None
+        elif abs(mean_s) > _MOST_OFF * _STRETCH_S and min(s / mean_s for s in steps_s) > 0.5:
+            wrong_hz = self._rate_hz * (1.0 - mean_s / _STRETCH_S)
+            # One sentence for as long as it holds, not one for each measurement.
+            if self.wrong_hz is None or abs(wrong_hz / self.wrong_hz - 1.0) > _OTHER:
+                self.wrong_hz = wrong_hz

@@ -1,0 +1,52 @@
+"""Is the radio there, and does it work as it is set? It is opened as for a flight."""
+
+from contextlib import closing
+from typing import Final
+
+from uavrt.clock import Clock, monotonic_s
+from uavrt.config import RADIOS, RadioSettings
+from uavrt.errors import RadioAmbiguous, RadioStopped
+from uavrt.radio.answers import stalled
+from uavrt.radio.devices import unchosen
+from uavrt.radio.opening import open_radio
+from uavrt.radio.sanity import SampleCheck
+
+_PATIENCE_S: Final = 4.0
+_LASTS_S: Final = 2.8
+"""By then the rate at which samples arrive is known (`uavrt.radio.arrival_rate`)."""
+_FREQUENCY_HZ: Final = 150e6
+"""Tuned to where the settings leave the frequency to the tags."""
+
+
+def check_device(settings: RadioSettings) -> str:
+    """Receive samples for three seconds; get what to say of a radio that works.
+
+    Raises
+    ------
+    RadioError
+        There is no radio, it cannot be opened, or it sends no samples at its rate.
+    RadioAmbiguous
+        There are several, and the settings choose none.
+    ConfigError
+        The radio cannot be set so.
+    """
+    if (several := unchosen(settings)) is not None:
+        raise RadioAmbiguous(several[0], remedy=several[1])
+    row = RADIOS.get(settings.kind)
+    title = settings.kind if row is None else row.title
+    check, begun_s, end_s = SampleCheck(title), monotonic_s(), float("inf")
+    frequency_hz = settings.center_frequency_hz or _FREQUENCY_HZ
+    with closing(open_radio(settings, frequency_hz, clock=Clock.start())) as source:
+        while monotonic_s() < end_s:
+            try:
+                block = source.read(timeout_s=0.5)
+            except EOFError:
+                raise RadioStopped(f"{title}: the samples have ended") from None
+            if block is not None:
+                check.look(block)
+                end_s = min(end_s, monotonic_s() + _LASTS_S)
+            elif monotonic_s() > begun_s + _PATIENCE_S:
+                raise stalled(title)
+        if (fault := getattr(source, "rate_fault", None)) is not None:
+            raise RadioStopped(fault)
+    return f"{title}: {settings.sample_rate_hz:.0f} samples a second arrive"

@@ -1,0 +1,128 @@
+"""Radios that are not there, for the radios' real programs and for SoapySDR.
+
+Stand-in libraries (`radio_library.c`, `soapy_driver.cpp`) stream samples with a tag's beeps,
+and fail as the file ``fault`` says at each moment.
+"""
+
+import os
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import pytest
+
+from uavrt.config import RADIOS, RadioSettings
+
+DRIVERS = Path(__file__).parent
+FAULTS = ("works", "absent", "busy", "forbidden", "unplugged", "stalls", "loses", "other rate")
+TAG_HZ = 148_705_000.0
+SERIALS = {
+    "airspy": "35AC63DC2D8C7A4F",
+    "airspyhf": "DD52AAAA12345678",
+    "rtlsdr": "00000001",
+    "hackrf": "0000000000000000909864c8345017cf",
+    "soapy": "77",
+}
+PACKAGES = "airspy airspyhf rtl-sdr hackrf python3-soapysdr libsoapysdr-dev"
+SOAPY_MODULES = Path("/usr/lib/python3/dist-packages")
+
+
+def missing(kind: str) -> str | None:
+    """Name what a test with this radio's own program needs and this computer lacks."""
+    if shutil.which("c++" if kind == "soapy" else "cc") is None:
+        return "no C compiler"
+    if kind != "soapy":
+        return None if shutil.which(RADIOS[kind].receive) else f"apt install {PACKAGES}"
+    there = SOAPY_MODULES.glob("_SoapySDR.cpython-311-*.so")
+    headers = Path("/usr/include/SoapySDR").is_dir()
+    return None if headers and any(there) else f"apt install {PACKAGES}"
+
+
+def needs(kind: str) -> None:
+    """Skip a test where the radio's own program is not installed."""
+    if (reason := missing(kind)) is not None:
+        pytest.skip(reason)
+
+
+@cache
+def _built() -> Path:
+    """Compile the stand-in libraries once."""
+    directory = Path(mkdtemp(prefix="radio_library"))
+    shared = ("-shared", "-fPIC", "-O2", "-o")
+    source, library = DRIVERS / "radio_library.c", directory / "radio_library.so"
+    subprocess.run(
+        ["cc", *shared, library, source, "-ldl", "-lpthread", "-lm"], check=True, timeout=60
+    )
+    if missing("soapy") is None:
+        source, library = DRIVERS / "soapy_driver.cpp", directory / "libstandin.so"
+        subprocess.run(["c++", *shared, library, source, "-lSoapySDR"], check=True, timeout=120)
+        for file in SOAPY_MODULES.glob("*SoapySDR*"):
+            (directory / file.name).symlink_to(file)
+    return directory
+
+
+class RadioWorld:
+    """One computer with its radios; `environment` is what programs there see."""
+
+    def __init__(self, directory: Path, kind: str, *, serials: tuple[str, ...] = ()) -> None:
+        built = _built()
+        self.directory, self.kind = directory, kind
+        self._serials = serials or (SERIALS[kind],)
+        directory.mkdir(parents=True, exist_ok=True)
+        self.environment = os.environ | {
+            "RADIO_WORLD": str(directory),
+            "LD_PRELOAD": str(built / "radio_library.so"),
+            "SOAPY_SDR_PLUGIN_PATH": str(built),
+            "PYTHONPATH": str(built),
+        }
+        self.write("tag", f"{TAG_HZ:.0f}")
+        self.write("rates", "3000000 6000000" if kind == "airspy" else "250000 1000000")
+        self.write("calls", "")
+        self.set("works")
+
+    def write(self, name: str, text: str) -> None:
+        """Write a file of the world at once."""
+        new = self.directory / f"{name}.new"
+        new.write_text(text)
+        new.rename(self.directory / name)
+
+    def set(self, fault: str, *, serials: tuple[str, ...] = ()) -> None:
+        """Let this be wrong from now on, with these devices plugged in."""
+        serials = serials or self._serials
+        shutil.rmtree(self.directory / "sys", ignore_errors=True)
+        shutil.rmtree(self.directory / "dev", ignore_errors=True)
+        (self.directory / "sys").mkdir()
+        plugged = RADIOS[self.kind].usb and fault not in ("absent", "unplugged")
+        for place, serial in enumerate(serials if plugged else ()):
+            vendor, product, _ = RADIOS[self.kind].usb[0]
+            device = self.directory / "sys" / f"1-{place}"
+            device.mkdir()
+            values = {
+                "idVendor": vendor,
+                "idProduct": product,
+                "busnum": "1",
+                "devnum": str(place),
+                "serial": f"AIRSPY SN:{serial}" if self.kind == "airspy" else serial,
+            }
+            for name, text in values.items():
+                (device / name).write_text(text)
+            node = self.directory / "dev" / "001" / f"{place:03d}"
+            node.parent.mkdir(parents=True, exist_ok=True)
+            if fault != "forbidden":
+                node.touch()
+        self.write("serials", "".join(f"{one}\n" for one in serials))
+        self.write("fault", fault)
+
+    @property
+    def calls(self) -> list[str]:
+        """Calls of the stand-in library so far, with their values."""
+        return (self.directory / "calls").read_text().splitlines()
+
+
+def default_radio(kind: str, **changes: object) -> RadioSettings:
+    """Set a radio as the first set-up proposes it."""
+    rate_hz = 250e3 if kind == "soapy" else RADIOS[kind].usual_rate_hz
+    usual: dict[str, object] = {"kind": kind, "sample_rate_hz": rate_hz, "retry_s": 0.2}
+    return RadioSettings(**(usual | changes))  # type: ignore[arg-type]
