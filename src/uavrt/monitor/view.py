@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from uavrt.messages import ProcessStatus, Pulse, StatusText, SystemStatus
+from uavrt.messages import ProcessStatus, Pulse, SearchReport, StatusText, SystemStatus
 from uavrt.recording.outline import HeardTag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -38,6 +38,8 @@ class Heard:
     last: Pulse | None = None
     last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)
+    searched: SearchReport | None = None
+    """The newest."""
 
 
 @dataclass(slots=True)
@@ -58,6 +60,8 @@ class MonitorView:
                 heard.pulses += record.start_time_ns > heard.recorded_ns
                 heard.last, heard.last_s = record, now_s
                 heard.times_s.append(now_s)
+            case SearchReport():
+                self.heard.setdefault(record.tag_id, Heard()).searched = record
             case StatusText():
                 self.texts.append(record)
             case SystemStatus():
@@ -125,7 +129,9 @@ class MonitorView:
         )
 
     def _tags(self, now_s: float) -> RenderableType:
-        table = _table("tag", "frequency", "last SNR", "noise", "per minute", "pulses", "heard")
+        table = _table(
+            *("tag", "frequency", "last SNR", "noise", "usable", "per minute", "pulses", "heard")
+        )
         assert self.status is not None
         for tag in self.status.tags:
             heard = self.heard.get(tag.tag_id, Heard())
@@ -139,6 +145,7 @@ class MonitorView:
                 f"{frequency / 1e6:.5f} MHz",
                 f"{'≥ ' if last.clipped else ''}{last.snr_db:.1f} dB" if last else "–",
                 f"{last.noise_psd:.1e}" if last else "–",
+                _usable(heard.searched),
                 str(len(heard.times_s)),
                 str(heard.pulses),
                 Text(
@@ -182,6 +189,15 @@ def _number(tag_id: int, last: Pulse | None) -> str:
     """Number of a tag, with those of the others that may have sent its newest pulse."""
     others = last.also_possible_tag_ids if last is not None else ()
     return " or ".join(map(str, (tag_id, *others)))
+
+
+def _usable(searched: SearchReport | None) -> str:
+    """Share of the time in which a tag could be heard, and the weakest that would have been."""
+    if searched is None or searched.usable_share is None:
+        return "–"
+    weakest_db = searched.weakest_enr_db
+    weakest = "" if weakest_db is None else f", from {weakest_db:.0f} dB"
+    return f"{100.0 * searched.usable_share:.0f} %{weakest}"
 
 
 def _table(*titles: str) -> Table:
