@@ -130,7 +130,16 @@ class MonitorView:
 
     def _tags(self, now_s: float) -> RenderableType:
         table = _table(
-            *("tag", "frequency", "last SNR", "noise", "usable", "per minute", "pulses", "heard")
+            *(
+                "tag",
+                "frequency",
+                "last SNR",
+                "noise",
+                "usable",
+                "per minute",
+                "pulses",
+                "heard",
+            )
         )
         assert self.status is not None
         for tag in self.status.tags:
