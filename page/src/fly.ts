@@ -299,7 +299,8 @@ function drawCards(): void {
     const part = Math.min(1, Math.max(0.02, snr / SNR_HIGH));
     card.bar.style.width = Number.isFinite(snr) ? `${part * 100}%` : "0";
     card.bar.style.background = snrColour(snr);
-    say(card.facts, one ? factsOf(one, age, row, now) : nominal(row));
+    const facts = one ? factsOf(one, age, row, now) : nominal(row);
+    say(card.facts, [facts, usable(id)].filter(Boolean).join(" · "));
   }
 }
 
@@ -322,6 +323,15 @@ function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number)
     row?.gaps_ms ? codeOf(id, row) : null,
   ];
   return parts.filter(Boolean).join(" · ");
+}
+
+/** How much of the time the tag's frequency is usable now, and from which strength on. */
+function usable(id: number): string | null {
+  const report = store.review ? undefined : store.searched.get(id);
+  if (typeof report?.usable_share !== "number") return null;
+  const weakest = report.weakest_enr_db;
+  const share = `usable ${(100 * report.usable_share).toFixed(0)}\u202f%`;
+  return weakest === null ? share : `${share} · found from ${weakest.toFixed(0)}\u202fdB`;
 }
 
 /** The code: its gaps as measured in the last burst, or as listed. */

@@ -20,6 +20,7 @@ import type {
   PositionRecord,
   BurstRecord,
   PulseRecord,
+  SearchRecord,
   Settings,
   State,
   TagRow,
@@ -77,6 +78,8 @@ class Store {
   pulses = new Pulses();
   /** The last burst of each coded tag, with the pulses in it. */
   bursts = new Map<number, BurstRecord>();
+  /** The newest report of each tag's search. */
+  searched = new Map<number, SearchRecord>();
   bearings: BearingRecord[] = [];
   positions: PositionRecord[] = [];
   track: Track = emptyTrack();
@@ -387,6 +390,11 @@ class Store {
       case "pulse":
         this.takePulse(message.record as PulseRecord);
         break;
+      case "search": {
+        const report = message.record as SearchRecord;
+        this.searched.set(report.tag_id, report);
+        break;
+      }
       case "burst":
         this.takeBurst(message.record as BurstRecord);
         break;

@@ -1,5 +1,13 @@
 /** Records of the server; docs/reference/ground-api.md describes them. */
 
+export interface SearchRecord {
+  tag_id: number;
+  /** Share of the time in which no other signal was on the tag's frequency. */
+  usable_share: number | null;
+  /** ENR of the weakest pulses that would have been found. */
+  weakest_enr_db: number | null;
+}
+
 export interface PulseRecord {
   tag_id: number;
   start_time_ns: number;

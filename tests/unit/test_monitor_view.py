@@ -73,6 +73,18 @@ def test_what_was_recorded_before_the_monitor_began_counts_and_nothing_counts_tw
     assert "90 s ago" in screen.getvalue()
 
 
+def test_an_occupied_frequency_is_shown_with_the_weakest_tag_that_would_be_found() -> None:
+    view = MonitorView()
+    view.take("status", made.system_status(PULSE.start_time_ns, tags=(TAG,)), 0.0)
+    report = replace(
+        made.search_report(2, PULSE.start_time_ns), usable_share=0.43, weakest_enr_db=9.6
+    )
+    view.take("search_report", report, 0.0)
+    screen = io.StringIO()
+    Console(width=160, file=screen).print(view.render(1.0))
+    assert "43 %, from 10 dB" in screen.getvalue()
+
+
 def test_another_flight_counts_from_its_own_beginning() -> None:
     view = MonitorView()
     status = made.system_status(PULSE.start_time_ns, tags=(TAG,), flight_directory="/flights/1")

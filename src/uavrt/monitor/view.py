@@ -11,7 +11,15 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from uavrt.messages import Beep, ProcessStatus, Pulse, StatusText, SystemStatus, keep_beep
+from uavrt.messages import (
+    Beep,
+    ProcessStatus,
+    Pulse,
+    SearchReport,
+    StatusText,
+    SystemStatus,
+    keep_beep,
+)
 from uavrt.recording.outline import HeardTag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -38,6 +46,8 @@ class Heard:
     last: Pulse | None = None
     last_s: float | None = None
     times_s: deque[float] = field(default_factory=deque)
+    searched: SearchReport | None = None
+    """The newest."""
 
 
 @dataclass(slots=True)
@@ -62,6 +72,8 @@ class MonitorView:
                 heard.times_s.append(now_s)
             case Beep():
                 keep_beep(self.beeps, record)
+            case SearchReport():
+                self.heard.setdefault(record.tag_id, Heard()).searched = record
             case StatusText():
                 self.texts.append(record)
             case SystemStatus():
@@ -131,7 +143,18 @@ class MonitorView:
         )
 
     def _tags(self, now_s: float) -> RenderableType:
-        table = _table("tag", "frequency", "last SNR", "noise", "per minute", "pulses", "heard")
+        table = _table(
+            *(
+                "tag",
+                "frequency",
+                "last SNR",
+                "noise",
+                "usable",
+                "per minute",
+                "pulses",
+                "heard",
+            )
+        )
         assert self.status is not None
         for tag in self.status.tags:
             heard = self.heard.get(tag.tag_id, Heard())
@@ -145,6 +168,7 @@ class MonitorView:
                 f"{frequency / 1e6:.5f} MHz",
                 f"{'≥ ' if last.clipped else ''}{last.snr_db:.1f} dB" if last else "–",
                 f"{last.noise_psd:.1e}" if last else "–",
+                _usable(heard.searched),
                 str(len(heard.times_s)),
                 str(heard.pulses),
                 Text(
@@ -188,6 +212,15 @@ def _number(tag_id: int, last: Pulse | None) -> str:
     """Number of a tag, with those of the others that may have sent its newest pulse."""
     others = last.also_possible_tag_ids if last is not None else ()
     return " or ".join(map(str, (tag_id, *others)))
+
+
+def _usable(searched: SearchReport | None) -> str:
+    """Share of the time in which a tag could be heard, and the weakest that would have been."""
+    if searched is None or searched.usable_share is None:
+        return "–"
+    weakest_db = searched.weakest_enr_db
+    weakest = "" if weakest_db is None else f", from {weakest_db:.0f} dB"
+    return f"{100.0 * searched.usable_share:.0f} %{weakest}"
 
 
 def _table(*titles: str) -> Table:

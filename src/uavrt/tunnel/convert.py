@@ -37,6 +37,8 @@ LATEST_S = 9.2e9
 
 ROOM_G1, ROOM_G2 = 115, 107
 """Bytes of an acknowledgement's text, without the NUL that ends it."""
+_USABLE = 0xF000
+"""Group number of "nothing found" in a band that was never usable; per mille are added."""
 
 STATUS_NUMBERS_OF_PULSES: dict[DetectionStatus, int] = {
     "subthreshold": STATUS_SUBTHRESHOLD,
@@ -187,6 +189,7 @@ def pulse_to_wire(
 
 def search_report_to_wire(report: SearchReport) -> PulseG1:
     """Write "searched, nothing found" (status 3); G0 has no word for it."""
+    share, weakest_db = report.usable_share, report.weakest_enr_db
     return _pulse_without_detection(
         tag_id=report.tag_id,
         frequency_hz=round(report.frequency_hz),
@@ -194,6 +197,8 @@ def search_report_to_wire(report: SearchReport) -> PulseG1:
         score=report.best_score,
         noise_psd=report.noise_psd,
         status=STATUS_NOTHING_FOUND,
+        weakest_db=0.0 if weakest_db is None else weakest_db,
+        sequence=0 if share is None else _USABLE + round(1000.0 * share),
     )
 
 
@@ -217,6 +222,8 @@ def _pulse_without_detection(
     score: float,
     noise_psd: float,
     status: int,
+    weakest_db: float = 0.0,
+    sequence: int = 0,
 ) -> PulseG1:
     """Fill what such a message holds; the rest is 0 on the wire."""
     return PulseG1(
@@ -226,9 +233,9 @@ def _pulse_without_detection(
         predict_next_start_s=0.0,
         snr_db=0.0,
         stft_score=score,
-        group_sequence=0,
+        group_sequence=sequence,
         group_index=0,
-        group_snr_db=0.0,
+        group_snr_db=weakest_db,
         noise_psd=noise_psd,
         detection_status=status,
         confirmed_status=0,
@@ -269,12 +276,15 @@ def pulse_from_wire(
         raise TunnelError("a pulse's time is not a time since 1970", message.encode())
     start_ns = ns_from_s(message.start_time_s)
     if message.detection_status == STATUS_NOTHING_FOUND and isinstance(message, PulseG1):
+        usable = _USABLE <= message.group_sequence <= _USABLE + 1000
         return SearchReport(
             tag_id=message.tag_id if tag is None else tag.tag_id,
             time_ns=start_ns,
             frequency_hz=float(message.frequency_hz),
             noise_psd=message.noise_psd,
             best_score=message.stft_score,
+            usable_share=(message.group_sequence - _USABLE) / 1000.0 if usable else None,
+            weakest_enr_db=message.group_snr_db or None if usable else None,
         )
     status = DETECTION_STATUSES.get(message.detection_status)
     if status is None:

@@ -119,6 +119,15 @@ def test_nothing_found_comes_back_with_its_noise_and_score() -> None:
     assert tunnel.pulse_from_wire(wire) == report
 
 
+@pytest.mark.parametrize("share", [0.0, 0.437, 1.0])
+def test_the_usable_share_and_the_weakest_pulse_come_with_nothing_found(share: float) -> None:
+    report = dataclasses.replace(
+        made.search_report(3, 1_700_000_000 * 10**9), usable_share=share, weakest_enr_db=8.5
+    )
+    wire = tunnel.search_report_to_wire(report)
+    assert tunnel.pulse_from_wire(tunnel.decode(wire.encode())) == report
+
+
 def test_a_known_tag_gives_a_received_pulse_its_width() -> None:
     tag = tunnel.tag_from_wire(TAG)
     wire = tunnel.search_report_to_wire(
