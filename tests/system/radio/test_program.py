@@ -195,6 +195,7 @@ def test_the_end_of_a_program_is_reported_with_its_last_words(
     source = open_radio(settings, 148e6)
     with pytest.raises(error, match=remedy) as caught:
         source.read(timeout_s=10.0)
+    assert isinstance(source, ProgramSource)
     assert words in source.last_lines
     assert (
         caught.type is not RadioStopped or remedy != "cable" or "status 1" in str(caught.value)
