@@ -20,6 +20,7 @@ import uavrt
 from uavrt.batch.workers import Task, side_by_side, worked
 from uavrt.errors import LinkError, UsageError, needs_extra
 from uavrt.heap import heap_as_it_grows
+from uavrt.whole_file import write_whole
 
 R = TypeVar("R")
 CONNECT_S = 15.0
@@ -49,9 +50,7 @@ class Sign:
 
     def put_up(self, *, stop: bool = False) -> None:
         """Say that the run goes on, or is to stop."""
-        part = self._path.with_suffix(".part")
-        part.write_text(f"{self._run} {'stop' if stop else 'go'}")
-        part.replace(self._path)
+        write_whole(self._path, f"{self._run} {'stop' if stop else 'go'}", sync=False)
 
     def should_stop(self) -> bool:
         """Whether the run is to stop.

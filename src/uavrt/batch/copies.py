@@ -1,6 +1,7 @@
 """Flights that are there twice, as the drone recorded them and as the ground station did."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt.analysis import without_copies
@@ -70,10 +71,10 @@ def copies_of(
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
     """Leave copies of flights out, with their recordings; and how many they are."""
-    left = Found(
+    left = replace(
+        found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
-        flights=tuple(one for one in found.flights if one not in copies),
-        kept_channels=found.kept_channels,
+        flights={one: name for one, name in found.flights.items() if one not in copies},
     )
     return left, len(found.flights) - len(left.flights)
 

@@ -2,16 +2,16 @@
 
 ::
 
-    OUT/unfinished/KEY/CELL/   states and pulses of cells that are not written yet
-    OUT/pulses/flight=NAME/KEY.parquet
-    OUT/poses, OUT/bearings, OUT/positions   the same for what was made of a flight's pulses
+    OUT/unfinished/KEY/CELL    pulses of cells whose recording is not finished
+    OUT/pulses/KEY.parquet     also poses, bearings, positions, integrated
     OUT/done/KEY.json          what was done with a recording: a row of the table
     OUT/placed/KEY.json        what was done with a flight
-    OUT/recordings.parquet, OUT/flights.parquet
-    OUT/months/   copies of the tables, by month, where there are many files
+    OUT/recordings.parquet, OUT/flights.parquet, OUT/passed_over.parquet
+    OUT/months/                copies of the tables, by month, where there are many files
+    OUT/copies.json            what the last two lines hold
 
 KEY stands for the recording or flight as it is, the tags and the settings that touch it: what
-was changed is done anew, and its old rows go when the new ones are there.
+was changed is done again, and its old rows go when the new ones are there.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,21 +21,21 @@ from typing import TypeVar
 from uavrt.analysis.measure import TagSource
 from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
-from uavrt.batch.ledger import DONE, PLACED, Ledger
-from uavrt.batch.months import gather_months
+from uavrt.batch.ledger import Ledger
+from uavrt.batch.months import Copy, Index, gather_months, read_index, write_index
 from uavrt.batch.names import name_flights
 from uavrt.batch.placing import Placing
 from uavrt.batch.questions import keep_answers
-from uavrt.batch.recordings import Found
+from uavrt.batch.recordings import Found, PassedOver
 from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.batch.tables import (
-    BEARINGS,
+    DONE,
     FLIGHTS,
-    INTEGRATED,
-    POSES,
-    POSITIONS,
+    PASSED_OVER,
+    PLACED,
     PULSES,
     RECORDINGS,
+    TABLES,
     FlightRow,
     RecordingRow,
     need_pyarrow,
@@ -44,6 +44,7 @@ from uavrt.batch.tables import (
 from uavrt.batch.workers import Task, run_tasks
 from uavrt.errors import RecordingError
 from uavrt.recording import WriterLock
+from uavrt.whole_file import make_directories
 
 R = TypeVar("R")
 
@@ -102,12 +103,18 @@ def _run(
     settings: BatchSettings,
     watch: BatchWatch,
 ) -> BatchSummary:
-    (output / UNFINISHED).mkdir(parents=True, exist_ok=True)
-    recordings = Ledger(output, DONE, RecordingRow, [PULSES])
-    flights = Ledger(output, PLACED, FlightRow, [POSES, BEARINGS, POSITIONS, INTEGRATED])
+    make_directories(output / UNFINISHED)
+    how = {"thorough": settings.verify}
+    recordings = Ledger(output, DONE, RecordingRow, [PULSES], **how)
+    flights = Ledger(output, PLACED, FlightRow, list(TABLES)[1:], **how)
+    index, faults = read_index(output, **how)
+    damaged = recordings.damaged | flights.damaged | faults
+    damaged |= _lost_rows(output, index, recordings, flights)
+    for name, fault in damaged.items():
+        watch.on_damage(name, fault)
     copies = copies_of(found, recordings, flights)
     found, passed_over = without(found, copies)
-    found, names = name_flights(found, recordings, flights, copies)
+    found = name_flights(found, recordings, flights, copies)
     detecting = Detecting(sought, output, settings, recordings)
     rows = [row for one in found.recordings if (row := detecting.plan(one)) is not None]
     for name, origin in detecting.dated_by_file.items():
@@ -125,7 +132,7 @@ def _run(
     placing = Placing(sought, output, settings, recordings, flights)
     placed_now = 0
     if not watch.should_stop():
-        placing.plan(found, detecting.keys, names, copies)
+        placing.plan(found, detecting.keys, copies)
         watch.on_stage("placing", len(placing.tasks))
         for number, placed in _worked(placing.tasks, output, settings, watch):
             if (row_of_flight := placing.finish(number, placed)) is not None:
@@ -133,10 +140,19 @@ def _run(
                 placed_now += 1
         _tell_kept(placing.kept, watch)
         drop_copies(copies, recordings, flights)
-    write_rows(output / RECORDINGS, RecordingRow, recordings.rows)
-    write_rows(output / FLIGHTS, FlightRow, flights.rows)
-    gather_months(output, recordings.rows, flights.rows)
-    keep_answers(output)
+    for name, record, table_rows in (
+        (RECORDINGS, RecordingRow, recordings.rows),
+        (FLIGHTS, FlightRow, flights.rows),
+        (PASSED_OVER, PassedOver, found.passed_over),
+    ):
+        index[name] = Copy(write_rows(output / name, record, table_rows))  # type: ignore[type-var]
+    write_index(output, index)
+    if not watch.should_stop():
+        times = {
+            table: (recordings if table == PULSES else flights).times(table) for table in TABLES
+        }
+        write_index(output, gathered := gather_months(output, index, times, lost=bool(faults)))
+        write_index(output, keep_answers(output, gathered))
     return BatchSummary(
         rows=tuple(recordings.rows),
         flights=tuple(flights.rows),
@@ -147,7 +163,29 @@ def _run(
         copies=passed_over,
         kept=len(detecting.kept) + len(placing.kept),
         stopped=watch.should_stop(),
+        damaged=damaged,
     )
+
+
+def _lost_rows(
+    output: Path, index: Index, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
+) -> dict[str, str]:
+    """Name rows that the last run had written, and of whose path there is none now."""
+    import pyarrow.parquet as pq
+
+    lost = {}
+    ledgers: dict[str, Ledger[RecordingRow] | Ledger[FlightRow]] = {
+        DONE: recordings,
+        PLACED: flights,
+    }
+    for (folder, ledger), table in zip(ledgers.items(), (RECORDINGS, FLIGHTS), strict=True):
+        if table in index:
+            there = {row.path for row in ledger.rows}
+            rows = pq.read_table(output / table, columns=["path", "fingerprint"]).to_pydict()
+            for path, key in zip(rows["path"], rows["fingerprint"], strict=True):
+                if path not in there:
+                    lost[f"{folder}/{key}.json"] = "missing"
+    return lost
 
 
 def _tell_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:

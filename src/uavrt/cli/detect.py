@@ -118,15 +118,8 @@ def detect(
     """
     flown = None if flight is None else read_flight(flight)
     known = _with_mode(_tags(tags, flown), mode)
-    wanted = known.tags
     start_ns = start_time_ns(start_time)
     with ExitStack() as stack:
-        listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
-        if ros2 is not None:
-            from uavrt.cli.listeners import RosPulses  # 4 MB
-
-            named = RosPulses(ros2, wanted, ros2_namespace)
-            listeners.append(stack.enter_context(closing(named)))
         if is_udp_address(recording):
             sample_rate = sample_rate or known.sample_rate_hz
             center_frequency = center_frequency or known.center_frequency_hz
@@ -135,6 +128,13 @@ def detect(
         )
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
+        wanted = _inside(known, source)
+        listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
+        if ros2 is not None:
+            from uavrt.cli.listeners import RosPulses  # 4 MB
+
+            named = RosPulses(ros2, wanted, ros2_namespace)
+            listeners.append(stack.enter_context(closing(named)))
         live = source.total_samples is None
         receiver = Receiver(source.center_frequency_hz, source.sample_rate_hz)
         beeps = BeepSearch(wanted, frequency_window, receiver, live=live)
@@ -188,6 +188,19 @@ def detect(
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
+
+
+def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
+    """Choose the tags within the band, and name those outside, which are not searched."""
+    inside = known.within(source.sample_rate_hz, source.center_frequency_hz).tags
+    for tag in known.tags:
+        if tag not in inside:
+            print(
+                f"tag {tag.tag_id} at {tag.frequency_hz / 1e6:.6f} MHz is outside of this "
+                "recording's band and is not searched",
+                file=sys.stderr,
+            )
+    return inside
 
 
 def _name(beeps: Sequence[NamedTrain]) -> None:

@@ -25,6 +25,7 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 from uavrt.errors import UsageError
+from uavrt.whole_file import sync_to_disk
 
 COMPLETE = ".complete"
 
@@ -102,11 +103,7 @@ class Installation:
 
     def sync(self) -> None:
         """Bring the links to the disk."""
-        place = os.open(self.prefix, os.O_RDONLY)
-        try:
-            os.fsync(place)
-        finally:
-            os.close(place)
+        sync_to_disk(self.prefix)
 
     def remove_others(self, *kept: Path) -> None:
         """Remove versions that no link needs, and what an interrupted update has left."""

@@ -1,12 +1,11 @@
 """Read text as editors save it: UTF-8 or UTF-16, with or without a byte order mark."""
 
 import codecs
-import os
-import tempfile
 from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.foreign import TAGS, Limit, read_file
+from uavrt.whole_file import write_whole
 
 MAX_BYTES = TAGS.bytes
 """A file of 5 000 tags has 0.3 MB; more than this is not a file that somebody typed."""
@@ -81,16 +80,4 @@ def write_text_atomically(
     if path.exists() and not path.is_file():
         path.write_text(text, encoding="utf-8", newline="\n")
         return
-    path = path.resolve()
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fchmod(file.fileno(), mode)
-            if sync:
-                os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    write_whole(path.resolve(), text, sync=sync, mode=mode)

@@ -6,13 +6,13 @@ process times are taken as 3 s later than they were written, after one of the co
 a genuine sender has passed that by then, or soon.
 """
 
-import os
 from pathlib import Path
 
 import msgspec
 
 from uavrt.log import get_logger
 from uavrt.mavlink import Signing, SigningTimes
+from uavrt.whole_file import make_directories, write_whole
 
 log = get_logger()
 
@@ -61,11 +61,9 @@ class SigningMemory:
 
     def write(self, content: bytes) -> None:
         """Replace the file."""
-        part = self._path.with_suffix(".part")
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            part.write_bytes(content)
-            os.replace(part, self._path)
+            make_directories(self._path.parent)
+            write_whole(self._path, content, sync=False)
         except OSError as error:
             log.warning("signing times not kept", reason=str(error.strerror))
 

@@ -90,7 +90,7 @@ def run(
     scheduler: str | None,
     on_done: Callable[[int], None] = lambda _amount: None,
 ) -> BatchSummary:
-    settings = BatchSettings(cell_s=15.0, lead_in_s=6.0, chunk_s=5.0, scheduler=scheduler)
+    settings = BatchSettings(cell_s=15.0, lead_in_s=6.0, scheduler=scheduler)
     found = find_recordings([archive], read_manifest(archive / "manifest.csv"))
     return run_batch(
         found, TagSource(tags=TAGS[:1]), output, settings, BatchWatch(on_done=on_done)

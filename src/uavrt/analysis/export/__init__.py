@@ -18,6 +18,7 @@ from uavrt.lazy import lazily
 from uavrt.localization import PositionGrid, SignalSurface
 from uavrt.recording.formats import write_bearing_file, write_position_file
 from uavrt.recording.formats.whole_file import write_whole
+from uavrt.whole_file import make_directories, replacing
 
 if TYPE_CHECKING:
     from uavrt.analysis.export.png import chance, png_bytes
@@ -127,12 +128,11 @@ def _uavrt(survey: Survey, directory: Path) -> list[Path]:
 
 
 def _geopackage(survey: Survey, directory: Path) -> list[Path]:
-    target, part = directory / "flight.gpkg", directory / ".flight.gpkg.part"
+    target = directory / "flight.gpkg"
     try:
-        directory.mkdir(parents=True, exist_ok=True)
-        part.unlink(missing_ok=True)
-        write_geopackage(survey, part)
-        part.replace(target)
+        make_directories(directory)
+        with replacing(target) as part:
+            write_geopackage(survey, part)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
             f"cannot write {target}: {error}", remedy="Choose a writable place"

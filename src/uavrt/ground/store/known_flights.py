@@ -11,6 +11,7 @@ from typing import TypeAlias
 import msgspec
 
 from uavrt.messages import Tag
+from uavrt.whole_file import write_whole
 
 Stamp: TypeAlias = tuple[int, int]
 """Size of the database and its log, and when they were last changed [ns since 1970]."""
@@ -103,14 +104,8 @@ class KnownFlights:
         for flight_id in gone:
             self._flights.pop(flight_id, None)
         self._changed = False
-        draft = self._path.with_name(f".{self._path.name}-{os.getpid()}")
-        try:
-            draft.write_bytes(
-                msgspec.json.encode(_Kept(_VERSION, list(self._flights.values())))
-            )
-            draft.replace(self._path)
-        finally:
-            draft.unlink(missing_ok=True)
+        content = msgspec.json.encode(_Kept(_VERSION, list(self._flights.values())))
+        write_whole(self._path, content, sync=False)
 
 
 def stamp_of(flight: str) -> Stamp:

@@ -6,12 +6,13 @@ is kept here can be thrown away at any time: it is made again from the flights. 
 browser, and other filters want other clusters).
 """
 
-import os
 from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+
+from uavrt.whole_file import replacing
 
 VERSION = 2
 """Of the columns' meaning; files of others are not read, and are removed."""
@@ -68,13 +69,8 @@ class PreparedColumns:
         """
         self._directory.mkdir(exist_ok=True)
         path = self._path(flight_id)
-        draft = path.with_name(f".draft-{os.getpid()}")
-        try:
-            with draft.open("wb") as file:
-                np.savez(file, stamp=np.array(stamp, np.int64), pulses=pulses, poses=poses)
-            draft.replace(path)
-        finally:
-            draft.unlink(missing_ok=True)
+        with replacing(path, sync=False) as draft, draft.open("wb") as file:
+            np.savez(file, stamp=np.array(stamp, np.int64), pulses=pulses, poses=poses)
 
     def keep_only(self, flight_ids: set[str]) -> None:
         """Remove what belongs to flights that are gone, or to another version."""

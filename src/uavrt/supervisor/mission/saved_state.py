@@ -15,6 +15,7 @@ from uavrt.config import write_text_atomically
 from uavrt.errors import ConfigError
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, SystemState, Tag
+from uavrt.whole_file import sync_to_disk
 
 log = get_logger()
 
@@ -118,7 +119,6 @@ class StateStore:
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_text_atomically(self._path, msgspec.json.encode(state).decode())
-            self._sync_directory()
             self._fault = ""
         except OSError as error:
             self._complain(error)
@@ -127,16 +127,9 @@ class StateStore:
         """Remove the file: there is nothing to go on with."""
         try:
             self._path.unlink(missing_ok=True)
-            self._sync_directory()
+            sync_to_disk(self._path.parent)
         except OSError as error:
             self._complain(error)
-
-    def _sync_directory(self) -> None:
-        descriptor = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
 
     def _complain(self, error: OSError) -> None:
         fault = str(error.strerror)
