@@ -1,6 +1,6 @@
 """Flights that are there twice, as the drone recorded them and as the ground station did."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,7 +57,7 @@ def copies_of(
             *(one.pulses, str(place) in known),
         )
 
-    for flight in _flights(outlines):
+    for flight in without_copies(outlines):
         if len(flight) < 2:
             continue
         counting = max(flight, key=worth)
@@ -100,27 +100,14 @@ def drop_copies(
 
 
 def _outlines(directories: set[Path]) -> list[FlightOutline]:
-    """Read those that can be read, in the order of their starts."""
+    """Read those that can be read."""
     found = []
     for directory in sorted(directories):
         try:
             found.append(read_outline(directory))
         except (FormatError, OSError):
             continue  # told where it is placed
-    return sorted(found, key=lambda one: one.info.start_time_ns)
-
-
-def _flights(outlines: Sequence[FlightOutline]) -> Iterator[tuple[FlightOutline, ...]]:
-    """Put copies together; only flights that overlap are compared, of thousands."""
-    together: list[FlightOutline] = []
-    end_ns = 0
-    for one in outlines:
-        if together and one.info.start_time_ns > end_ns:
-            yield from without_copies(together)
-            together = []
-        end_ns = max(end_ns, one.end_time_ns) if together else one.end_time_ns
-        together.append(one)
-    yield from without_copies(together)
+    return found
 
 
 def _kept_samples(directory: Path) -> bool:
