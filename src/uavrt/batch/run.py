@@ -8,7 +8,8 @@
     OUT/placed/KEY.json        what was done with a flight
     OUT/recordings.parquet, OUT/flights.parquet, OUT/passed_over.parquet
     OUT/months/                copies of the tables, by month, where there are many files
-    OUT/copies.json            what the last two lines hold
+    OUT/outlines.msgpack       spans of the flights, by which copies are found
+    OUT/copies.json            what the last three lines hold
 
 KEY stands for the recording or flight as it is, the tags and the settings that touch it: what
 was changed is done again, and its old rows go when the new ones are there.
@@ -27,10 +28,12 @@ from uavrt.batch.names import name_flights
 from uavrt.batch.placing import Placing
 from uavrt.batch.questions import keep_answers
 from uavrt.batch.recordings import Found, PassedOver
+from uavrt.batch.seals import sealed
 from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.batch.tables import (
     DONE,
     FLIGHTS,
+    OUTLINES,
     PASSED_OVER,
     PLACED,
     PULSES,
@@ -112,7 +115,7 @@ def _run(
     damaged |= _lost_rows(output, index, recordings, flights)
     for name, fault in damaged.items():
         watch.on_damage(name, fault)
-    copies = copies_of(found, recordings, flights)
+    copies = copies_of(found, recordings, flights, output)
     found, passed_over = without(found, copies)
     found = name_flights(found, recordings, flights, copies)
     detecting = Detecting(sought, output, settings, recordings)
@@ -146,6 +149,7 @@ def _run(
         (PASSED_OVER, PassedOver, found.passed_over),
     ):
         index[name] = Copy(write_rows(output / name, record, table_rows))  # type: ignore[type-var]
+    index[OUTLINES] = Copy(sealed(output / OUTLINES))
     write_index(output, index)
     if not watch.should_stop():
         times = {
@@ -206,6 +210,7 @@ def _worked(
             output / UNFINISHED,
             should_stop=watch.should_stop,
             on_done=watch.on_done,
+            on_wait=watch.on_wait,
         )
     return run_tasks(
         tasks, settings.workers, should_stop=watch.should_stop, on_done=watch.on_done

@@ -66,6 +66,8 @@ class BatchWatch:
     stays."""
     on_damage: Callable[[str, str], None] = lambda _name, _fault: None
     """Takes each file of the output that is missing or damaged, and why; it is made again."""
+    on_wait: Callable[[str], None] = lambda _text: None
+    """Takes what the run waits for, and the remedy."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
     """Takes each recording to be searched whose start is not known from itself, and what it was
     taken from."""

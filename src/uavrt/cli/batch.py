@@ -6,6 +6,7 @@ import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from uavrt.batch import BatchSummary, FlightRow, Found, RecordingRow
 
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
+_STOPPED = "stopped: the same command goes on from here"
+_END_S = 0.8
+"""After Ctrl-C: to end in good order, and again as long until all is ended."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
 
 
@@ -169,7 +173,7 @@ def batch(
     )
     settings.check()
     make_directory(output, "-o")
-    with stop_on_signals() as stopped, _progress() as (on_stage, on_done):
+    with stop_on_signals(_END_S) as stopped, _progress() as (on_stage, on_done):
         watch = BatchWatch(
             should_stop=lambda: stopped() is not None,
             on_stage=on_stage,
@@ -178,8 +182,13 @@ def batch(
             on_kept=_tell_kept,
             on_origin=_tell_origin,
             on_damage=_tell_damage,
+            on_wait=lambda text: print(text, file=sys.stderr),
         )
-        summary = run_batch(found, sought, output, settings, watch)
+        try:
+            summary = run_batch(found, sought, output, settings, watch)
+        except KeyboardInterrupt:
+            print(_STOPPED, file=sys.stderr)
+            sys.exit(128 + (stopped() or signal.SIGINT))
         number = stopped()
     _report(summary, output)
     if number is not None:
@@ -274,4 +283,4 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     if summary.kept:
         print(f"{summary.kept} kept from before: not reachable now", file=sys.stderr)
     if summary.stopped:
-        print("stopped: the same command goes on from here", file=sys.stderr)
+        print(_STOPPED, file=sys.stderr)

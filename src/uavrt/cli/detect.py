@@ -10,6 +10,7 @@ import errno
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
@@ -418,21 +419,39 @@ def _cannot_write(name: str, error: OSError) -> RecordingError:
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[Callable[[], int | None]]:
+def stop_on_signals(within_s: float | None = None) -> Iterator[Callable[[], int | None]]:
     """Note Ctrl-C and SIGTERM, so that the pulses found so far are still written.
 
     A second Ctrl-C ends at once.
+
+    Parameters
+    ----------
+    within_s : float, optional
+        What has not ended so long after the first is interrupted by KeyboardInterrupt, and the
+        program is ended after the same time again: for work that any end leaves whole.
     """
     seen: list[int] = []
+    timers: list[threading.Timer] = []
 
     def note(number: int, _frame: FrameType | None) -> None:
         seen.append(number)
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        if within_s is not None:
+            signal.signal(signal.SIGALRM, signal.default_int_handler)
+            signal.setitimer(signal.ITIMER_REAL, within_s)
+            timers.append(threading.Timer(2.0 * within_s, os._exit, [128 + number]))
+            timers[-1].daemon = True
+            timers[-1].start()
 
     before = {n: signal.signal(n, note) for n in (signal.SIGINT, signal.SIGTERM)}
+    before[signal.SIGALRM] = signal.getsignal(signal.SIGALRM)
     try:
         yield lambda: seen[0] if seen else None
     finally:
+        if timers:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for timer in timers:
+            timer.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
 
