@@ -122,7 +122,7 @@ class Ledger(Generic[R]):
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)
         entry = _Entry(row=msgspec.Raw(msgspec.json.encode(row)), files=held)
-        write_note(self._place(key), msgspec.json.encode(entry))
+        write_note((self._output / self.place(key)), msgspec.json.encode(entry))
         self._note(row, held)
         for name in before.keys() - held.keys():
             (self._output / name).unlink(missing_ok=True)
@@ -187,11 +187,12 @@ class Ledger(Generic[R]):
         self.damaged.setdefault(path.relative_to(self._output).as_posix(), fault)
         path.unlink()
 
-    def _place(self, key: str) -> Path:
-        return self._directory / f"{key}.json"
+    def place(self, key: str) -> str:
+        """Name the file of a row, below the output."""
+        return f"{self._directory.name}/{key}.json"
 
     def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:
-        self._place(key).unlink(missing_ok=True)
+        (self._output / self.place(key)).unlink(missing_ok=True)
         for name in self._files.pop(key).keys() - (kept or {}).keys():
             with suppress(FileNotFoundError):
                 (self._output / name).unlink()

@@ -9,7 +9,8 @@
     OUT/recordings.parquet, OUT/flights.parquet, OUT/passed_over.parquet
     OUT/months/                copies of the tables, by month, where there are many files
     OUT/outlines.msgpack       spans of the flights, by which copies are found
-    OUT/copies.json            what the last three lines hold
+    OUT/rows.json              the files of each row
+    OUT/copies.json            what the last four lines hold
 
 KEY stands for the recording or flight as it is, the tags and the settings that touch it: what
 was changed is done again, and its old rows go when the new ones are there.
@@ -19,16 +20,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+import msgspec
+
 from uavrt.analysis.measure import TagSource
 from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
 from uavrt.batch.ledger import Ledger
-from uavrt.batch.months import Copy, Index, gather_months, read_index, write_index
+from uavrt.batch.months import Copy, gather_months, read_index, write_index
 from uavrt.batch.names import name_flights
 from uavrt.batch.placing import Placing
 from uavrt.batch.questions import keep_answers
 from uavrt.batch.recordings import Found, PassedOver
-from uavrt.batch.seals import sealed
+from uavrt.batch.seals import read_note, sealed, write_note
 from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.batch.tables import (
     DONE,
@@ -38,6 +41,7 @@ from uavrt.batch.tables import (
     PLACED,
     PULSES,
     RECORDINGS,
+    ROWS,
     TABLES,
     FlightRow,
     RecordingRow,
@@ -45,7 +49,7 @@ from uavrt.batch.tables import (
     write_rows,
 )
 from uavrt.batch.workers import Task, run_tasks
-from uavrt.errors import RecordingError
+from uavrt.errors import FormatError, RecordingError
 from uavrt.recording import WriterLock
 from uavrt.whole_file import make_directories
 
@@ -111,8 +115,8 @@ def _run(
     recordings = Ledger(output, DONE, RecordingRow, [PULSES], **how)
     flights = Ledger(output, PLACED, FlightRow, list(TABLES)[1:], **how)
     index, faults = read_index(output, **how)
-    damaged = recordings.damaged | flights.damaged | faults
-    damaged |= _lost_rows(output, index, recordings, flights)
+    damaged = _lost_rows(output, recordings, flights)
+    damaged |= recordings.damaged | flights.damaged | faults
     for name, fault in damaged.items():
         watch.on_damage(name, fault)
     copies = copies_of(found, recordings, flights, output)
@@ -149,7 +153,9 @@ def _run(
         (PASSED_OVER, PassedOver, found.passed_over),
     ):
         index[name] = Copy(write_rows(output / name, record, table_rows))  # type: ignore[type-var]
-    index[OUTLINES] = Copy(sealed(output / OUTLINES))
+    write_note(output / ROWS, msgspec.json.encode(_rows_of(recordings, flights)))
+    for name in (OUTLINES, ROWS):
+        index[name] = Copy(sealed(output / name))
     write_index(output, index)
     if not watch.should_stop():
         times = {
@@ -171,25 +177,32 @@ def _run(
     )
 
 
-def _lost_rows(
-    output: Path, index: Index, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
-) -> dict[str, str]:
-    """Name rows that the last run had written, and of whose path there is none now."""
-    import pyarrow.parquet as pq
+def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[str, list[str]]]:
+    """List the files of each row, by its path, for each ledger."""
+    return [
+        {
+            row.path: [ledger.place(row.fingerprint), *ledger.files(row.fingerprint)]
+            for row in ledger.rows
+        }
+        for ledger in ledgers
+    ]
 
-    lost = {}
-    ledgers: dict[str, Ledger[RecordingRow] | Ledger[FlightRow]] = {
-        DONE: recordings,
-        PLACED: flights,
+
+def _lost_rows(
+    output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
+) -> dict[str, str]:
+    """Name the files of rows that the last run had, where there is no row of that path now."""
+    try:
+        before = msgspec.json.decode(read_note(output / ROWS), type=list[dict[str, list[str]]])
+    except (FormatError, msgspec.DecodeError, OSError):
+        return {}  # noticed with the other copies
+    return {
+        name: "missing"
+        for ledger, rows in zip(ledgers, before, strict=True)
+        for path in rows.keys() - {row.path for row in ledger.rows}
+        for name in rows[path]
+        if not (output / name).exists()
     }
-    for (folder, ledger), table in zip(ledgers.items(), (RECORDINGS, FLIGHTS), strict=True):
-        if table in index:
-            there = {row.path for row in ledger.rows}
-            rows = pq.read_table(output / table, columns=["path", "fingerprint"]).to_pydict()
-            for path, key in zip(rows["path"], rows["fingerprint"], strict=True):
-                if path not in there:
-                    lost[f"{folder}/{key}.json"] = "missing"
-    return lost
 
 
 def _tell_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
