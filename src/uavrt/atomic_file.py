@@ -1,60 +1,104 @@
-"""Replace a file as a whole: a reader gets the old content or the new one, never half of it."""
+"""Replace a file as a whole, so that a kill or a power cut leaves the old one or the new one.
 
+The new file and then its directory are written to the disk itself (fsync) before this returns:
+without that, ext4 may keep the new name and lose what is in the file.
+"""
+
+import errno
 import os
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+
+PART = ".part"
+"""Ending of a file that is still being written; one that a cut left may be removed."""
+_CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
 
 @contextmanager
-def replacing(path: Path, *, sync: bool = True, mode: int = 0o644) -> Iterator[IO[bytes]]:
-    """Open a file beside `path`, which takes its place when the block ends without an error.
+def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
+    """Give a place to write to; what is there at the end replaces the file, with its directory.
 
-    What a link leads to is replaced, not the link. With `sync` file and name are on the disk
-    afterwards; without it a killed program still leaves the old or the new file, and after a
-    power cut a new one may be empty. `mode` says who may read it.
+    What a link leads to is replaced, not the link.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its directory exists.
+    sync : bool
+        False for what may be lost in a power cut and is written too often to wait.
 
     Raises
     ------
     OSError
-        The directory cannot be written; the old file is untouched.
+        The disk is full, read-only or forbidden; the old file is untouched.
     """
     path = path.resolve()
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    part = path.with_name(f".{path.name}.{os.getpid()}{PART}")
+    part.unlink(missing_ok=True)
     try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-            file.flush()
-            os.fchmod(file.fileno(), mode)
-            if sync:
-                os.fsync(file.fileno())
-        Path(name).replace(path)
+        yield part
+        if sync:
+            sync_to_disk(part)
+        part.replace(path)
+        if sync:
+            sync_to_disk(path.parent)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
         raise
-    if sync:
-        sync_directory(path.parent)
 
 
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file by this content, as `replacing` does; a pipe or a device is written to."""
+    """Replace a file by text (UTF-8) or bytes, as `replacing` does; a device is written to.
+
+    `mode` says who may read it: a secret is at no moment readable for others.
+    """
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
         path.write_bytes(data)
         return
-    with replacing(path, sync=sync, mode=mode) as file:
-        file.write(data)
+    with replacing(path, sync=sync) as part:
+        # Never through a link that another user has put there.
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
+        with open(os.open(part, flags, 0o600), "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fchmod(file.fileno(), mode)
 
 
-def sync_directory(directory: Path) -> None:
-    """Bring the names in a directory to the disk, where the system can (Windows cannot)."""
-    if hasattr(os, "O_DIRECTORY"):
-        place = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(place)
-        finally:
-            os.close(place)
+def make_directories(path: Path) -> None:
+    """Make a directory and those above it, each on the disk before what is in it.
+
+    Raises
+    ------
+    OSError
+        One cannot be made.
+    """
+    if path.is_dir():
+        return
+    make_directories(path.parent)
+    path.mkdir(exist_ok=True)
+    sync_to_disk(path.parent)
+
+
+def sync_to_disk(path: Path) -> None:
+    """Wait until a file or directory is on the disk; file systems that cannot say are trusted.
+
+    Raises
+    ------
+    OSError
+        The disk is full or fails.
+    """
+    if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
+        return  # Windows
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in _CANNOT_SYNC:
+            raise
+    finally:
+        os.close(descriptor)

@@ -5,12 +5,14 @@ from typing import Any
 
 import made
 
-from uavrt.batch.ledger import DONE, Ledger
+from uavrt.batch.ledger import Ledger
+from uavrt.batch.months import gather_months, read_index, write_index
+from uavrt.batch.questions import keep_answers
 from uavrt.batch.tables import (
+    DONE,
     PULSES,
     RECORDINGS,
     RecordingRow,
-    folder_of,
     write_pulses,
     write_rows,
 )
@@ -45,7 +47,7 @@ def put(
     """A flight each tenth day, of so many pulses."""
     start_ns = 10 * number * DAY_NS
     flight = f"{number:02d}"
-    state = "done" if pulses else "failed"
+    state, files = "done" if pulses else "failed", {}
     if pulses:
         found = [
             (
@@ -56,11 +58,13 @@ def put(
             )
             for each in range(pulses)
         ]
-        write_pulses(output / PULSES / folder_of(flight) / f"{key}.parquet", found, flight)
+        name = f"{PULSES}/{key}.parquet"
+        files[name] = write_pulses(output / name, found, flight, flight)
     ledger.settle(
         recording_row(
             flight, pulses, path=flight, fingerprint=key, state=state, start_time_ns=start_ns
-        )
+        ),
+        files,
     )
     write_rows(output / RECORDINGS, RecordingRow, ledger.rows)
 
@@ -70,3 +74,13 @@ def archive(output: Path, flights: int = 9) -> Ledger[RecordingRow]:
     for number in range(flights):
         put(output, ledger, number, key=f"key{number}", pulses=0 if number == 4 else 5)
     return ledger
+
+
+def gathered(output: Path, ledger: Ledger[RecordingRow], least_files: int = 1) -> int:
+    """Gather months, and count those that are new."""
+    before, _ = read_index(output)
+    times = {PULSES: ledger.times(PULSES)}
+    after = gather_months(output, before, times, least_files=least_files)
+    write_index(output, after)
+    write_index(output, keep_answers(output, after))
+    return len(after.keys() - before.keys())

@@ -52,8 +52,8 @@ def test_file_and_name_are_on_the_disk_before_the_call_returns(
 
 def test_what_fails_half_way_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     (tmp_path / "flight.npz").write_text("old")
-    with suppress(ZeroDivisionError), replacing(tmp_path / "flight.npz") as file:
-        file.write(b"half")
+    with suppress(ZeroDivisionError), replacing(tmp_path / "flight.npz") as part:
+        part.write_bytes(b"half")
         raise ZeroDivisionError
     assert (tmp_path / "flight.npz").read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["flight.npz"]

@@ -149,8 +149,10 @@ def test_the_rule_names_every_radio_once() -> None:
 def test_the_command_line_installs_below_a_root(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    (tmp_path / "srv").mkdir()
+    place = ("--user", "pi", "--directory", "/srv")
     app(
-        ["service", "install", "--user", "pi", "--root", str(tmp_path)],
+        ["service", "install", *place, "--root", str(tmp_path)],
         result_action="return_value",
     )
     app(["service", "status", "--root", str(tmp_path)], result_action="return_value")

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     )
     from uavrt.analysis.coverage_files import write_maps, write_silence
     from uavrt.analysis.facts import NAME, Facts, read_facts, write_facts
+    from uavrt.analysis.flight_copies import without_copies
     from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
     from uavrt.analysis.flown_with import USUAL_ANTENNA, antenna_is_told, flight_antenna
     from uavrt.analysis.fold_pictures import write_fold_pictures
@@ -60,7 +61,6 @@ if TYPE_CHECKING:
         AnimalOfSeason,
         Season,
         read_season,
-        without_copies,
     )
     from uavrt.analysis.several_flights import (
         TagOfFlights,
@@ -183,7 +183,7 @@ __getattr__ = lazily(
         "AnimalOfSeason": "season",
         "Season": "season",
         "read_season": "season",
-        "without_copies": "season",
+        "without_copies": "flight_copies",
         "DetectionPlots": "plots",
         "FlightNoise": "flight_noise",
         "HeardStrength": "power_survey",

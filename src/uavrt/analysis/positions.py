@@ -11,6 +11,7 @@ from typing import get_args
 import numpy as np
 
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings_together
+from uavrt.analysis.flight_copies import SAME_PULSES
 from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
 from uavrt.analysis.power_survey import (
     HeardStrength,
@@ -19,7 +20,6 @@ from uavrt.analysis.power_survey import (
     signal_of,
 )
 from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
-from uavrt.analysis.season import SAME_PULSES
 from uavrt.analysis.standing import stands, strengths_without_bearing
 from uavrt.errors import UsageError
 from uavrt.localization import (

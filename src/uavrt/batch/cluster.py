@@ -1,11 +1,11 @@
 """The same tasks on a Dask cluster: workers on any machines that see the same files.
 
-A file in the output says which run is going on. Workers look at it now and then: when it says
-stop they put down their state; when another run is named there, theirs was killed, and they
-leave everything as it is.
+A file in the output says which run is going on. Workers read it now and then: when it is gone,
+or names another run, theirs has ended, and they leave their task.
 """
 
 import logging
+import math
 import os
 import pickle
 import time
@@ -17,23 +17,23 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import uavrt
+from uavrt.atomic_file import write_atomically
 from uavrt.batch.workers import Task, side_by_side, worked
 from uavrt.errors import LinkError, UsageError, needs_extra
 from uavrt.heap import heap_as_it_grows
 
 R = TypeVar("R")
 CONNECT_S = 15.0
+NO_WORKER_S = 3.0
+"""So long without a worker is said."""
+_CLOSE_S = 0.5
 _LOOK_S = 0.5
 _QUEUED_LEAST = 64
 """Tasks handed out however few workers there are: a cluster that grows does so by its queue."""
 
 
-class GivenUpError(Exception):
-    """Another run goes on: what this worker does is nobody's any more."""
-
-
 class Sign:
-    """The file that says which run is going on, for workers that look at it.
+    """The file that says which run is going on, for workers to read.
 
     Parameters
     ----------
@@ -45,29 +45,18 @@ class Sign:
 
     def __init__(self, path: Path, run: str) -> None:
         self._path, self._run = path, run
-        self._looked_s, self._stop = 0.0, False
+        self._read_s, self._stop = 0.0, False
 
-    def put_up(self, *, stop: bool = False) -> None:
-        """Say that the run goes on, or is to stop."""
-        part = self._path.with_suffix(".part")
-        part.write_text(f"{self._run} {'stop' if stop else 'go'}")
-        part.replace(self._path)
+    def put_up(self) -> None:
+        """Say that the run goes on."""
+        write_atomically(self._path, self._run, sync=False)
 
     def should_stop(self) -> bool:
-        """Whether the run is to stop.
-
-        Raises
-        ------
-        GivenUpError
-            Another run goes on.
-        """
+        """Whether the run has ended."""
         now_s = time.monotonic()
-        if now_s - self._looked_s >= _LOOK_S:
-            self._looked_s = now_s
-            said = self._path.read_text().split() if self._path.is_file() else []
-            if said[:1] != [self._run]:
-                raise GivenUpError
-            self._stop = said[1:] == ["stop"]
+        if now_s - self._read_s >= _LOOK_S and not self._stop:
+            self._read_s = now_s
+            self._stop = not self._path.is_file() or self._path.read_text() != self._run
         return self._stop
 
 
@@ -78,6 +67,7 @@ def run_on_cluster(
     *,
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
+    on_wait: Callable[[str], None],
 ) -> Iterator[tuple[int, R]]:
     """Work on tasks; yield each one's number and result as it is done.
 
@@ -90,9 +80,11 @@ def run_on_cluster(
     folder : Path
         Seen by all workers under the same name.
     should_stop : callable
-        True ends it with all states written.
+        True ends it.
     on_done : callable
         Takes how much was done since it was last called.
+    on_wait : callable
+        Takes a text when no worker comes.
 
     Raises
     ------
@@ -101,15 +93,16 @@ def run_on_cluster(
     LinkError
         The scheduler has gone.
     """
-    if tasks:
-        with closing(_Cluster(scheduler, folder)) as crew:
-            yield from side_by_side(tasks, range(len(tasks)), crew, should_stop, on_done)
+    if not tasks:
+        return
+    with closing(_Cluster(scheduler, folder, on_wait)) as crew:
+        yield from side_by_side(tasks, range(len(tasks)), crew, should_stop, on_done)
 
 
 class _Cluster:
     """A crew of a Dask cluster's workers."""
 
-    def __init__(self, scheduler: str, folder: Path) -> None:
+    def __init__(self, scheduler: str, folder: Path, on_wait: Callable[[str], None]) -> None:
         with needs_extra("batch", "--scheduler"):
             import distributed
         try:
@@ -121,7 +114,8 @@ class _Cluster:
                 f"no Dask scheduler answers at {scheduler}",
                 remedy="Start one (dask scheduler), and give its address as tcp://HOST:PORT",
             ) from error
-        # Of a scheduler that goes we tell in a sentence; Dask does with its whole stack.
+        self._scheduler, self._on_wait = scheduler, on_wait
+        # One sentence says that a scheduler has gone; Dask writes its whole stack.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
         self._killed = distributed.KilledWorker
@@ -132,15 +126,14 @@ class _Cluster:
         self._done = 0
         self._client.subscribe_topic(self._run, self._count)
         self._executor: Executor = self._client.get_executor(pure=False)
-        self._threads, self._looked_s = 0, 0.0
+        self._threads, self._looked_s, self._alone_s = 0, 0.0, time.monotonic()
 
     def close(self) -> None:
-        """Have workers put down what they do, and leave."""
-        self._sign.put_up(stop=True)
-        with suppress(OSError, TimeoutError):
-            self._executor.shutdown(wait=self._client.status == "running")
-        self._client.close()
+        """Have workers leave what they do."""
         self._file.unlink(missing_ok=True)
+        with suppress(OSError, TimeoutError):
+            self._executor.shutdown(wait=False)
+            self._client.close(timeout=_CLOSE_S)
 
     def at_once(self) -> int:
         """How many tasks to hand out: enough that none waits for us, and a cluster grows."""
@@ -149,6 +142,14 @@ class _Cluster:
             self._looked_s = now_s
             with _scheduler_there():
                 self._threads = sum(self._client.nthreads().values())
+            if self._threads:
+                self._alone_s = now_s
+            elif now_s - self._alone_s > NO_WORKER_S:
+                self._alone_s = math.inf  # it is said once, until one has come
+                self._on_wait(
+                    f"no worker has come to the scheduler. Start one on each machine: "
+                    f"dask worker {self._scheduler} --nthreads 1"
+                )
         return max(_QUEUED_LEAST, 2 * self._threads)
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
@@ -172,10 +173,6 @@ class _Cluster:
                 return future.result()
             except self._killed:
                 return task.failed("workers ended again and again with this in hand")
-
-    def stop(self) -> None:
-        """Have all put down what they do."""
-        self._sign.put_up(stop=True)
 
     def done(self) -> int:
         """How much all of them have done."""
@@ -227,7 +224,5 @@ def _work(packed: bytes, file: Path, run: str, version: str) -> Any:
     teller = _Teller(run)
     try:
         return worked(task, Sign(file, run).should_stop, teller.add)
-    except GivenUpError:
-        return None
     finally:
         teller.flush()

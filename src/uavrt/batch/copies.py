@@ -1,20 +1,28 @@
 """Flights that are there twice, as the drone recorded them and as the ground station did."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+
+import msgspec
 
 from uavrt.analysis import without_copies
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, flight_of
-from uavrt.batch.tables import FlightRow, RecordingRow
+from uavrt.batch.seals import read_note, write_note
+from uavrt.batch.tables import OUTLINES, FlightRow, RecordingRow
 from uavrt.errors import FormatError
 from uavrt.recording import FlightLayout, FlightOutline, read_outline
 
 
 def copies_of(
-    found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
+    found: Found,
+    recordings: Ledger[RecordingRow],
+    flights: Ledger[FlightRow],
+    output: Path,
 ) -> dict[Path, Path]:
-    """Tell which flights are copies, and of which; by the rule of a season's summary.
+    """Find which flights are copies, and of which; by the rule of a season's summary.
 
     Of copies that one counts which has more to search: recordings, kept channels, pulses; of
     equals the one that was placed before. Two flights that both kept samples and heard nothing
@@ -26,6 +34,8 @@ def copies_of(
         What there is now.
     recordings, flights : Ledger
         What is done: a flight is also a copy of one that was placed before and is away now.
+    output : Path
+        Where outlines of the flights are kept for the next run.
 
     Returns
     -------
@@ -40,7 +50,7 @@ def copies_of(
         for copy in row.copies.splitlines()
     }
     copies = {one: told[one] for one in found.flights if one in told}
-    outlines = _outlines({*found.flights, *map(Path, known)} - copies.keys())
+    outlines = _outlines({*found.flights, *map(Path, known)} - copies.keys(), output)
     directories = {one.directory for one in outlines}
     searched = {
         flight_of(row.path, directories)
@@ -56,7 +66,7 @@ def copies_of(
             *(one.pulses, str(place) in known),
         )
 
-    for flight in _flights(outlines):
+    for flight in without_copies(outlines):
         if len(flight) < 2:
             continue
         counting = max(flight, key=worth)
@@ -70,10 +80,10 @@ def copies_of(
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
     """Leave copies of flights out, with their recordings; and how many they are."""
-    left = Found(
+    left = replace(
+        found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
-        flights=tuple(one for one in found.flights if one not in copies),
-        kept_channels=found.kept_channels,
+        flights={one: name for one, name in found.flights.items() if one not in copies},
     )
     return left, len(found.flights) - len(left.flights)
 
@@ -98,28 +108,48 @@ def drop_copies(
         flights.drop(str(copy))
 
 
-def _outlines(directories: set[Path]) -> list[FlightOutline]:
-    """Read those that can be read, in the order of their starts."""
-    found = []
+class _Outlined(msgspec.Struct, frozen=True):
+    stamp: list[int]
+    """Sizes and times of the flight's files."""
+    outline: FlightOutline
+
+
+def _outlines(directories: set[Path], output: Path) -> list[FlightOutline]:
+    """Read those that can be read; of flights that did not change since, what was kept."""
+    kept, found = _kept(output), dict[str, _Outlined]()
     for directory in sorted(directories):
         try:
-            found.append(read_outline(directory))
+            stamp, name = _stamp(directory), str(directory)
+            one = kept.get(name)
+            if one is None or one.stamp != stamp:
+                outline = read_outline(directory)
+                outline = replace(outline, info=replace(outline.info, tags=()))
+                one = _Outlined(stamp=stamp, outline=outline)
+            found[name] = one
         except (FormatError, OSError):
-            continue  # told where it is placed
-    return sorted(found, key=lambda one: one.info.start_time_ns)
+            continue  # named where it is placed
+    if found != kept or not kept:
+        write_note(output / OUTLINES, msgspec.msgpack.encode(found))
+    return [one.outline for one in found.values()]
 
 
-def _flights(outlines: Sequence[FlightOutline]) -> Iterator[tuple[FlightOutline, ...]]:
-    """Put copies together; only flights that overlap are compared, of thousands."""
-    together: list[FlightOutline] = []
-    end_ns = 0
-    for one in outlines:
-        if together and one.info.start_time_ns > end_ns:
-            yield from without_copies(together)
-            together = []
-        end_ns = max(end_ns, one.end_time_ns) if together else one.end_time_ns
-        together.append(one)
-    yield from without_copies(together)
+def _kept(output: Path) -> dict[str, _Outlined]:
+    try:
+        content = read_note(output / OUTLINES)
+        return msgspec.msgpack.decode(content, type=dict[str, _Outlined])
+    except (OSError, FormatError, msgspec.DecodeError):
+        return {}
+
+
+def _stamp(directory: Path) -> list[int]:
+    layout = FlightLayout(directory)
+    stamp = []
+    for path in (layout.database, layout.write_ahead_log):
+        with suppress(FileNotFoundError):
+            about = path.stat()
+            # To read a database leaves an empty write-ahead log next to it.
+            stamp += [about.st_size, about.st_mtime_ns] if about.st_size else []
+    return stamp
 
 
 def _kept_samples(directory: Path) -> bool:

@@ -4,21 +4,21 @@ import hashlib
 import shutil
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import uavrt
 from uavrt.analysis.measure import TagSource
-from uavrt.batch.cell_work import CellResult, CellTask, Chunk, read_chunks
+from uavrt.batch.cell_work import CellResult, CellTask, keep_cell, kept_cell
 from uavrt.batch.cells import cells_of
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Recording, out_of_reach
 from uavrt.batch.remedies import by_manifest
 from uavrt.batch.settings import BatchSettings
 from uavrt.batch.step_keys import tags_as_read
-from uavrt.batch.tables import PULSES, RecordingRow, folder_of, write_pulses
+from uavrt.batch.tables import PULSES, RecordingRow, write_pulses
 from uavrt.clock import Clock
-from uavrt.errors import FormatError, UavrtError
+from uavrt.errors import UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import Beep, Pulse, keep_beep
 
@@ -32,18 +32,22 @@ class _Facts:
     """What a recording says of itself; nothing when it cannot be opened."""
 
     start_time_ns: int | None = None
-    length_s: float = 0.0
+    length_s: float | None = None
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
+    tags_outside: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
 class _Job:
+    """A recording's search, and what has come of it."""
+
     recording: Recording
     key: str
-    tasks: list[CellTask]
-    results: list[CellResult]
     facts: _Facts
+    cells: int = 0
+    """How many it has in all."""
+    results: list[CellResult] = field(default_factory=list)
 
 
 class Detecting:
@@ -84,7 +88,7 @@ class Detecting:
     def plan(self, recording: Recording) -> RecordingRow | None:
         """Add what is to be done with a recording; a row when nothing can be."""
         try:
-            key = self._key(recording)
+            key = _key(recording, self._sought, self._settings)
             self.keys[recording.path] = key
             if self._ledger.done(key) is not None:
                 self.done_before += 1
@@ -98,19 +102,7 @@ class Detecting:
         except Exception as error:  # no file ends the run of an archive
             log.exception("a recording cannot be read", recording=recording.name)
             return self._failed(recording, f"{type(error).__name__}: {error}")
-        self.tasks += job.tasks
-        self._jobs += [job] * len(job.tasks)
-        return None
-
-    def _key(self, recording: Recording) -> str:
-        key = _key(recording, tags_as_read(self._sought.tags), self._sought, self._settings)
-        if self._ledger.done(key) is None:
-            # Keys once held the names of tags, too.
-            named = sorted(map(repr, self._sought.tags))
-            before = _key(recording, named, self._sought, self._settings)
-            if (row := self._ledger.done(before)) is not None:
-                self._ledger.rekey(row, key)
-        return key
+        return self._finished(job) if len(job.results) == job.cells else None
 
     def _failed(
         self, recording: Recording, fault: str, *, gone: bool = False
@@ -119,7 +111,7 @@ class Detecting:
             self.kept[recording.name] = by_manifest(fault)
             return None
         key = hashlib.sha256(recording.name.encode()).hexdigest()[:16]
-        row = _row(_Job(recording, key, [], [], _Facts()), "failed", [fault])
+        row = _row(_Job(recording, key, _Facts()), "failed", [fault])
         self._ledger.settle(row)
         return row
 
@@ -131,66 +123,89 @@ class Detecting:
         return known is not None
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Take a task's result; a row when it was a recording's last, and it has one of it."""
+        """Take a task's result; a row when it was a recording's last, and it has one of it.
+
+        Raises
+        ------
+        OSError
+            The directory cannot be written.
+        """
         job = self._jobs[number]
         job.results.append(result)
-        if len(job.results) < len(job.tasks):
+        if len(job.results) < job.cells:
+            if not result.unreachable:
+                keep_cell(self._kept_cells(job.key), result)
             return None
-        if gone := [one.fault or "" for one in job.results if one.unfinished]:
+        return self._finished(job)
+
+    def _finished(self, job: _Job) -> RecordingRow | None:
+        if gone := [one.fault or "" for one in job.results if one.unreachable]:
             if self._take_known(job.recording):
                 self.kept[job.recording.name] = by_manifest(gone[0])
                 return None
             row = _row(job, "failed", gone)
             self._ledger.settle(row)
             return row
-        chunks, faults = _gathered(job, self._output)
-        pulses = _joined(chunks)
-        state = "done" if not faults else "truncated" if chunks else "failed"
+        job.results.sort(key=lambda one: one.number)
+        faults = [one.fault for one in job.results if one.fault is not None]
+        searched = any(one.searched for one in job.results)
+        state = "done" if not faults else "truncated" if searched else "failed"
+        pulses = _joined(job.results)
+        row = _row(job, state, faults, [pulse for _, pulse in pulses])
+        files = {}
         if state != "failed":
-            folder = self._output / PULSES / folder_of(job.recording.flight)
-            write_pulses(folder / f"{job.key}.parquet", pulses, job.recording.name)
-        only = [chunk for _, chunk in chunks]
-        row = _row(job, state, faults, only, [pulse for _, pulse in pulses])
-        self._ledger.settle(row)
-        shutil.rmtree(self._output / UNFINISHED / job.key, ignore_errors=True)
+            name, recording = f"{PULSES}/{job.key}.parquet", job.recording
+            files[name] = write_pulses(
+                self._output / name, pulses, recording.name, recording.flight
+            )
+        self._ledger.settle(row, files)
+        shutil.rmtree(self._kept_cells(job.key), ignore_errors=True)
         return row
+
+    def _kept_cells(self, key: str) -> Path:
+        return self._output / UNFINISHED / key
 
     def _planned(self, recording: Recording, key: str) -> _Job:
         settings = self._settings
         with closing(recording.open()) as source:
-            rate_hz = source.sample_rate_hz
+            rate_hz, center_hz = source.sample_rate_hz, source.center_frequency_hz
             if source.dated_by_file:
                 self.dated_by_file[recording.name] = by_manifest(source.origin)
             cells = cells_of(
                 source.segments, rate_hz, cell_s=settings.cell_s, lead_in_s=settings.lead_in_s
             )
+            sought = self._sought.within(rate_hz, center_hz)
             facts = _Facts(
                 start_time_ns=source.start_time_ns,
                 length_s=(source.total_samples or 0) / rate_hz,
                 sample_rate_hz=rate_hz,
-                center_frequency_hz=source.center_frequency_hz,
+                center_frequency_hz=center_hz,
+                tags_outside=tuple(
+                    tag.tag_id for tag in self._sought.tags if tag not in sought.tags
+                ),
             )
-        tasks = [
-            CellTask(
-                recording=recording,
-                cell=cell,
-                sought=self._sought,
-                frequency_window_hz=settings.frequency_window_hz,
-                chunk_s=settings.chunk_s,
-                directory=self._output / UNFINISHED / key / str(cell.number),
+        job = _Job(recording, key, facts, len(cells))
+        for cell in cells:
+            if (kept := kept_cell(self._kept_cells(key), cell.number)) is not None:
+                job.results.append(kept)
+                continue
+            self._jobs.append(job)
+            self.tasks.append(
+                CellTask(
+                    recording=recording,
+                    cell=cell,
+                    sought=sought,
+                    frequency_window_hz=settings.frequency_window_hz,
+                )
             )
-            for cell in cells
-        ]
-        return _Job(recording, key, tasks, [], facts)
+        return job
 
 
-def _key(
-    recording: Recording, tags: list[str], sought: TagSource, settings: BatchSettings
-) -> str:
+def _key(recording: Recording, sought: TagSource, settings: BatchSettings) -> str:
     """Name a recording as it is under these tags and settings."""
     facts = (
         recording.fingerprint(),
-        tags,
+        tags_as_read(sought.tags),
         sorted((number, mode.value) for number, mode in sought.operating_modes.items()),
         sought.excluded_hz,
         settings.frequency_window_hz,
@@ -201,26 +216,10 @@ def _key(
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
 
 
-def _gathered(job: _Job, output: Path) -> tuple[list[tuple[int, Chunk]], list[str]]:
-    """What its cells gave, each chunk with its cell's number; and what went wrong."""
-    chunks: list[tuple[int, Chunk]] = []
-    faults = []
-    for result in sorted(job.results, key=lambda one: one.number):
-        directory = output / UNFINISHED / job.key / str(result.number)
-        try:
-            chunks += [(result.number, chunk) for chunk in read_chunks(directory, result)]
-        except FormatError as error:
-            faults.append(str(error))
-        if result.fault is not None:
-            faults.append(result.fault)
-    return chunks, faults
-
-
 def _row(
     job: _Job,
     state: str,
     faults: Sequence[str],
-    chunks: Sequence[Chunk] = (),
     pulses: Sequence[Pulse] = (),
 ) -> RecordingRow:
     return RecordingRow(
@@ -235,28 +234,29 @@ def _row(
         center_frequency_hz=job.facts.center_frequency_hz,
         pulses=len(pulses),
         confirmed=sum(pulse.confirmed for pulse in pulses),
-        lost_samples=sum(chunk.lost_samples for chunk in chunks),
-        invalid_values=sum(chunk.invalid_values for chunk in chunks),
-        cells=len(job.tasks),
-        cpu_s=sum(chunk.cpu_s for chunk in chunks),
+        lost_samples=sum(one.lost_samples for one in job.results),
+        invalid_values=sum(one.invalid_values for one in job.results),
+        cells=job.cells,
+        cpu_s=sum(one.cpu_s for one in job.results),
         finished_time_ns=Clock.start().now_ns(),
         uavrt_version=uavrt.__version__,
-        beeps="\n".join(str(one) for one in _beeps(chunks) if one.odd),
+        tags_outside=job.facts.tags_outside,
+        beeps="\n".join(str(one) for one in _beeps(job.results) if one.odd),
     )
 
 
-def _beeps(chunks: Sequence[Chunk]) -> list[Beep]:
+def _beeps(results: Sequence[CellResult]) -> list[Beep]:
     """What beeps in a recording, each sender once."""
     found: list[Beep] = []
-    for chunk in chunks:
-        for beep in chunk.beeps:
+    for one in results:
+        for beep in one.beeps:
             keep_beep(found, beep)
     return found
 
 
-def _joined(chunks: Sequence[tuple[int, Chunk]]) -> list[tuple[int, Pulse]]:
+def _joined(results: Sequence[CellResult]) -> list[tuple[int, Pulse]]:
     """Join cells in the order of time; a pulse on the line between two is in both."""
-    found = [(number, pulse) for number, chunk in chunks for pulse in chunk.pulses]
+    found = [(one.number, pulse) for one in results for pulse in one.pulses]
     found.sort(key=lambda one: (one[1].tag_id, one[1].start_time_ns))
     kept: list[tuple[int, Pulse]] = []
     for number, pulse in found:

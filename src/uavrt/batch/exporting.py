@@ -9,6 +9,7 @@ import numpy as np
 
 from uavrt.analysis import Survey, TagBearing, TagPosition
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
+from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
@@ -228,11 +229,10 @@ def _position(row: dict[str, Any]) -> TagPosition:
 
 
 def _cautions(row: dict[str, Any]) -> tuple[Caution, ...]:
-    """What makes a position less sure; nothing of archives from before that was kept."""
-    names, texts = row.get("cautions") or "", row.get("cautions_in_words") or ""
+    names, texts = row["cautions"], row["cautions_in_words"]
     return tuple(
         Caution(name=cast("Any", name), text=text)
-        for name, text in zip(names.split(", "), texts.split("\n"), strict=False)
+        for name, text in zip(names.split(", "), texts.split("\n"), strict=True)
         if name
     )
 
@@ -244,11 +244,10 @@ def _geoparquet(archive: Path, table: str, flights: list[str] | None, directory:
     which = "" if flights is None else f"WHERE flight IN ({', '.join(map(quoted, flights))})"
     rows = ask(archive, f"SELECT * FROM {table} {which} ORDER BY flight, tag_id, start_time_ns")
     target = directory / f"{table}.parquet"
-    part = target.with_suffix(".part")
     try:
-        directory.mkdir(parents=True, exist_ok=True)
-        pq.write_table(with_points(rows), part, compression="zstd")
-        part.replace(target)
+        make_directories(directory)
+        with replacing(target) as part:
+            pq.write_table(with_points(rows), part, compression="zstd")
     except OSError as error:
         raise RecordingError(
             f"cannot write {target}: {error.strerror}", remedy="Choose a writable place"

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 _FLOWN = """
 SELECT flight, min(path) AS path, min(start_time_ns) AS start_time_ns,
-       max(start_time_ns + CAST(1e9 * (
-           length_s + coalesce(lost_samples / sample_rate_hz, 0)) AS BIGINT)) AS end_time_ns,
+       max(start_time_ns + CAST(1e9 * (coalesce(length_s, 0)
+           + coalesce(lost_samples / sample_rate_hz, 0)) AS BIGINT)) AS end_time_ns,
        sum(confirmed) AS pulses
 FROM {recordings} GROUP BY flight
 """

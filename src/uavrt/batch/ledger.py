@@ -1,21 +1,31 @@
-"""What is done: a file for each recording or flight, so that a killed run keeps them all."""
+"""What is done: a file for each recording or flight, so that a killed run keeps them all.
 
-import shutil
+A row is written after the tables that belong to it, each on the disk before the next, and it
+knows what they hold. So after a kill or a power cut there are whole rows with whole tables;
+what belongs to no row is removed, and what a row misses is done again.
+"""
+
+import os
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
 import msgspec
 
-from uavrt.batch.tables import MONTHS, FlightRow, RecordingRow, folder_of, old_folder_of
-from uavrt.errors import RecordingError
-
-DONE, PLACED = "done", "placed"
+from uavrt.atomic_file import PART
+from uavrt.batch.seals import Seal, fault_of, read_note, write_note
+from uavrt.batch.tables import FlightRow, RecordingRow
+from uavrt.errors import FormatError, RecordingError
 
 R = TypeVar("R", RecordingRow, FlightRow)
+
+
+class _Entry(msgspec.Struct, frozen=True):
+    row: msgspec.Raw
+    files: dict[str, Seal]
+    """Of its tables, by path below the output."""
 
 
 class Ledger(Generic[R]):
@@ -30,30 +40,41 @@ class Ledger(Generic[R]):
     record : type
         Of a row.
     tables : sequence of str
-        What goes with a row.
+        Folders of what belongs to a row.
+    thorough : bool
+        Read all files, and do not go by their sizes and times.
 
     Raises
     ------
     RecordingError
-        A row is damaged.
+        A file cannot be read.
     OSError
         The directory cannot be written.
     """
 
-    def __init__(self, output: Path, name: str, record: type[R], tables: Sequence[str]) -> None:
+    def __init__(
+        self,
+        output: Path,
+        name: str,
+        record: type[R],
+        tables: Sequence[str],
+        *,
+        thorough: bool = False,
+    ) -> None:
         self._output, self._directory, self._tables = output, output / name, tables
+        self._record: type[R] = record
         self._rows: dict[str, R] = {}
+        self._files: dict[str, dict[str, Seal]] = {}
         self._keys: dict[str, set[str]] = defaultdict(set)
-        self._directory.mkdir(parents=True, exist_ok=True)
-        for path in self._directory.glob("*.json"):
-            try:
-                self._note(msgspec.json.decode(path.read_bytes(), type=record))
-            except (OSError, msgspec.DecodeError) as error:
-                raise RecordingError(
-                    f"{path} is damaged: {error}", remedy="Delete it: it is done anew"
-                ) from error
-        for row in self._rows.values():
-            self._move(row.fingerprint, old_folder_of(row.flight), folder_of(row.flight))
+        self.damaged: dict[str, str] = {}
+        """Files that are missing or damaged, with the reason; what they held is done again."""
+        try:
+            self._load(thorough=thorough)
+        except PermissionError as error:
+            raise RecordingError(
+                f"{error.filename} cannot be read: {error.strerror}",
+                remedy="Give this user access to the output, or run it as its owner",
+            ) from error
 
     @property
     def rows(self) -> list[R]:
@@ -70,86 +91,114 @@ class Ledger(Generic[R]):
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
-    def settle(self, row: R) -> None:
+    def files(self, key: str) -> dict[str, Seal]:
+        """Get the tables of a row, by path below the output."""
+        return dict(self._files.get(key, {}))
+
+    def times(self, table: str) -> dict[str, int | None]:
+        """Get the start of what is in each file of a table [ns], by the file's stem."""
+        return {
+            Path(name).stem: row.start_time_ns
+            for key, row in self._rows.items()
+            for name in self._files[key]
+            if name.startswith(f"{table}/")
+        }
+
+    def settle(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
         """Put a row down, and take away what it replaces.
 
-        Raises
-        ------
-        OSError
-            The directory cannot be written.
-        """
-        path = self._directory / f"{row.fingerprint}.json"
-        part = path.with_suffix(".part")
-        part.write_bytes(msgspec.json.encode(asdict(row)))
-        part.replace(path)
-        self._note(row)
-        for old in self._keys[row.path] - {row.fingerprint}:
-            self._remove(old)
-        self._keys[row.path] = {row.fingerprint}
-
-    def rename(self, row: R, flight: str) -> None:
-        """Give a row's flight another name, in its tables, too.
+        Parameters
+        ----------
+        row : RecordingRow or FlightRow
+            What was done.
+        files : mapping of str to Seal, optional
+            Its tables, which are on the disk; None: as they were.
 
         Raises
         ------
         OSError
             The directory cannot be written.
         """
-        self._move(row.fingerprint, folder_of(row.flight), folder_of(flight))
-        self.settle(replace(row, flight=flight))
-
-    def hand_on(self, row: R, table: str, key: str) -> None:
-        """Have another row keep what one has in a table.
-
-        Raises
-        ------
-        OSError
-            The directory cannot be written.
-        """
-        file = self._output / table / folder_of(row.flight) / f"{row.fingerprint}.parquet"
-        if file.is_file():
-            file.replace(file.with_name(f"{key}.parquet"))
-
-    def rekey(self, row: R, key: str) -> None:
-        """Keep all that a row has under another key.
-
-        Raises
-        ------
-        OSError
-            The directory cannot be written.
-        """
-        for table in self._tables:
-            self.hand_on(row, table, key)
-        self.settle(replace(row, fingerprint=key))
-
-    def _move(self, key: str, old: str, new: str) -> None:
-        """Move a row's tables from a folder to another."""
-        if old == new:
-            return
-        for table in self._tables:
-            before = self._output / table / old / f"{key}.parquet"
-            if not before.is_file():
-                continue
-            # The copies by month hold the old name; they are made again.
-            shutil.rmtree(self._output / MONTHS, ignore_errors=True)
-            after = self._output / table / new / before.name
-            after.parent.mkdir(parents=True, exist_ok=True)
-            before.replace(after)
-            with suppress(OSError):  # others are still in it
-                before.parent.rmdir()
+        key, before = row.fingerprint, self.files(row.fingerprint)
+        held = before if files is None else dict(files)
+        entry = _Entry(row=msgspec.Raw(msgspec.json.encode(row)), files=held)
+        write_note((self._output / self.place(key)), msgspec.json.encode(entry))
+        self._note(row, held)
+        for name in before.keys() - held.keys():
+            (self._output / name).unlink(missing_ok=True)
+        for old in self._keys[row.path] - {key}:
+            self._remove(old, held)
+        self._keys[row.path] = {key}
 
     def drop(self, path: str) -> None:
         """Take away what is known of a path."""
         for old in self._keys.pop(path, ()):
             self._remove(old)
 
-    def _remove(self, key: str) -> None:
+    def _load(self, *, thorough: bool) -> None:
+        self._directory.mkdir(parents=True, exist_ok=True)
+        for path in self._directory.iterdir():
+            if path.suffix != ".json":
+                if path.suffix == PART:
+                    path.unlink()
+                continue
+            try:
+                entry = msgspec.json.decode(read_note(path), type=_Entry)
+                row = msgspec.json.decode(entry.row, type=self._record)
+                if row.fingerprint != path.stem:
+                    raise FormatError("it holds another one's row")
+            except (FormatError, msgspec.DecodeError) as error:
+                self._discard(path, getattr(error, "message", str(error)))
+                continue
+            self._note(row, entry.files)
+        for keys in list(self._keys.values()):
+            # A cut came between a row and the removal of the one that it replaces.
+            *older, newest = sorted(keys, key=lambda key: self._rows[key].finished_time_ns)
+            for old in older:
+                self._remove(old, self._files[newest])
+                keys.remove(old)
+        for key, files in list(self._files.items()):
+            faults = dict(self._faults(files, thorough=thorough))
+            if faults:
+                self.damaged |= faults
+                self._keys[self._rows[key].path].discard(key)
+                self._remove(key)
+        self._remove_strays()
+
+    def _faults(
+        self, files: Mapping[str, Seal], *, thorough: bool
+    ) -> Iterator[tuple[str, str]]:
+        for name, seal in files.items():
+            if (fault := fault_of(self._output / name, seal, thorough=thorough)) is not None:
+                yield name, fault
+
+    def _remove_strays(self) -> None:
+        """Remove tables of no row: a cut came before the row, or the row was lost."""
+        known = {f"{self._output}/{name}" for held in self._files.values() for name in held}
         for table in self._tables:
-            for file in (self._output / table).glob(f"*/{key}.parquet"):
-                file.unlink()
-        (self._directory / f"{key}.json").unlink()
+            for folder, _, names in os.walk(self._output / table):
+                for path in (f"{folder}/{name}" for name in names):
+                    if path.endswith(PART):
+                        os.unlink(path)
+                    elif path.endswith(".parquet") and path not in known:
+                        self._discard(Path(path), "it belongs to no row")
+
+    def _discard(self, path: Path, fault: str) -> None:
+        self.damaged.setdefault(path.relative_to(self._output).as_posix(), fault)
+        path.unlink()
+
+    def place(self, key: str) -> str:
+        """Name the file of a row, below the output."""
+        return f"{self._directory.name}/{key}.json"
+
+    def _remove(self, key: str, kept: Mapping[str, Seal] | None = None) -> None:
+        (self._output / self.place(key)).unlink(missing_ok=True)
+        for name in self._files.pop(key).keys() - (kept or {}).keys():
+            with suppress(FileNotFoundError):
+                (self._output / name).unlink()
         del self._rows[key]
 
-    def _note(self, row: R) -> None:
+    def _note(self, row: R, files: Mapping[str, Seal]) -> None:
         self._rows[row.fingerprint] = row
+        self._files[row.fingerprint] = dict(files)
         self._keys[row.path].add(row.fingerprint)

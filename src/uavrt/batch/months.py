@@ -3,10 +3,10 @@
 ::
 
     OUT/months/TABLE/2026-05-HASH.parquet   by tag and time
-    OUT/months/TABLE/index.json             which keys are in which file
+    OUT/copies.json                         which files each holds; also of other copies
 
-They are copies: a month with a row that was replaced since is passed over, and what is in no
-month is read where it was written.
+They are copies: a month of which a file is gone is passed over, and what is in no month is read
+where it was written. A damaged one is made again.
 """
 
 import hashlib
@@ -18,155 +18,174 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.batch.ledger import DONE, PLACED
-from uavrt.batch.tables import (
-    MONTHS,
-    PULSES,
-    SCHEMA_VERSION,
-    TABLES,
-    FlightRow,
-    RecordingRow,
-    folder_of,
-)
-from uavrt.errors import needs_extra
+from uavrt.atomic_file import make_directories, replacing
+from uavrt.batch.seals import Seal, fault_of, read_note, sealed, write_note
+from uavrt.batch.tables import MONTHS, RECORDINGS, SCHEMA_VERSION
+from uavrt.errors import FormatError, needs_extra
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LEAST_FILES = 100
 """Fewer files than this are opened one by one."""
 _GROUP_ROWS = 50_000
-_INDEX = "index.json"
-UNKNOWN, EMPTY = "unknown", "empty"
-"""In place of a month: no time is known; nothing was found, so that there is no file."""
+INDEX = "copies.json"
+UNKNOWN = "unknown"
+"""In place of a month where no time is known."""
 
 
-class _Month(msgspec.Struct, frozen=True):
-    file: str
-    keys: list[str]
+class Copy(msgspec.Struct, frozen=True):
+    """A file that holds the rows of others, or an answer of them."""
+
+    seal: Seal
+    keys: list[str] = []  # a struct copies it
+    """Stems of the files whose rows are in it."""
+
+
+Index = dict[str, Copy]
+"""By path below the output."""
 
 
 def gather_months(
     output: Path,
-    recordings: list[RecordingRow],
-    flights: list[FlightRow],
+    index: Index,
+    tables: Mapping[str, Mapping[str, int | None]],
     *,
     least_files: int = LEAST_FILES,
-) -> int:
+    lost: bool = False,
+) -> Index:
     """Bring the months up to date with what was written.
 
     Parameters
     ----------
     output : Path
         Directory of the tables.
-    recordings, flights : list
-        All rows.
+    index : Index
+        Which copies there are.
+    tables : mapping of str to mapping
+        For each table the start of what is in each file [ns], by the file's stem.
     least_files : int
         Fewer files than this, that no month holds, are left as they are.
+    lost : bool
+        Copies were missing or damaged: make new ones of however few files.
 
     Returns
     -------
-    int
-        How many months were written.
+    Index
+        Which copies there are now; see `write_index`.
 
     Raises
     ------
     OSError
         The directory cannot be written.
     """
-    written = 0
-    for table in TABLES:
-        files: dict[str, dict[str, Path]] = defaultdict(dict)
-        for row in recordings if table == PULSES else flights:
-            file = output / table / folder_of(row.flight) / f"{row.fingerprint}.parquet"
-            month = _month(row.start_time_ns) if file.is_file() else EMPTY
-            files[month][row.fingerprint] = file
-        written += _gather(output / MONTHS / table, files, least_files)
-    return written
+    kept = dict(index)
+    for table, times in tables.items():
+        files: dict[str, list[str]] = defaultdict(list)
+        for stem, time_ns in times.items():
+            files[_month(time_ns)].append(stem)
+        held = {name for name in index if name.startswith(_folder(table))}
+        wanted = {_name(table, month, keys): sorted(keys) for month, keys in files.items()}
+        fresh, stale = wanted.keys() - held, held - wanted.keys()
+        many = sum(len(wanted[name]) for name in fresh) >= least_files
+        if many or (lost and held) or (stale and not fresh):
+            for name in fresh:
+                kept[name] = _copy(output, table, name, wanted[name])
+            for name in stale:
+                del kept[name]
+    return kept
 
 
-def _gather(folder: Path, files: Mapping[str, Mapping[str, Path]], least_files: int) -> int:
-    index = _read(folder)
-    changed = {
-        month: held
-        for month, held in files.items()
-        if month not in index or set(index[month].keys) != set(held)
+def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
+    """Read which copies there are, and why others cannot be used.
+
+    Parameters
+    ----------
+    output : Path
+        Directory of the tables.
+    thorough : bool
+        Read all copies, and do not go by their sizes and times.
+    """
+    try:
+        noted = msgspec.json.decode(read_note(output / INDEX), type=Index)
+    except FileNotFoundError:
+        return {}, {INDEX: "missing"} if (output / RECORDINGS).is_file() else {}
+    except (FormatError, msgspec.DecodeError):
+        return {}, {INDEX: "not what was written"}
+    faults = {
+        name: fault
+        for name, one in noted.items()
+        if (fault := fault_of(output / name, one.seal, thorough=thorough)) is not None
     }
-    stale = index.keys() - files.keys()
-    if not stale and sum(map(len, changed.values())) < least_files:
-        return 0
-    folder.mkdir(parents=True, exist_ok=True)
-    kept = {month: one for month, one in index.items() if month in files}
-    for month, held in changed.items():
-        keys = sorted(held)
-        if month == EMPTY:
-            kept[month] = _Month("", keys)
-            continue
-        name = f"{month}-{hashlib.sha256(' '.join(keys).encode()).hexdigest()[:12]}.parquet"
-        _copy([held[key] for key in keys], folder / name)
-        kept[month] = _Month(name, keys)
-    part = folder / "index.part"
-    part.write_bytes(msgspec.json.encode(kept))
-    part.replace(folder / _INDEX)
-    used = {one.file for one in kept.values()}
-    for old in folder.glob("*.parquet"):
-        if old.name not in used:
-            old.unlink()
-    return len(changed)
+    return {name: one for name, one in noted.items() if name not in faults}, faults
 
 
-def _copy(files: list[Path], target: Path) -> None:
+def write_index(output: Path, index: Index) -> None:
+    """Note which copies there are, and remove others.
+
+    Raises
+    ------
+    OSError
+        The directory cannot be written.
+    """
+    write_note(output / INDEX, msgspec.json.encode(index))
+    for folder, _, names in os.walk(output / MONTHS):
+        for path in (Path(folder, name) for name in names):
+            if path.relative_to(output).as_posix() not in index:
+                path.unlink()
+
+
+def _folder(table: str) -> str:
+    return f"{MONTHS}/{table}/"
+
+
+def _name(table: str, month: str, keys: list[str]) -> str:
+    said = hashlib.sha256(" ".join(sorted(keys)).encode()).hexdigest()[:12]
+    return f"{_folder(table)}{month}-{said}.parquet"
+
+
+def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
     """Write the rows of many files into one; DuckDB sorts them on the disk if need be."""
     with needs_extra("batch", "An archive"):
         import duckdb
-    part = target.with_suffix(".part")
-    with duckdb.connect() as connection:
+    files = [output / table / f"{key}.parquet" for key in keys]
+    target = output / name
+    make_directories(target.parent)
+    with replacing(target) as part, duckdb.connect() as connection:
         connection.execute(
             f"COPY (SELECT * FROM {rows_of(files)} ORDER BY tag_id, start_time_ns) "
             f"TO {quoted(part)} (FORMAT parquet, COMPRESSION zstd, "
             f"ROW_GROUP_SIZE {_GROUP_ROWS}, KV_METADATA {{uavrt_schema: '{SCHEMA_VERSION}'}})"
         )
-    part.replace(target)
+    return Copy(sealed(target), keys)
 
 
 def source_of(output: Path, table: str) -> str | None:
     """Say where DuckDB finds all rows of a table; None where there are none."""
-    folder = output / MONTHS / table
-    ledger = output / (DONE if table == PULSES else PLACED)
-    known = (
-        {name.removesuffix(".json") for name in os.listdir(ledger)}
-        if ledger.is_dir()
-        else set()
-    )
-    months = [one for one in _read(folder).values() if known.issuperset(one.keys)]
-    held = {key for one in months for key in one.keys}
-    sources = []
-    if whole := [quoted(folder / one.file) for one in months if one.file]:
-        sources.append(f"read_parquet([{', '.join(whole)}])")
-    if not months or known - held:
-        loose = [file for file in (output / table).glob("*/*.parquet") if file.stem not in held]
-        sources += [rows_of(loose)] if loose else []
-    if not sources:
+    try:
+        names = os.listdir(output / table)
+    except FileNotFoundError:
         return None
-    return " UNION ALL BY NAME ".join(f"SELECT * FROM {one}" for one in sources)
+    there = {one.removesuffix(".parquet") for one in names if one.endswith(".parquet")}
+    index, _ = read_index(output)
+    months = {
+        name: one
+        for name, one in index.items()
+        if name.startswith(_folder(table)) and there.issuperset(one.keys)
+    }
+    held = {key for one in months.values() for key in one.keys}
+    files = [output / name for name in months]
+    files += [output / table / f"{key}.parquet" for key in there - held]
+    return f"SELECT * FROM {rows_of(files)}" if files else None
 
 
 def rows_of(files: list[Path]) -> str:
-    """Have DuckDB read files of folders that are named by flights."""
-    # The name of a flight may look like a number.
-    how = "hive_partitioning = true, hive_types = {'flight': 'VARCHAR'}"
-    return f"read_parquet([{', '.join(map(quoted, sorted(files)))}], {how})"
+    """Have DuckDB read files; what their folders are called is no column."""
+    listed = ", ".join(map(quoted, sorted(files)))
+    return f"read_parquet([{listed}], hive_partitioning = false, union_by_name = true)"
 
 
 def quoted(text: Path | str) -> str:
     """Write a path or a name as a word of SQL."""
     return "'" + str(text).replace("'", "''") + "'"
-
-
-def _read(folder: Path) -> dict[str, _Month]:
-    """Read which keys are where; nothing from a damaged index: it is a copy."""
-    try:
-        return msgspec.json.decode((folder / _INDEX).read_bytes(), type=dict[str, _Month])
-    except (OSError, msgspec.DecodeError):
-        return {}
 
 
 def _month(time_ns: int | None) -> str:

@@ -13,6 +13,7 @@ from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, Recording, flight_of
 from uavrt.batch.remedies import by_manifest
+from uavrt.batch.seals import Seal
 from uavrt.batch.settings import STEPS, BatchSettings
 from uavrt.batch.step_keys import (
     PLACING_STEPS,
@@ -33,7 +34,6 @@ from uavrt.batch.tables import (
     PoseRow,
     PositionOfTag,
     RecordingRow,
-    folder_of,
     write_pulses,
     write_rows,
 )
@@ -83,7 +83,6 @@ class Placing:
         self,
         found: Found,
         keys: Mapping[Path, str],
-        names: Mapping[Path, str],
         copies: Mapping[Path, Path],
     ) -> None:
         """Add all flights, and recordings with a track, that are not done yet.
@@ -94,8 +93,6 @@ class Placing:
             What there is.
         keys : mapping of Path to str
             Of the recordings, as the ledger knows them.
-        names : mapping of Path to str
-            Of the flights, by directory.
         copies : mapping of Path to Path
             The flight that counts, by directory of each copy.
         """
@@ -115,8 +112,8 @@ class Placing:
                 self._add(recording.name, row.flight, [searched], recording)
         for directory, row in self._taken_away(found):
             of_flight[directory].append(self._searched(row))
-        for directory in found.flights:
-            self._add(str(directory), names[directory], of_flight[directory], None)
+        for directory, name in found.flights.items():
+            self._add(str(directory), name, of_flight[directory], None)
 
     def _note_copy(self, copy: str, path: str) -> None:
         row = self._flights.of(path)
@@ -127,7 +124,7 @@ class Placing:
             self._flights.settle(replace(row, copies="\n".join(sorted(noted))))
 
     def _searched(self, row: RecordingRow) -> Searched:
-        file = self._output / PULSES / folder_of(row.flight) / f"{row.fingerprint}.parquet"
+        file = self._output / PULSES / f"{row.fingerprint}.parquet"
         return Searched(recording=row.path, file=file)
 
     def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
@@ -156,7 +153,9 @@ class Placing:
             settings=settings.placing,
         )
         try:
-            planned = _planned(task, self._flights.of(path))
+            # Of its own pulses nothing may be left: they are read again.
+            lost = task.is_flight and not searched and not self._recorded(task)
+            planned = _planned(task, self._flights.of(path), again=lost)
         except OSError as error:
             self._kept_or_failed(task, FlightResult(fault=str(error), failed=True, gone=True))
             return
@@ -165,6 +164,9 @@ class Placing:
         else:
             self.tasks.append(planned.task)
             self._plans.append(planned)
+
+    def _recorded(self, task: FlightTask) -> bool:
+        return self._recordings.done(recorded_key(task)) is not None
 
     def finish(self, number: int, result: FlightResult) -> FlightRow | None:
         """Write what a flight gave, and what was done with it; None: what was before stays."""
@@ -178,12 +180,12 @@ class Placing:
             self.kept[task.path] = result.fault or ""
             return None
         failed = replace(task, key=key_of(task.path, {}))
-        return self._settled(_row(failed, result))
+        return self._settled(_row(failed, result), {})
 
-    def _settled(self, row: FlightRow) -> FlightRow:
+    def _settled(self, row: FlightRow, files: Mapping[str, Seal]) -> FlightRow:
         copies = self._copies.get(row.path, ())
         row = replace(row, copies="\n".join(sorted(copies)))
-        self._flights.settle(row)
+        self._flights.settle(row, files)
         return row
 
     def _done(self, plan: "_Plan", result: FlightResult) -> FlightRow:
@@ -191,24 +193,26 @@ class Placing:
         task = replace(plan.task, key=key_of(plan.task.path, keys))
         if task.is_flight:
             self._settle_recorded(task, result)
-        self._write(task, POSES, PoseRow, result.poses)
-        self._write(task, BEARINGS, BearingOfTag, result.bearings)
-        self._write(task, POSITIONS, PositionOfTag, result.positions)
-        self._write(task, INTEGRATED, IntegratedVerdict, result.integrated)
-        row = _row(task, result)
+        row, files = _row(task, result), dict[str, Seal]()
         if (before := plan.before) is not None:
-            for step in plan.kept:
-                self._flights.hand_on(before, TABLE_OF[step], task.key)
+            tables = {TABLE_OF[step] for step in plan.kept}
+            kept = self._flights.files(before.fingerprint)
+            files = {name: one for name, one in kept.items() if name.split("/")[0] in tables}
             row = _with_kept(row, before, plan.kept)
+        files |= self._write(task, POSES, PoseRow, result.poses)
+        files |= self._write(task, BEARINGS, BearingOfTag, result.bearings)
+        files |= self._write(task, POSITIONS, PositionOfTag, result.positions)
+        files |= self._write(task, INTEGRATED, IntegratedVerdict, result.integrated)
         steps = ",".join(step for step in STEPS if step in keys)
-        return self._settled(replace(row, steps=steps, fingerprints=written(keys)))
+        return self._settled(replace(row, steps=steps, fingerprints=written(keys)), files)
 
     def _write(
         self, task: FlightTask, table: str, record: type[R], rows: tuple[R, ...]
-    ) -> None:
-        if rows:
-            file = self._output / table / folder_of(task.flight) / f"{task.key}.parquet"
-            write_rows(file, record, rows)
+    ) -> dict[str, Seal]:
+        if not rows:
+            return {}
+        name = f"{table}/{task.key}.parquet"
+        return {name: write_rows(self._output / name, record, rows, task.flight)}
 
     def _settle_recorded(self, task: FlightTask, result: FlightResult) -> None:
         """Keep the pulses that a flight found itself, unless its recordings were searched."""
@@ -218,8 +222,9 @@ class Placing:
         key = recorded_key(task)
         if self._recordings.done(key) is not None:
             return
-        file = self._output / PULSES / folder_of(task.flight) / f"{key}.parquet"
-        write_pulses(file, [(0, pulse) for pulse in result.recorded], task.path)
+        name = f"{PULSES}/{key}.parquet"
+        pulses = [(0, pulse) for pulse in result.recorded]
+        seal = write_pulses(self._output / name, pulses, task.path, task.flight)
         self._recordings.settle(
             RecordingRow(
                 path=task.path,
@@ -228,7 +233,7 @@ class Placing:
                 state="recorded",
                 fault=None,
                 start_time_ns=result.start_time_ns,
-                length_s=0.0,
+                length_s=None,
                 sample_rate_hz=None,
                 center_frequency_hz=None,
                 pulses=len(result.recorded),
@@ -239,7 +244,8 @@ class Placing:
                 cpu_s=0.0,
                 finished_time_ns=Clock.start().now_ns(),
                 uavrt_version=uavrt.__version__,
-            )
+            ),
+            {name: seal},
         )
 
 
@@ -261,13 +267,20 @@ class _Plan:
         return {step: keys[step] for step in (*self.task.steps, *self.kept)}
 
 
-def _planned(task: FlightTask, before: FlightRow | None) -> _Plan | None:
-    """Leave out what was done and would be the same; None: all of it."""
+def _planned(
+    task: FlightTask, before: FlightRow | None, *, again: bool = False
+) -> _Plan | None:
+    """Leave out what was done and would be the same, unless poses are to be made again.
+
+    None: nothing is left to do.
+    """
     keys, whip_keys = (step_keys(task, name) for name in (USUAL_ANTENNA, MONOPOLE))
     done = {} if before is None else read_keys(before.fingerprints)
     antenna = task.settings.antenna or (before.antenna if before is not None else "")
     now = whip_keys if antenna == MONOPOLE else keys
-    stale = {step for step in task.steps if done.get(step) != now[step]}
+    stale = {step for step in task.steps if done.get(step) != now[step]} | (
+        {"attach"} if again else set()
+    )
     if not stale:
         return None
     asked = set(task.steps)

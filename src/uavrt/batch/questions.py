@@ -3,10 +3,12 @@
 import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from uavrt.batch.months import quoted, source_of
+from uavrt.atomic_file import replacing
+from uavrt.batch.months import Copy, Index, quoted, read_index, source_of
+from uavrt.batch.seals import sealed
 from uavrt.batch.tables import (
     FLIGHTS,
     MONTHS,
@@ -26,23 +28,23 @@ if TYPE_CHECKING:
 
 QUESTIONS = {
     "list": """
-SELECT flight, path, state, make_timestamp_ns(start_time_ns) AS start_utc, length_s, pulses,
+SELECT flight, path, state, start_utc, length_s, pulses,
        confirmed, fault
 FROM recordings ORDER BY start_time_ns, path
 """,
     "tags": """
 SELECT tag_id, count(*) AS pulses, count(*) FILTER (confirmed) AS confirmed,
        count(DISTINCT flight) AS flights,
-       make_timestamp_ns(min(start_time_ns)) AS first_utc,
-       make_timestamp_ns(max(start_time_ns)) AS last_utc,
+       min(start_utc) AS first_utc,
+       max(start_utc) AS last_utc,
        median(snr_db) FILTER (confirmed) AS median_snr_db,
        median(frequency_hz) FILTER (confirmed) AS median_frequency_hz
 FROM pulses GROUP BY tag_id ORDER BY tag_id
 """,
     "heard": """
 SELECT flight, tag_id, count(*) AS pulses, count(*) FILTER (confirmed) AS confirmed,
-       make_timestamp_ns(min(start_time_ns)) AS first_utc,
-       make_timestamp_ns(max(start_time_ns)) AS last_utc
+       min(start_utc) AS first_utc,
+       max(start_utc) AS last_utc
 FROM pulses GROUP BY flight, tag_id ORDER BY tag_id, flight
 """,
 }
@@ -80,7 +82,19 @@ def ask(archive: Path, question: str) -> "pa.Table":
         answer = connection.sql(question)
         if answer is None:
             raise UsageError("that is no question", remedy="Begin it with SELECT")
-        return answer.to_arrow_table()
+        return _in_utc(answer.to_arrow_table())
+
+
+def _in_utc(answer: "pa.Table") -> "pa.Table":
+    """Call times UTC, which DuckDB calls by the zone of this computer: they are the same."""
+    import pyarrow as pa
+
+    columns = []
+    for field in answer.schema:
+        zoned = pa.types.is_timestamp(field.type) and field.type.tz is not None
+        kind = pa.timestamp(field.type.unit, "UTC") if zoned else field.type
+        columns.append(field.with_type(kind))
+    return answer.cast(pa.schema(columns, metadata=answer.schema.metadata))
 
 
 def check_archive(archive: Path) -> None:
@@ -106,9 +120,12 @@ def told_of(archive: Path) -> Iterator[None]:
     try:
         yield
     except (duckdb.IOException, duckdb.InvalidInputException) as error:
+        denied = "Permission denied" in str(error)
         raise FormatError(
             f"{archive}: {error}",
-            remedy="Delete the damaged file and its row in done/, and run uavrt batch again",
+            remedy="Give this user access to the archive"
+            if denied
+            else "Run the same uavrt batch again with --verify: it writes damaged files again",
         ) from error
     except duckdb.Error as error:
         raise UsageError(
@@ -117,44 +134,57 @@ def told_of(archive: Path) -> Iterator[None]:
         ) from error
 
 
-def keep_answers(archive: Path) -> None:
-    """Keep the answers that look at every pulse, for as long as no pulse changes.
+def keep_answers(archive: Path, index: Index) -> Index:
+    """Keep the answers that need every pulse, for as long as no pulse changes.
+
+    Parameters
+    ----------
+    archive : Path
+        Directory of the tables.
+    index : Index
+        Which copies there are, which `write_index` has noted.
+
+    Returns
+    -------
+    Index
+        Which copies there are now.
 
     Raises
     ------
     OSError
         The directory cannot be written.
     """
-    if not (archive / MONTHS / PULSES).is_dir():
-        return
     import pyarrow.parquet as pq
 
+    if not any(name.startswith(f"{MONTHS}/{PULSES}/") for name in index):
+        return index
+    kept = {name: one for name, one in index.items() if PurePath(name).parent.name != MONTHS}
     for name in KEPT:
         place = _place(archive, name)
-        if place.is_file():
+        if place in index:
+            kept[place] = index[place]
             continue
-        part = place.with_suffix(".part")
-        pq.write_table(ask(archive, QUESTIONS[name]), part)
-        part.replace(place)
-        for old in place.parent.glob(f"{name}-*.parquet"):
-            if old != place:
-                old.unlink()
+        answer = ask(archive, QUESTIONS[name])
+        with replacing(archive / place) as part:
+            pq.write_table(answer, part)
+        kept[place] = Copy(sealed(archive / place))
+    return kept
 
 
 def kept_answer(archive: Path, name: str) -> Path | None:
     """Find the kept answer to one of `KEPT`; None unless it is of these pulses."""
     place = _place(archive, name)
-    return place if place.is_file() else None
+    return archive / place if place in read_index(archive)[0] else None
 
 
-def _place(archive: Path, name: str) -> Path:
+def _place(archive: Path, name: str) -> str:
     """Where an answer is kept: its name is that of all pulses' files, and of those of months
     by what they hold.
     """
     whole = archive.absolute()
     said = f"{source_of(whole, PULSES)} {SCHEMA_VERSION}".replace(str(whole), "")
     state = hashlib.sha256(said.encode()).hexdigest()[:16]
-    return archive / MONTHS / f"{name}-{state}.parquet"
+    return f"{MONTHS}/{name}-{state}.parquet"
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:

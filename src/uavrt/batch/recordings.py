@@ -4,21 +4,21 @@ import csv
 import hashlib
 import io
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import stat
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 from uavrt.batch.stores import is_url, list_store, marks_of, open_stored
+from uavrt.batch.tables import DONE, RECORDINGS
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError, StoreError
 from uavrt.foreign import NOTES, read_file
 from uavrt.radio import RecordingSource, open_recording
+from uavrt.radio.opening import reveals_format
 from uavrt.recording import FlightLayout
 
-ENDINGS = (
-    *(".cf32", ".cfile", ".fc32", ".cs16", ".sc16", ".cu8", ".cs8", ".ci8"),
-    *(".sigmf-meta", ".wav", ".rf64"),
-)
 TRACK_ENDINGS = (".ulg", ".bin", ".BIN", ".tlog", ".nmea", ".gpx")
 MANIFEST_COLUMNS = (
     *("path", "format", "sample_rate_hz", "center_frequency_hz", "start_time"),
@@ -33,7 +33,8 @@ class Recording:
     path: Path
     """Of one in a store: a word for it, which no file has."""
     flight: str
-    """The flight directory that it lies in; without one the file's name without its ending."""
+    """The flight directory that it lies in, or itself without its ending: the path below the
+    folder that was named."""
     format_name: str | None = None
     sample_rate_hz: float | None = None
     center_frequency_hz: float | None = None
@@ -119,23 +120,45 @@ def _hashed(facts: list[object]) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PassedOver:
+    """What lies below a path and is not searched."""
+
+    path: str
+    reason: str
+    unreadable: bool = False
+    """It may hold recordings: nobody could see."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
     """What there is at and below some paths."""
 
     recordings: tuple[Recording, ...]
     """By path, each once."""
-    flights: tuple[Path, ...] = ()
-    """Flight directories, with recordings or without."""
+    flights: Mapping[Path, str] = field(default_factory=dict)
+    """Flight directories, with recordings or without; and the path of each below the folder
+    that was named."""
     kept_channels: int = 0
     """Files of kept channels that were passed over."""
+    passed_over: tuple[PassedOver, ...] = ()
+    """All else, except for what belongs to a flight or a recording."""
+
+
+NO_RECORDING = "its name is not that of a recording (name it in --manifest)"
+_LONE_DATA = "its .sigmf-meta is missing"
+_LINK = "a link to a folder (name it itself)"
 
 
 def find_recordings(
-    paths: Sequence[Path | str], told: Mapping[Path, Recording] | None = None
+    paths: Sequence[Path | str],
+    told: Mapping[Path, Recording] | None = None,
+    *,
+    known: Collection[Path] = (),
 ) -> Found:
-    """Get all recordings and flights at and below some paths.
+    """Get all recordings and flights at and below some paths, and name all else.
 
-    Channels that a flight kept are passed over: they are parts of what was received.
+    Channels that a flight kept are passed over: they are parts of what was received. So is what
+    a batch has written.
 
     Parameters
     ----------
@@ -143,6 +166,8 @@ def find_recordings(
         Files and folders; addresses in object stores, in which flights are passed over.
     told : mapping of Path to Recording, optional
         What a manifest says, by resolved path.
+    known : collection of Path
+        Files that serve another purpose, as the manifest itself.
 
     Raises
     ------
@@ -151,42 +176,135 @@ def find_recordings(
     StoreError
         A store does not answer.
     """
-    known = dict(told or {})
-    found: dict[Path, Recording] = {}
-    flights: set[Path] = set()
-    channels = 0
-    for url in (str(one) for one in paths if is_url(str(one))):
+    search = _Search(told or {}, {_resolved(one) for one in known})
+    for one in paths:
+        if is_url(str(one)):
+            search.store(str(one))
+        else:
+            search.path(Path(one).absolute())
+    return search.found()
+
+
+class _Search:
+    def __init__(self, told: Mapping[Path, Recording], known: set[Path]) -> None:
+        self._told, self._known = dict(told), known
+        self._recordings: dict[Path, Recording] = {}
+        self._flights: dict[Path, str] = {}
+        self._passed_over: list[PassedOver] = []
+        self._channels = 0
+
+    def found(self) -> Found:
+        recordings = self._recordings | self._told
+        for one in recordings.values():
+            if one.flight_directory is not None:
+                self._flights.setdefault(one.flight_directory, one.flight)
+        tracks = {str(one.track) for one in recordings.values()}
+        return Found(
+            recordings=tuple(recordings[path] for path in sorted(recordings)),
+            flights={path: self._flights[path] for path in sorted(self._flights)},
+            kept_channels=self._channels,
+            passed_over=tuple(one for one in self._passed_over if one.path not in tracks),
+        )
+
+    def store(self, url: str) -> None:
         for stored in list_store(url):
-            if PurePosixPath(stored).parent.name == "channels" and stored != url:
-                channels += 1
-            elif stored.lower().endswith(ENDINGS) or stored == url:
-                known.setdefault(Path(stored), _recording_at(stored))
-    for path in (Path(one).absolute() for one in paths if not is_url(str(one))):
-        if not path.exists():
-            raise FormatError(f"there is no {path}", remedy="Check the path")
-        for file in [path] if path.is_file() else _files(path):
-            if path.is_dir() and file.parent.name == "channels":
-                channels += 1
-            elif file.name == FlightLayout(file.parent).database.name:
-                flights.add(file.parent.resolve())
-            elif (resolved := file.resolve()) not in known:
-                found[resolved] = _recording(file)
-    found |= known
-    flights |= {one.flight_directory for one in found.values() if one.flight_directory}
-    return Found(
-        recordings=tuple(found[path] for path in sorted(found)),
-        flights=tuple(sorted(flights)),
-        kept_channels=channels,
-    )
+            place = PurePosixPath(stored)
+            if place.parent.name == "channels" and stored != url:
+                self._channels += 1
+            elif stored == url or (reveals_format(place) and place.suffix != ".sigmf-data"):
+                name = stored.removeprefix(url.rstrip("/")).strip("/") or place.name
+                one = replace(_recording_at(stored), flight=_stem(name))
+                self._told.setdefault(Path(stored), one)
+            elif place.suffix != ".sigmf-data":
+                self._pass_over(stored, NO_RECORDING)
+
+    def path(self, root: Path) -> None:
+        try:
+            is_folder = stat.S_ISDIR(root.stat().st_mode)
+        except FileNotFoundError as error:
+            raise FormatError(f"there is no {root}", remedy="Check the path") from error
+        except OSError as error:
+            raise FormatError(
+                f"{root} cannot be read: {error.strerror}", remedy="Check its permissions"
+            ) from error
+        if not is_folder:
+            if root.name == FlightLayout(root.parent).database.name:
+                self._add_flight(root.parent, root.parent)
+            else:
+                self._add_recording(root, root.parent)
+            return
+        for folder, below, names in os.walk(root, onerror=self._unreadable):
+            here = Path(folder)
+            if RECORDINGS in names and DONE in below:
+                below.clear()  # the output of a batch
+                continue
+            below.sort()
+            for name in [one for one in below if (here / one).is_symlink()]:
+                self._pass_over(str(here / name), _LINK, unreadable=True)
+            for name in sorted(names):
+                self._add(here / name, root)
+
+    def _add(self, file: Path, root: Path) -> None:
+        kept = self._told.keys() | self._known
+        if file.name == FlightLayout(file.parent).database.name:
+            self._add_flight(file.parent, root)
+        elif file.parent.name == "channels":
+            self._channels += 1
+        elif self._told and (one := self._told.get(resolved := _resolved(file))):
+            self._told[resolved] = replace(one, flight=_name(one, file, root))
+        elif not reveals_format(file):
+            if _resolved(file) not in kept and _flight_above(file) is None:
+                self._pass_over(str(file), NO_RECORDING)
+        elif file.suffix == ".sigmf-data":
+            if not file.with_suffix(".sigmf-meta").exists():
+                self._pass_over(str(file), _LONE_DATA, unreadable=True)
+        else:
+            self._add_recording(file, root)
+
+    def _add_recording(self, file: Path, root: Path) -> None:
+        if (resolved := _resolved(file)) not in self._told:
+            one = _recording(file)
+            self._recordings[resolved] = replace(one, flight=_name(one, file, root))
+
+    def _add_flight(self, directory: Path, root: Path) -> None:
+        self._flights[_resolved(directory)] = _below(directory, root, directory.name)
+
+    def _unreadable(self, error: OSError) -> None:
+        reason = f"cannot be read: {error.strerror}"
+        self._pass_over(str(error.filename), reason, unreadable=True)
+
+    def _pass_over(self, path: str, reason: str, *, unreadable: bool = False) -> None:
+        self._passed_over.append(PassedOver(path=path, reason=reason, unreadable=unreadable))
 
 
-def _files(folder: Path) -> Iterator[Path]:
-    database = FlightLayout(folder).database.name
-    for directory, below, names in os.walk(folder):
-        below.sort()
-        for name in names:
-            if name.lower().endswith(ENDINGS) or name == database:
-                yield Path(directory) / name
+def _name(one: Recording, file: Path, root: Path) -> str:
+    return _below(one.flight_directory or file, root, one.flight)
+
+
+def _below(place: Path, root: Path, else_name: str) -> str:
+    """Name a flight or recording by its path below a folder."""
+    within = place != root and place.is_relative_to(root)
+    name = place.relative_to(root).as_posix() if within else else_name
+    return name if place.is_dir() else _stem(name)
+
+
+def _stem(name: str) -> str:
+    return str(PurePosixPath(name).with_suffix(""))
+
+
+def _resolved(path: Path) -> Path:
+    return Path(os.path.realpath(path))
+
+
+def _flight_above(file: Path) -> Path | None:
+    """Find the flight directory that a file lies in."""
+    places = _resolved(file).parents
+    return next((one for one in places if _is_flight(one)), None)
+
+
+@lru_cache(maxsize=4096)
+def _is_flight(directory: Path) -> bool:
+    return FlightLayout(directory).database.is_file()
 
 
 def _recording_at(url: str) -> Recording:
@@ -194,9 +312,8 @@ def _recording_at(url: str) -> Recording:
 
 
 def _recording(file: Path) -> Recording:
-    for parent in file.resolve().parents:
-        if FlightLayout(parent).database.is_file():
-            return Recording(path=file, flight=parent.name, flight_directory=parent)
+    if (flight := _flight_above(file)) is not None:
+        return Recording(path=file, flight=flight.name, flight_directory=flight)
     tracks = (file.with_suffix(ending) for ending in TRACK_ENDINGS)
     beside = next((track for track in tracks if track.is_file()), None)
     return Recording(path=file, flight=file.stem, track=beside)

@@ -2,47 +2,55 @@
 
 ::
 
-    OUT/unfinished/KEY/CELL/   states and pulses of cells that are not written yet
-    OUT/pulses/flight=NAME/KEY.parquet
-    OUT/poses, OUT/bearings, OUT/positions   the same for what was made of a flight's pulses
+    OUT/unfinished/KEY/CELL    pulses of cells whose recording is not finished
+    OUT/pulses/KEY.parquet     also poses, bearings, positions, integrated
     OUT/done/KEY.json          what was done with a recording: a row of the table
     OUT/placed/KEY.json        what was done with a flight
-    OUT/recordings.parquet, OUT/flights.parquet
-    OUT/months/   copies of the tables, by month, where there are many files
+    OUT/recordings.parquet, OUT/flights.parquet, OUT/passed_over.parquet
+    OUT/months/                copies of the tables, by month, where there are many files
+    OUT/outlines.msgpack       spans of the flights, by which copies are found
+    OUT/rows.json              the files of each row
+    OUT/copies.json            what the last four lines hold
 
 KEY stands for the recording or flight as it is, the tags and the settings that touch it: what
-was changed is done anew, and its old rows go when the new ones are there.
+was changed is done again, and its old rows go when the new ones are there.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
+import msgspec
+
 from uavrt.analysis.measure import TagSource
+from uavrt.atomic_file import make_directories
 from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
-from uavrt.batch.ledger import DONE, PLACED, Ledger
-from uavrt.batch.months import gather_months
+from uavrt.batch.ledger import Ledger
+from uavrt.batch.months import Copy, gather_months, read_index, write_index
 from uavrt.batch.names import name_flights
 from uavrt.batch.placing import Placing
 from uavrt.batch.questions import keep_answers
-from uavrt.batch.recordings import Found
+from uavrt.batch.recordings import Found, PassedOver
+from uavrt.batch.seals import read_note, sealed, write_note
 from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.batch.tables import (
-    BEARINGS,
+    DONE,
     FLIGHTS,
-    INTEGRATED,
-    POSES,
-    POSITIONS,
+    OUTLINES,
+    PASSED_OVER,
+    PLACED,
     PULSES,
     RECORDINGS,
+    ROWS,
+    TABLES,
     FlightRow,
     RecordingRow,
     need_pyarrow,
     write_rows,
 )
 from uavrt.batch.workers import Task, run_tasks
-from uavrt.errors import RecordingError
+from uavrt.errors import FormatError, RecordingError
 from uavrt.recording import WriterLock
 
 R = TypeVar("R")
@@ -102,12 +110,18 @@ def _run(
     settings: BatchSettings,
     watch: BatchWatch,
 ) -> BatchSummary:
-    (output / UNFINISHED).mkdir(parents=True, exist_ok=True)
-    recordings = Ledger(output, DONE, RecordingRow, [PULSES])
-    flights = Ledger(output, PLACED, FlightRow, [POSES, BEARINGS, POSITIONS, INTEGRATED])
-    copies = copies_of(found, recordings, flights)
+    make_directories(output / UNFINISHED)
+    how = {"thorough": settings.verify}
+    recordings = Ledger(output, DONE, RecordingRow, [PULSES], **how)
+    flights = Ledger(output, PLACED, FlightRow, list(TABLES)[1:], **how)
+    index, faults = read_index(output, **how)
+    damaged = _lost_rows(output, recordings, flights)
+    damaged |= recordings.damaged | flights.damaged | faults
+    for name, fault in damaged.items():
+        watch.on_damage(name, fault)
+    copies = copies_of(found, recordings, flights, output)
     found, passed_over = without(found, copies)
-    found, names = name_flights(found, recordings, flights, copies)
+    found = name_flights(found, recordings, flights, copies)
     detecting = Detecting(sought, output, settings, recordings)
     rows = [row for one in found.recordings if (row := detecting.plan(one)) is not None]
     for name, origin in detecting.dated_by_file.items():
@@ -125,7 +139,7 @@ def _run(
     placing = Placing(sought, output, settings, recordings, flights)
     placed_now = 0
     if not watch.should_stop():
-        placing.plan(found, detecting.keys, names, copies)
+        placing.plan(found, detecting.keys, copies)
         watch.on_stage("placing", len(placing.tasks))
         for number, placed in _worked(placing.tasks, output, settings, watch):
             if (row_of_flight := placing.finish(number, placed)) is not None:
@@ -133,10 +147,22 @@ def _run(
                 placed_now += 1
         _tell_kept(placing.kept, watch)
         drop_copies(copies, recordings, flights)
-    write_rows(output / RECORDINGS, RecordingRow, recordings.rows)
-    write_rows(output / FLIGHTS, FlightRow, flights.rows)
-    gather_months(output, recordings.rows, flights.rows)
-    keep_answers(output)
+    for name, record, table_rows in (
+        (RECORDINGS, RecordingRow, recordings.rows),
+        (FLIGHTS, FlightRow, flights.rows),
+        (PASSED_OVER, PassedOver, found.passed_over),
+    ):
+        index[name] = Copy(write_rows(output / name, record, table_rows))
+    write_note(output / ROWS, msgspec.json.encode(_rows_of(recordings, flights)))
+    for name in (OUTLINES, ROWS):
+        index[name] = Copy(sealed(output / name))
+    write_index(output, index)
+    if not watch.should_stop():
+        times = {
+            table: (recordings if table == PULSES else flights).times(table) for table in TABLES
+        }
+        write_index(output, gathered := gather_months(output, index, times, lost=bool(faults)))
+        write_index(output, keep_answers(output, gathered))
     return BatchSummary(
         rows=tuple(recordings.rows),
         flights=tuple(flights.rows),
@@ -147,7 +173,36 @@ def _run(
         copies=passed_over,
         kept=len(detecting.kept) + len(placing.kept),
         stopped=watch.should_stop(),
+        damaged=damaged,
     )
+
+
+def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[str, list[str]]]:
+    """List the files of each row, by its path, for each ledger."""
+    return [
+        {
+            row.path: [ledger.place(row.fingerprint), *ledger.files(row.fingerprint)]
+            for row in ledger.rows
+        }
+        for ledger in ledgers
+    ]
+
+
+def _lost_rows(
+    output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
+) -> dict[str, str]:
+    """Name the files of rows that the last run had, where there is no row of that path now."""
+    try:
+        before = msgspec.json.decode(read_note(output / ROWS), type=list[dict[str, list[str]]])
+    except (FormatError, msgspec.DecodeError, OSError):
+        return {}  # noticed with the other copies
+    return {
+        name: "missing"
+        for ledger, rows in zip(ledgers, before, strict=True)
+        for path in rows.keys() - {row.path for row in ledger.rows}
+        for name in rows[path]
+        if not (output / name).exists()
+    }
 
 
 def _tell_kept(kept: Mapping[str, str], watch: BatchWatch) -> None:
@@ -168,6 +223,7 @@ def _worked(
             output / UNFINISHED,
             should_stop=watch.should_stop,
             on_done=watch.on_done,
+            on_wait=watch.on_wait,
         )
     return run_tasks(
         tasks, settings.workers, should_stop=watch.should_stop, on_done=watch.on_done

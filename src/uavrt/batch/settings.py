@@ -1,6 +1,6 @@
 """How an archive is searched."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from uavrt.batch.cells import CELL_S, LEAD_IN_S
@@ -8,7 +8,6 @@ from uavrt.batch.flight_work import PlacingSettings
 from uavrt.batch.tables import FlightRow, RecordingRow
 from uavrt.errors import UsageError
 
-CHUNK_S = 600.0
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
 """The last takes longer than all others together, and memory; who wants it asks for it."""
@@ -22,11 +21,11 @@ class BatchSettings:
     frequency_window_hz: float = 500.0
     cell_s: float = CELL_S
     lead_in_s: float = LEAD_IN_S
-    chunk_s: float = CHUNK_S
-    """A killed run loses so much of each cell's work at most; it changes no result."""
     workers: int = 1
     scheduler: str | None = None
     """Address of a Dask cluster that does the work instead of this machine's cores."""
+    verify: bool = False
+    """Read all that was written before, and do damaged parts again."""
     placing: PlacingSettings = field(default_factory=PlacingSettings)
 
     def check(self) -> None:
@@ -65,6 +64,10 @@ class BatchWatch:
     on_kept: Callable[[str, str], None] = lambda _name, _fault: None
     """Takes each recording and flight that cannot be reached now, and why; what was done of it
     stays."""
+    on_damage: Callable[[str, str], None] = lambda _name, _fault: None
+    """Takes each file of the output that is missing or damaged, and why; it is made again."""
+    on_wait: Callable[[str], None] = lambda _text: None
+    """Takes what the run waits for, and the remedy."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
     """Takes each recording to be searched whose start is not known from itself, and what it was
     taken from."""
@@ -89,3 +92,5 @@ class BatchSummary:
     kept: int
     """Recordings and flights that cannot be reached now; what was done of them stays."""
     stopped: bool
+    damaged: Mapping[str, str]
+    """Files of the output that were missing or damaged, and why; they were made again."""

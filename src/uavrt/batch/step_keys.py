@@ -85,7 +85,7 @@ def written(keys: Mapping[str, str]) -> str:
 
 
 def read_keys(text: str) -> dict[str, str]:
-    """Read what `written` wrote; nothing of a row from before there was such a column."""
+    """Read what `written` wrote."""
     return dict(one.split("=", 1) for one in text.split(",") if "=" in one)
 
 

@@ -1,11 +1,14 @@
 """The Parquet that a batch writes: its columns, and how rows get in and out."""
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
 
+from uavrt.atomic_file import make_directories, replacing
+from uavrt.batch.seals import Seal, sealed
 from uavrt.errors import FormatError, needs_extra
 from uavrt.messages import Pulse
 from uavrt.recording import IntegratedVerdict, fields_of
@@ -17,10 +20,16 @@ SCHEMA_VERSION = "1"
 PULSES, POSES, BEARINGS, POSITIONS = "pulses", "poses", "bearings", "positions"
 INTEGRATED = "integrated"
 RECORDINGS, FLIGHTS = "recordings.parquet", "flights.parquet"
+PASSED_OVER, OUTLINES = "passed_over.parquet", "outlines.msgpack"
+ROWS = "rows.json"
+DONE, PLACED = "done", "placed"
+"""Folders of rows."""
 MONTHS = "months"
 """Folder of copies."""
 PULSE_FIELDS = fields_of(Pulse)
 _ROWS = 100_000
+_PANDAS = {"whole": "Int64", "switch": "boolean"}
+"""Its types that take nulls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +46,8 @@ class RecordingRow:
     pulses are those that the flight itself found)."""
     fault: str | None
     start_time_ns: int | None
-    length_s: float
-    """Of its samples; lost ones do not count."""
+    length_s: float | None
+    """Of its samples, lost ones left out; None: not known."""
     sample_rate_hz: float | None
     center_frequency_hz: float | None
     pulses: int
@@ -51,6 +60,8 @@ class RecordingRow:
     uavrt_version: str
     beeps: str = ""
     """What beeps and is not as listed, a line each."""
+    tags_outside: tuple[int, ...] = ()
+    """Listed tags outside of its band, which were not searched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +206,15 @@ def need_pyarrow() -> None:
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Columns of a record's fields; of pulses, the recording and its cell; and the flight."""
+    """List the columns of a record's fields, and of its times as such (``start_utc``).
+
+    Parameters
+    ----------
+    record : type
+        Of the rows. Those of pulses also have the recording and its cell.
+    flight : bool
+        Also the flight's name, of rows that do not have it themselves.
+    """
     import pyarrow as pa
 
     types: dict[str, Any] = {
@@ -206,17 +225,46 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
         "wholes": pa.list_(pa.int64()),
         "reals": pa.list_(pa.float64()),
     }
-    columns = [
-        pa.field(one.name, types[one.kind], nullable=one.optional) for one in fields_of(record)
-    ]
+    described = fields_of(record)
+    columns = [pa.field(one.name, types[one.kind], nullable=one.optional) for one in described]
+    optional = {one.name: one.kind for one in described if one.optional}
     if record is Pulse:
         columns += [pa.field("recording", pa.string()), pa.field("cell", pa.int32())]
     if flight:
         columns.append(pa.field("flight", pa.string()))
-    return pa.schema(columns, metadata={"uavrt_schema": SCHEMA_VERSION})
+    columns += [
+        pa.field(f"{one.name.removesuffix('time_ns')}utc", pa.timestamp("us", "UTC"))
+        for one in described
+        if one.name.endswith("time_ns") and one.kind == "whole"
+    ]
+    kinds = {name: _PANDAS[kind] for name, kind in optional.items() if kind in _PANDAS}
+    metadata = {"uavrt_schema": SCHEMA_VERSION, "pandas": _for_pandas(kinds)}
+    return pa.schema(columns, metadata=metadata)
 
 
-def write_pulses(path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str) -> None:
+def _for_pandas(kinds: Mapping[str, str]) -> str:
+    """Write which columns pandas must not make floats or objects of because of a null.
+
+    References
+    ----------
+    https://pandas.pydata.org/docs/development/developer.html
+    """
+    columns = [
+        {
+            "name": name,
+            "field_name": name,
+            "metadata": None,
+            "pandas_type": kind.lower().replace("boolean", "bool"),
+            "numpy_type": kind,
+        }
+        for name, kind in kinds.items()
+    ]
+    return json.dumps({"index_columns": [], "column_indexes": [], "columns": columns})
+
+
+def write_pulses(
+    path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
+) -> Seal:
     """Write pulses, each with its cell's number, in the order of their times.
 
     Raises
@@ -227,19 +275,23 @@ def write_pulses(path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
         "cell": [number for number, _ in pulses],
+        "flight": [flight] * len(pulses),
     }
-    _write(path, Pulse, [pulse for _, pulse in pulses], more)
+    return _write(path, Pulse, [pulse for _, pulse in pulses], more)
 
 
-def write_rows(path: Path, record: type[Row], rows: Sequence[Row]) -> None:
-    """Write records of one kind.
+def write_rows(
+    path: Path, record: type[Row], rows: Sequence[Row], flight: str | None = None
+) -> Seal:
+    """Write records of one kind, of a flight that they do not name themselves or of many.
 
     Raises
     ------
     OSError
         It cannot be written.
     """
-    _write(path, record, rows, {})
+    more = {} if flight is None else {"flight": [flight] * len(rows)}
+    return _write(path, record, rows, more)
 
 
 def read_pulses(path: Path) -> Iterator[Pulse]:
@@ -260,7 +312,7 @@ def read_pulses(path: Path) -> Iterator[Pulse]:
                 yield from map(pulse_of, batch.to_pylist())
     except (OSError, pa.ArrowException) as error:
         raise FormatError(
-            f"{path} is damaged: {error}", remedy="Delete it and its row in done/"
+            f"{path} cannot be read: {error}", remedy="Run the same command again"
         ) from error
 
 
@@ -271,41 +323,39 @@ def pulse_of(row: dict[str, Any]) -> Pulse:
     return Pulse(**(values | listed))
 
 
-def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[Any]]) -> None:
+def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[Any]]) -> Seal:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    schema = schema_of(record)
+    schema = schema_of(record, flight="flight" in more)
     names = [one.name for one in fields_of(record)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    with pq.ParquetWriter(part, schema, compression="zstd") as writer:
+    make_directories(path.parent)
+    with (
+        replacing(path) as part,
+        pq.ParquetWriter(part, schema, compression="zstd") as writer,
+    ):
         for begin in range(0, max(1, len(rows)), _ROWS):
             some = slice(begin, begin + _ROWS)
             columns = {
                 name: [_plain(getattr(row, name)) for row in rows[some]] for name in names
             }
             columns |= {name: values[some] for name, values in more.items()}
+            columns |= {
+                one.name: _microseconds(columns[f"{one.name.removesuffix('utc')}time_ns"])
+                for one in schema
+                if one.name not in columns
+            }
             writer.write_table(pa.table(columns, schema=schema))
-    part.replace(path)
+    return sealed(path)
+
+
+def _microseconds(times_ns: list[int | None]) -> list[int | None]:
+    """Round times down to what Python, R and Spark take."""
+    return [None if one is None else one // 1000 for one in times_ns]
 
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
-
-
-def folder_of(flight: str) -> str:
-    """Name the folder of a flight's rows, on any system and as Hive does.
-
-    What reads Parquet makes the flight's name of it again: %20 stands for a space.
-    """
-    return f"flight={encoded(flight)}"
-
-
-def old_folder_of(flight: str) -> str:
-    """Name the folder as it was once: from it the name cannot be made again."""
-    name = "".join(one if one.isalnum() or one in "._-" else "_" for one in flight)
-    return f"flight={name or '_'}"
 
 
 def encoded(text: str, also: str = "") -> str:

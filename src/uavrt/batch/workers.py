@@ -1,4 +1,4 @@
-"""Tasks side by side in processes of their own; one that dies costs only its chunk."""
+"""Tasks side by side in processes of their own; one that dies costs only its task."""
 
 import multiprocessing
 import signal
@@ -52,7 +52,7 @@ def run_tasks(
     workers : int
         How many at a time; with one, this process does the work.
     should_stop : callable
-        Asked several times a second; True ends it with all states written.
+        Called several times a second; True ends it.
     on_done : callable
         Takes how much was done since it was last called.
     """
@@ -98,9 +98,6 @@ class Crew(Protocol):
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
         """Take a result; raises BrokenProcessPool when the crew has broken up."""
 
-    def stop(self) -> None:
-        """Have all put down what they do."""
-
     def done(self) -> int:
         """How much all of them have done."""
 
@@ -112,7 +109,10 @@ def side_by_side(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Left]:
-    """Yield tasks as they are done; return what is left when the crew has broken up."""
+    """Yield tasks as they are done; return what is left when the crew has broken up.
+
+    When the run is to stop, what is in hand is left: it is done again.
+    """
     undone, queue = dict.fromkeys(numbers), iter(numbers)
     running: dict[Future[R | None], int] = {}
     broken, told = False, 0
@@ -122,7 +122,11 @@ def side_by_side(
             number = next(queue, None)
             if number is None:
                 break
-            running[handed_out(tasks[number], crew)] = number
+            try:
+                running[handed_out(tasks[number], crew)] = number
+            except BrokenProcessPool:
+                broken = True
+                break
         if not running:
             break
         ended, _ = wait(running, timeout=_LOOK_S, return_when=FIRST_COMPLETED)
@@ -130,7 +134,7 @@ def side_by_side(
         on_done(now - told)
         told = now
         if should_stop():
-            crew.stop()
+            break
         in_hand = list(running.values())
         for future in ended:
             number = running.pop(future)
@@ -162,32 +166,33 @@ class _Pool:
     def __init__(self, workers: int) -> None:
         # A fresh interpreter each: a fork would copy the threads' locks as they are.
         context = multiprocessing.get_context("spawn")
-        self._stop = context.Event()
         self._done = context.Value("q", 0)
-        self._workers = workers
+        self._workers, self._in_hand = workers, 0
+        self._others = set(multiprocessing.active_children())
         self._executor = ProcessPoolExecutor(
-            workers, context, initializer=_begin, initargs=(self._stop, self._done)
+            workers, context, initializer=_begin, initargs=(self._done,)
         )
 
     def __enter__(self) -> "_Pool":
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self._stop.set()
+        if self._in_hand:  # the run is to stop, and nothing that they do can be damaged by it
+            for process in set(multiprocessing.active_children()) - self._others:
+                process.kill()
         self._executor.shutdown(wait=True, cancel_futures=True)
 
     def at_once(self) -> int:
         return self._workers
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
+        self._in_hand += 1
         return self._executor.submit(_work, task)
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
         del task
+        self._in_hand -= 1
         return future.result()
-
-    def stop(self) -> None:
-        self._stop.set()
 
     def done(self) -> int:
         return int(self._done.value)
@@ -196,24 +201,24 @@ class _Pool:
 _shared: list[Any] = []
 
 
-def _begin(stop: Any, done: Any) -> None:
-    """Prepare a worker: Ctrl-C reaches all of the terminal, and the parent tells us.
+def _begin(done: Any) -> None:
+    """Prepare a worker: Ctrl-C reaches all of the terminal, and the parent ends us.
 
     Without the parent nobody holds the output's lock: its workers die with it.
     """
     die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _shared[:] = [stop, done]
+    _shared[:] = [done]
 
 
 def _work(task: Task[R]) -> R | None:
-    stop, done = _shared
+    (done,) = _shared
 
     def count(now: int) -> None:
         with done.get_lock():
             done.value += now
 
-    return worked(task, stop.is_set, count)
+    return worked(task, lambda: False, count)
 
 
 def guarded(

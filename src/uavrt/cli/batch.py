@@ -6,10 +6,11 @@ import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -19,9 +20,12 @@ from uavrt.cli.words import counted
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
-    from uavrt.batch import BatchSummary, FlightRow, RecordingRow
+    from uavrt.batch import BatchSummary, FlightRow, Found, RecordingRow
 
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
+_STOPPED = "stopped: the same command goes on from here"
+_END_S = 0.8
+"""After Ctrl-C: to end in good order, and again as long until all is ended."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
 
 
@@ -36,7 +40,6 @@ def batch(
     scheduler: str | None = None,
     cell: Stretch = 3600.0,
     lead_in: LeadIn = 120.0,
-    chunk: Stretch = 600.0,
     steps: Annotated[
         list[str] | None, Parameter(name="--step", consume_multiple=True, negative="")
     ] = None,
@@ -48,6 +51,7 @@ def batch(
     height_error: MetresOfError = 7.0,
     dem: Path | None = None,
     sea: bool = False,
+    verify: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Find the pulses of tags in all recordings of an archive, and where the tags were.
 
@@ -85,8 +89,6 @@ def batch(
         in parallel, and the result does not depend on which process does which.
     lead_in
         Seconds before each cell that are read again, so that the detector knows the noise.
-    chunk
-        Seconds of a cell that are lost at most when a process dies; changes no result.
     steps
         Only these of detect, attach, bearing, localize, integrate; by default all but the last,
         which judges tags below the noise over each whole flight that kept its channels, and
@@ -112,6 +114,9 @@ def batch(
         as level.
     sea
         Take ground that no elevation file covers for water at height 0.
+    verify
+        Read all that was written before, and make damaged files again. Without it a file is
+        checked by its size and time.
     """
     from uavrt.analysis import check_position_method
     from uavrt.analysis.measure import antenna_named, read_tag_source
@@ -133,7 +138,10 @@ def batch(
         antenna_named(antenna)
     check_position_method(method)
     elevation_of(dem, sea=sea)  # a damaged file is told before anything is done
-    found = find_recordings(paths, None if manifest is None else read_manifest(manifest))
+    given = [one for one in (manifest, tags) if one is not None]
+    told = None if manifest is None else read_manifest(manifest)
+    found = find_recordings(paths, told, known=given)
+    _tell_passed_over(found)
     if not found.recordings and not found.flights:
         raise UsageError(
             "there is no recording and no flight",
@@ -144,15 +152,12 @@ def batch(
         f"{counted(len(found.flights), 'flight')}",
         file=sys.stderr,
     )
-    if found.kept_channels:
-        files = counted(found.kept_channels, "file")
-        print(f"{files} of kept channels passed over", file=sys.stderr)
     settings = BatchSettings(
         steps=tuple(steps or USUAL_STEPS),
         frequency_window_hz=frequency_window,
         cell_s=cell,
         lead_in_s=lead_in,
-        chunk_s=chunk,
+        verify=verify,
         workers=workers or os.cpu_count() or 1,
         scheduler=scheduler,
         placing=PlacingSettings(
@@ -168,7 +173,7 @@ def batch(
     )
     settings.check()
     make_directory(output, "-o")
-    with stop_on_signals() as stopped, _progress() as (on_stage, on_done):
+    with stop_on_signals(_END_S) as stopped, _progress() as (on_stage, on_done):
         watch = BatchWatch(
             should_stop=lambda: stopped() is not None,
             on_stage=on_stage,
@@ -176,14 +181,21 @@ def batch(
             on_row=_tell,
             on_kept=_tell_kept,
             on_origin=_tell_origin,
+            on_damage=_tell_damage,
+            on_wait=lambda text: print(text, file=sys.stderr),
         )
-        summary = run_batch(found, sought, output, settings, watch)
+        try:
+            summary = run_batch(found, sought, output, settings, watch)
+        except KeyboardInterrupt:
+            print(_STOPPED, file=sys.stderr)
+            sys.exit(128 + (stopped() or signal.SIGINT))
         number = stopped()
     _report(summary, output)
     if number is not None:
         sys.exit(128 + number)
     states = [row.state for row in summary.rows] + [row.state for row in summary.flights]
-    if summary.kept or {"truncated", "failed"} & set(states):
+    unread = any(one.unreadable for one in found.passed_over)
+    if summary.kept or unread or {"truncated", "failed"} & set(states):
         sys.exit(1)
 
 
@@ -213,17 +225,43 @@ def _tell_kept(name: str, fault: str) -> None:
     print(f"{name}: kept from before: not reachable now: {fault}", file=sys.stderr)
 
 
+def _tell_damage(name: str, fault: str) -> None:
+    print(f"{name} was damaged and is made again: {fault}", file=sys.stderr)
+
+
+def _tell_passed_over(found: "Found") -> None:
+    """Name each folder that cannot be read, and other files by their endings."""
+    if found.kept_channels:
+        files = counted(found.kept_channels, "file")
+        print(f"{files} of kept channels passed over", file=sys.stderr)
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for one in found.passed_over:
+        kind = one.path if one.unreadable else PurePath(one.path).suffix
+        kinds.setdefault((one.reason, kind), []).append(one.path)
+    for (reason, kind), paths in sorted(kinds.items()):
+        if len(paths) == 1:
+            print(f"{paths[0]} passed over: {reason}", file=sys.stderr)
+        else:
+            files = f"{len(paths)} files {kind}".rstrip()
+            print(f"{files} passed over, as {paths[0]}: {reason}", file=sys.stderr)
+
+
 def _tell_origin(name: str, origin: str) -> None:
     print(f"{name}: {origin}", file=sys.stderr)
 
 
 def _report(summary: "BatchSummary", output: Path) -> None:
     rows, flights = summary.rows, summary.flights
-    hours = sum(row.length_s for row in rows) / 3600.0
+    known_s = [row.length_s for row in rows if row.length_s is not None]
+    pulses = f"{sum(row.pulses for row in rows)} pulses in {counted(len(rows), 'recording')}"
+    if known_s:
+        pulses += f", {sum(known_s) / 3600.0:.1f} h"
+        if unknown := len(rows) - len(known_s):
+            pulses += f" and {unknown} of unknown length"
+    outside = sum(bool(row.tags_outside) for row in rows)
     print(
         f"{counted(summary.done_now, 'recording')} done now, {summary.done_before} before; "
-        f"{sum(row.pulses for row in rows)} pulses in {hours:.1f} h of "
-        f"{counted(len(rows), 'recording')}, "
+        f"{pulses}, "
         f"{sum(row.state == 'truncated' for row in rows)} truncated, "
         f"{sum(row.state == 'failed' for row in rows)} failed\n"
         f"{counted(summary.placed_now, 'flight')} placed now, {summary.placed_before} before; "
@@ -236,7 +274,13 @@ def _report(summary: "BatchSummary", output: Path) -> None:
     if summary.copies:
         directories = counted(summary.copies, "flight")
         print(f"{directories} passed over: copies of flights that are there", file=sys.stderr)
+    if outside:
+        print(
+            f"{counted(outside, 'recording')} without the tags outside of its band "
+            "(tags_outside in recordings.parquet)",
+            file=sys.stderr,
+        )
     if summary.kept:
         print(f"{summary.kept} kept from before: not reachable now", file=sys.stderr)
     if summary.stopped:
-        print("stopped: the same command goes on from here", file=sys.stderr)
+        print(_STOPPED, file=sys.stderr)

@@ -10,6 +10,7 @@ import errno
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
@@ -116,15 +117,8 @@ def detect(
     """
     flown = None if flight is None else read_flight(flight)
     known = _with_mode(_tags(tags, flown), mode)
-    wanted = known.tags
     start_ns = start_time_ns(start_time)
     with ExitStack() as stack:
-        listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
-        if ros2 is not None:
-            from uavrt.cli.listeners import RosPulses  # 4 MB
-
-            named = RosPulses(ros2, wanted, ros2_namespace)
-            listeners.append(stack.enter_context(closing(named)))
         if is_udp_address(recording):
             sample_rate = sample_rate or known.sample_rate_hz
             center_frequency = center_frequency or known.center_frequency_hz
@@ -133,6 +127,13 @@ def detect(
         )
         if origin := getattr(source, "origin", ""):
             print(origin, file=sys.stderr)
+        wanted = _inside(known, source)
+        listeners = _listeners(stack, wanted, plot, udp_pulses, frequency_window)
+        if ros2 is not None:
+            from uavrt.cli.listeners import RosPulses  # 4 MB
+
+            named = RosPulses(ros2, wanted, ros2_namespace)
+            listeners.append(stack.enter_context(closing(named)))
         live = source.total_samples is None
         receiver = Receiver(source.center_frequency_hz, source.sample_rate_hz)
         known_beeps: list[Beep] = []
@@ -188,6 +189,19 @@ def detect(
         number = should_stop()
     if number is not None:
         sys.exit(128 + number)
+
+
+def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
+    """Choose the tags within the band, and name those outside, which are not searched."""
+    inside = known.within(source.sample_rate_hz, source.center_frequency_hz).tags
+    for tag in known.tags:
+        if tag not in inside:
+            print(
+                f"tag {tag.tag_id} at {tag.frequency_hz / 1e6:.6f} MHz is outside of this "
+                "recording's band and is not searched",
+                file=sys.stderr,
+            )
+    return inside
 
 
 def _name(beeps: Sequence[Beep]) -> None:
@@ -405,21 +419,39 @@ def _cannot_write(name: str, error: OSError) -> RecordingError:
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[Callable[[], int | None]]:
+def stop_on_signals(within_s: float | None = None) -> Iterator[Callable[[], int | None]]:
     """Note Ctrl-C and SIGTERM, so that the pulses found so far are still written.
 
     A second Ctrl-C ends at once.
+
+    Parameters
+    ----------
+    within_s : float, optional
+        What has not ended so long after the first is interrupted by KeyboardInterrupt, and the
+        program is ended after the same time again: for work that any end leaves whole.
     """
     seen: list[int] = []
+    timers: list[threading.Timer] = []
 
     def note(number: int, _frame: FrameType | None) -> None:
         seen.append(number)
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        if within_s is not None:
+            signal.signal(signal.SIGALRM, signal.default_int_handler)
+            signal.setitimer(signal.ITIMER_REAL, within_s)
+            timers.append(threading.Timer(2.0 * within_s, os._exit, [128 + number]))
+            timers[-1].daemon = True
+            timers[-1].start()
 
     before = {n: signal.signal(n, note) for n in (signal.SIGINT, signal.SIGTERM)}
+    before[signal.SIGALRM] = signal.getsignal(signal.SIGALRM)
     try:
         yield lambda: seen[0] if seen else None
     finally:
+        if timers:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for timer in timers:
+            timer.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
 

@@ -9,7 +9,7 @@ import msgspec
 from uavrt.errors import ConfigError
 
 
-def print_json(value: object, *, indent: int = -1) -> None:
+def print_json(value: object, *, indent: int = 0) -> None:
     """Print a value as JSON: what is not a number becomes null (RFC 8259, section 6).
 
     Parameters
@@ -17,7 +17,7 @@ def print_json(value: object, *, indent: int = -1) -> None:
     value : object
         Plain values, dates, dataclasses and lists of them.
     indent : int
-        Spaces of each level; -1 prints one line.
+        Spaces of each level; 0 prints one line.
     """
     print(msgspec.json.format(msgspec.json.encode(value), indent=indent).decode())
 

@@ -4,6 +4,7 @@ import getpass
 import os
 import pwd
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,9 @@ from uavrt.computer import Installation, ServicePlan
 from uavrt.computer import install as install_service
 from uavrt.computer import remove as remove_service
 from uavrt.computer import status as service_status
+from uavrt.computer.service import check_plan
 from uavrt.config import load_settings
+from uavrt.errors import UsageError
 
 service = App(
     name="service", help="Start uavrt at boot (systemd) and let it use the radio (udev)."
@@ -54,12 +57,13 @@ def install(
     environment = Path(sys.executable).parents[1] if installed is None else installed.link
     plan = ServicePlan(
         program=environment / "bin/uavrt",
-        user=user or _own_user() or os.environ.get("SUDO_USER") or getpass.getuser(),
+        user=user or _usual_user(),
         directory=place,
         config=settings,
         writable=_writable(root, place, settings),
         prefix=None if installed is None else installed.prefix,
     )
+    check_plan(plan, root)
     print(f"the service runs as {plan.user} in {plan.directory}")
     _print(install_service(plan, root))
 
@@ -88,12 +92,18 @@ def remove(*, root: Path = ROOT) -> None:
     _print(remove_service(root))
 
 
-def _own_user() -> str | None:
-    """Get the user that was made for the service, if there is one."""
-    try:
+def _usual_user() -> str:
+    """Choose the user that was made for the service, else the one who called sudo."""
+    with suppress(KeyError):
         return pwd.getpwnam(SERVICE_USER).pw_name
-    except KeyError:
-        return None
+    user = os.environ.get("SUDO_USER") or getpass.getuser()
+    if user == "root":
+        raise UsageError(
+            "the service would run as root",
+            remedy=f"Give --user NAME, or make the user {SERVICE_USER} for it: "
+            f"sudo useradd --system {SERVICE_USER}",
+        )
+    return user
 
 
 def _writable(root: Path, directory: Path, config: Path | None) -> tuple[Path, ...]:

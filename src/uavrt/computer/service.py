@@ -7,6 +7,7 @@ ports and the network. The rule lets the group ``plugdev`` use the radio: Debian
 (``TAG+="uaccess"``) opens it only to the user at the screen, not to ssh and not to a service.
 """
 
+import pwd
 import shutil
 import subprocess
 from collections.abc import Sequence
@@ -39,6 +40,7 @@ DEVICES = (
 )
 """Kernel names (``/proc/devices``) of USB radios and of serial ports: USB cables, boards with a
 USB port of their own, the Raspberry Pi's, a PC's and the Jetson's pins."""
+_TEMPORARY = (Path("/tmp"), Path("/var/tmp"))
 _HOMES = (Path("/home"), Path("/root"), Path("/run/user"))
 
 
@@ -81,7 +83,7 @@ NotifyAccess=main
 ExecStart={command}
 User={plan.user}
 SupplementaryGroups=dialout plugdev
-WorkingDirectory={plan.directory}
+WorkingDirectory={_literal(plan.directory)}
 Restart=always
 RestartSec=0.5
 WatchdogSec={WATCHDOG_S}
@@ -137,17 +139,71 @@ def update_unit_text(plan: ServicePlan, prefix: Path) -> str:
     return f"""\
 [Unit]
 Description=uavrt: end the trial of a version that was interrupted
-ConditionPathIsSymbolicLink={str(prefix / "trial").replace("%", "%%")}
+ConditionPathIsSymbolicLink={_literal(prefix / "trial")}
 After={UNIT}
 
 [Service]
 Type=exec
 ExecStart={" ".join(_quoted(word) for word in words)}
-WorkingDirectory={plan.directory}
+WorkingDirectory={_literal(plan.directory)}
 
 [Install]
 WantedBy=multi-user.target
 """
+
+
+def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
+    """Refuse a service that cannot start, or that would lose what it records.
+
+    Parameters
+    ----------
+    plan : ServicePlan
+        What would be installed.
+    root : Path
+        Root of the system that it is for; users of one without ``etc/passwd`` are not checked.
+
+    Raises
+    ------
+    UsageError
+        An unknown user, a missing directory, or one below /tmp.
+    """
+    if not root.is_dir():
+        raise UsageError(f"{root} is not a directory", remedy="Check --root")
+    users = root / "etc/passwd"
+    if users.is_file():
+        known = {line.split(":")[0] for line in users.read_text(errors="replace").splitlines()}
+        if plan.user not in known and not (root == Path("/") and _has_account(plan.user)):
+            raise UsageError(
+                f"there is no user {plan.user}",
+                remedy=f"Make it (sudo useradd --system {plan.user}), or give another --user",
+            )
+    if not (root / plan.directory.relative_to("/")).is_dir():
+        raise UsageError(
+            f"there is no directory {plan.directory}",
+            remedy="Make it, owned by the service's user, or give another --directory",
+        )
+    program = (plan.program,) if root == Path("/") else ()
+    for path in (*program, plan.directory, plan.config, *plan.writable):
+        if path is not None and any(path.is_relative_to(place) for place in _TEMPORARY):
+            raise UsageError(
+                f"{path} is in a directory that the service does not see and that is emptied "
+                "at boot",
+                remedy="Use one in /var/lib, /opt or /home",
+            )
+
+
+def _has_account(user: str) -> bool:
+    """Whether a user exists who may stand elsewhere than in ``etc/passwd``."""
+    try:
+        pwd.getpwnam(user)
+    except KeyError:
+        return False
+    return True
+
+
+def _literal(path: Path) -> str:
+    """Write a path that systemd takes to the end of the line, where it expands ``%``."""
+    return str(path).replace("%", "%%")
 
 
 def _place(path: str) -> str:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from importlib.metadata import distributions
 from pathlib import Path
 
-from uavrt.atomic_file import sync_directory
+from uavrt.atomic_file import sync_to_disk
 from uavrt.errors import UsageError
 
 COMPLETE = ".complete"
@@ -103,7 +103,7 @@ class Installation:
 
     def sync(self) -> None:
         """Bring the links to the disk."""
-        sync_directory(self.prefix)
+        sync_to_disk(self.prefix)
 
     def remove_others(self, *kept: Path) -> None:
         """Remove versions that no link needs, and what an interrupted update has left."""

@@ -172,6 +172,18 @@ def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> 
     return band_rate_hz * (CLEAN_FRACTION if decimated else UNDECIMATED_FRACTION)
 
 
+def widest_half_span_hz(sample_rate_hz: float) -> float:
+    """Half the span that a recording serves at most, about its centre [Hz].
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Rate of the recording [Hz].
+    """
+    one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
+    return sample_rate_hz * (0.5 if one_channel else UNDECIMATED_FRACTION)
+
+
 def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
     """Largest decimation whose usable span reaches `reach_hz` from the centre.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Literal
 
 from uavrt.clock import Clock
@@ -242,6 +242,14 @@ def _layout(
         frequency_from=name_says(named, "frequency") if center_frequency_hz is None else SAID,
         rate_from=name_says(named, "rate") if sample_rate_hz is None else SAID,
         start_from=name_says(named, "time") if start_time_ns is None else SAID,
+    )
+
+
+def reveals_format(path: PurePath) -> bool:
+    """Whether the name of a file says which format its samples have."""
+    named = read_name(path)
+    return path.suffix.lower() in _SUFFIXES or (
+        named is not None and named.format_name is not None
     )
 
 

@@ -6,7 +6,7 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -216,7 +216,8 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
             remedy="Name a directory like flight_log_2026-05-01_08-15-00",
         )
     try:
-        with tempfile.TemporaryDirectory() as scratch, closing(_open(path, scratch)) as opened:
+        with ExitStack() as stack:
+            opened = stack.enter_context(closing(_open(path, stack)))
             schema.read_older(opened)
             yield opened
     except DAMAGED as error:
@@ -226,12 +227,13 @@ def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
         ) from error
 
 
-def _open(path: Path, scratch: str) -> sqlite3.Connection:
+def _open(path: Path, stack: ExitStack) -> sqlite3.Connection:
     """Open for reading only; from a medium that allows no lock files, read a copy."""
     try:
         return open_plain(path)
     except sqlite3.OperationalError:
         require_plain_files(path)
+    scratch = stack.enter_context(tempfile.TemporaryDirectory())
     for name in (path.name, f"{path.name}-wal"):
         if (path.parent / name).exists():
             shutil.copyfile(path.parent / name, Path(scratch) / name)

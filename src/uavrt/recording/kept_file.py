@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from uavrt.atomic_file import sync_directory, write_atomically
+from uavrt.atomic_file import sync_to_disk, write_atomically
 from uavrt.log import get_logger
 
 log = get_logger()
@@ -68,7 +68,7 @@ class KeptFile(Generic[R]):
         """Remove the file."""
         try:
             self.path.unlink(missing_ok=True)
-            sync_directory(self.path.parent)
+            sync_to_disk(self.path.parent)
         except OSError as error:
             self._complain(error)
 

@@ -11,10 +11,14 @@ from uavrt.recording.flight_reader import flight_database, flight_info
 from uavrt.recording.places import GROUND_NOTE, vehicle_of
 
 _BATTERY = re.compile(r"battery (\d{1,3}) %")
+_COUNTED = "detection_status = 'confirmed' AND ghost_of_tag_id IS NULL"
 _HEARD = (
-    "SELECT tag_id, count(*), min(start_time_ns), max(start_time_ns) FROM pulses"
-    " WHERE detection_status = 'confirmed' AND ghost_of_tag_id IS NULL GROUP BY tag_id"
+    f"SELECT tag_id, count(*) FILTER (WHERE {_COUNTED}),"
+    f" min(start_time_ns) FILTER (WHERE {_COUNTED}),"
+    f" max(start_time_ns) FILTER (WHERE {_COUNTED}), max(end_time_ns)"
+    " FROM pulses GROUP BY tag_id"
 )
+"""Of each tag, and the end of its last pulse of any status; the table is read once."""
 _LEVELS = (
     "SELECT tag_id, start_time_ns, snr_db FROM pulses WHERE detection_status = 'confirmed'"
 )
@@ -65,19 +69,17 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
     """
     with flight_database(Path(directory)) as database:
         info = flight_info(database, Path(directory))
-        ends = [info.start_time_ns]
-        for table, column in (
-            ("pulses", "end_time_ns"),
-            ("poses", "time_ns"),
-            ("search_reports", "time_ns"),
-        ):
-            ends += database.execute(f"SELECT max({column}) FROM {table}").fetchone()
+        of_tags = database.execute(_HEARD).fetchall()
+        ends = [info.start_time_ns, *(end_ns for *_, end_ns in of_tags)]
+        for table in ("poses", "search_reports"):
+            ends += database.execute(f"SELECT max(time_ns) FROM {table}").fetchone()
         notes = database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
         heard = {
             int(tag_id): HeardTag(
                 pulses=int(pulses), first_ns=int(first_ns), last_ns=int(last_ns)
             )
-            for tag_id, pulses, first_ns, last_ns in database.execute(_HEARD)
+            for tag_id, pulses, first_ns, last_ns, _ in of_tags
+            if pulses
         }
         vehicle = vehicle_of(notes)
         return FlightOutline(

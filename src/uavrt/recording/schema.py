@@ -7,7 +7,6 @@ where a float may be NaN (SQLite stores NaN as NULL): one odd record must not ba
 import json
 import math
 import sqlite3
-from collections.abc import Iterable
 from operator import attrgetter
 from typing import Any
 
@@ -33,10 +32,15 @@ reports hold the usable share of the time and the weakest tag; 6: what beeps."""
 SEARCH_REPORT_COLUMNS = (
     "time_ns, tag_id, frequency_hz, noise_psd, best_score, usable_share, weakest_enr_db"
 )
-_NEW_OF_SEARCH_REPORTS = ("usable_share", "weakest_enr_db")
 
 _PULSE_FIELDS = fields_of(Pulse)
 _PULSE_TYPES = {one.name: SQL_TYPES[one.kind] for one in _PULSE_FIELDS}
+_COLUMNS = {
+    "pulses": _PULSE_TYPES,
+    "tags": {"gaps_s": "TEXT"},
+    "search_reports": {"usable_share": "REAL", "weakest_enr_db": "REAL"},
+}
+"""Those that older versions may lack, with their types."""
 PULSE_COLUMNS = ", ".join(_PULSE_TYPES)
 """The fields of a pulse; what older flights lack of them is NULL."""
 _BEEP_FIELDS = fields_of(Beep)
@@ -155,12 +159,10 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
         The database cannot be written.
     """
     database.executescript(TABLES)
-    for column in _lacking(database, "pulses", _PULSE_TYPES):
-        database.execute(f"ALTER TABLE pulses ADD COLUMN {column} {_PULSE_TYPES[column]}")
-    if _lacking(database, "tags", ("gaps_s",)):
-        database.execute("ALTER TABLE tags ADD COLUMN gaps_s TEXT")
-    for column in _lacking(database, "search_reports", _NEW_OF_SEARCH_REPORTS):
-        database.execute(f"ALTER TABLE search_reports ADD COLUMN {column} REAL")
+    for table, columns in _lacking(database).items():
+        for column in columns:
+            kind = _COLUMNS[table][column]
+            database.execute(f"ALTER TABLE {table} ADD COLUMN {column} {kind}")
     database.execute(f"PRAGMA user_version={VERSION}")
 
 
@@ -172,23 +174,27 @@ def read_older(database: sqlite3.Connection) -> None:
     sqlite3.Error
         The database cannot be read.
     """
-    for table, columns in (
-        ("pulses", tuple(_PULSE_TYPES)),
-        ("tags", ("gaps_s",)),
-        ("search_reports", _NEW_OF_SEARCH_REPORTS),
-    ):
-        if lacking := _lacking(database, table, columns):
-            nulls = ", ".join(f"NULL AS {column}" for column in lacking)
-            database.execute("PRAGMA temp_store=MEMORY")
-            # What is temporary comes before what is stored under the same name.
-            database.execute(f"CREATE TEMP VIEW {table} AS SELECT *, {nulls} FROM main.{table}")
+    for table, columns in _lacking(database).items():
+        nulls = ", ".join(f"NULL AS {column}" for column in columns)
+        database.execute("PRAGMA temp_store=MEMORY")
+        # What is temporary comes before what is stored under the same name.
+        database.execute(f"CREATE TEMP VIEW {table} AS SELECT *, {nulls} FROM main.{table}")
 
 
-def _lacking(database: sqlite3.Connection, table: str, columns: Iterable[str]) -> list[str]:
-    """Columns that a table lacks; none when there is no table either."""
-    rows = database.execute("SELECT name FROM pragma_table_info(?, 'main')", (table,))
-    present = {name for (name,) in rows}
-    return [column for column in columns if present and column not in present]
+def _lacking(database: sqlite3.Connection) -> dict[str, list[str]]:
+    """Columns that its tables lack; of a table that is not there none."""
+    names = " UNION ALL ".join(
+        f"SELECT '{table}', name FROM pragma_table_info('{table}', 'main')"
+        for table in _COLUMNS
+    )
+    present: dict[str, set[str]] = {}
+    for table, column in database.execute(names):
+        present.setdefault(table, set()).add(column)
+    lacking = {
+        table: [column for column in _COLUMNS[table] if column not in there]
+        for table, there in present.items()
+    }
+    return {table: columns for table, columns in lacking.items() if columns}
 
 
 _pulse_values = attrgetter(*_PULSE_TYPES)

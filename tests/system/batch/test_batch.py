@@ -31,7 +31,7 @@ def test_a_killed_worker_costs_its_chunk_and_no_pulse(
             os.kill(worker.pid, signal.SIGKILL)
             killed.append(worker.pid)
 
-    settings = replace(SETTINGS, workers=2, chunk_s=5.0)
+    settings = replace(SETTINGS, workers=2)
     summary = run(archive, tmp_path, settings, on_samples=kill_one)
     assert len(killed) == 1
     assert {row.state for row in summary.rows} == {"done"}

@@ -1,5 +1,6 @@
 """A batch on a Dask cluster: scheduler and workers are processes of their own."""
 
+import json
 import os
 import signal
 import subprocess
@@ -90,7 +91,7 @@ def run(
     scheduler: str | None,
     on_done: Callable[[int], None] = lambda _amount: None,
 ) -> BatchSummary:
-    settings = BatchSettings(cell_s=15.0, lead_in_s=6.0, chunk_s=5.0, scheduler=scheduler)
+    settings = BatchSettings(cell_s=15.0, lead_in_s=6.0, scheduler=scheduler)
     found = find_recordings([archive], read_manifest(archive / "manifest.csv"))
     return run_batch(
         found, TagSource(tags=TAGS[:1]), output, settings, BatchWatch(on_done=on_done)
@@ -117,7 +118,7 @@ def test_a_cluster_gives_the_same_bytes_also_when_two_of_three_workers_are_kille
     assert next(left, None) is None
     assert [row.state for row in summary.rows] == ["done"]
     serial, three, killed = (
-        (next((tmp_path / name / "pulses").glob("*/*.parquet"))).read_bytes()
+        (next((tmp_path / name / "pulses").glob("*.parquet"))).read_bytes()
         for name in ("serial", "three", "killed")
     )
     assert pq.read_table(tmp_path / "serial" / "pulses").num_rows >= 45
@@ -128,7 +129,7 @@ def test_a_scheduler_that_goes_is_named_and_what_was_done_stays(
     archive: Path, running: Cluster, tmp_path: Path
 ) -> None:
     def written() -> bool:
-        return any((tmp_path / "unfinished").glob("*/*/*.chunk"))
+        return any((tmp_path / "unfinished").glob("*/*"))
 
     def end_it(_amount: int) -> None:
         if written():
@@ -139,17 +140,16 @@ def test_a_scheduler_that_goes_is_named_and_what_was_done_stays(
     assert written()
 
 
-def test_a_worker_of_a_run_that_was_killed_leaves_everything_as_it_is(tmp_path: Path) -> None:
+def test_a_worker_of_a_run_that_has_ended_leaves_its_task(tmp_path: Path) -> None:
     path = tmp_path / "run"
     old, new = cluster.Sign(path, "old"), cluster.Sign(path, "new")
     old.put_up()
     assert not old.should_stop()
-    old.put_up(stop=True)
-    assert cluster.Sign(path, "old").should_stop()
     new.put_up()
     assert not new.should_stop()
-    with pytest.raises(cluster.GivenUpError):
-        cluster.Sign(path, "old").should_stop()
+    assert cluster.Sign(path, "old").should_stop()
+    path.unlink()
+    assert cluster.Sign(path, "new").should_stop()
 
 
 def test_a_scheduler_that_does_not_answer_is_named(
@@ -158,3 +158,43 @@ def test_a_scheduler_that_does_not_answer_is_named(
     monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     with pytest.raises(UsageError, match="no Dask scheduler answers at tcp://127"):
         run(archive, tmp_path, scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_scheduler_without_workers_is_named_and_ctrl_c_ends_the_wait(
+    archive: Path, tmp_path: Path
+) -> None:
+    (archive / "tags.txt").write_text("2, 148706000, 1210, 20, 20, 10, 3, 0.02\n")
+    file = tmp_path / "scheduler.json"
+    lonely = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"),
+            *("--port", "0", "--no-dashboard", "--scheduler-file", str(file)),
+        ],
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        until_s = time.monotonic() + 60.0
+        while not file.is_file():
+            assert time.monotonic() < until_s
+            time.sleep(0.05)
+        address = json.loads(file.read_text())["address"]
+        batch = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "uavrt.cli", "batch", str(archive)),
+                *("--tags", str(archive / "tags.txt"), "-o", str(tmp_path / "out")),
+                *("--manifest", str(archive / "manifest.csv"), "--scheduler", address),
+            ],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert batch.stderr is not None
+        said = next(line for line in batch.stderr if "no worker" in line)
+        assert f"dask worker {address}" in said
+        begun_s = time.monotonic()
+        batch.send_signal(signal.SIGINT)
+        batch.communicate(timeout=10.0)
+        assert batch.returncode == 130
+        assert time.monotonic() - begun_s < 2.0
+    finally:
+        lonely.kill()
+        lonely.wait()

@@ -21,7 +21,7 @@ from uavrt.errors import FormatError, StoreError
 
 pytest.importorskip("aiohttp", reason="fsspec[http] is not installed")
 pq = pytest.importorskip("pyarrow.parquet")
-SETTINGS = BatchSettings(cell_s=20.0, lead_in_s=8.0, chunk_s=5.0)
+SETTINGS = BatchSettings(cell_s=20.0, lead_in_s=8.0)
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import pytest
-from archived_pulses import DAY_NS, archive, put
+from archived_pulses import DAY_NS, archive, gathered, put
 
 from uavrt.batch import find_flights
-from uavrt.batch.months import gather_months
-from uavrt.batch.questions import keep_answers, kept_answer
+from uavrt.batch.questions import kept_answer
 from uavrt.errors import FormatError
 
 
@@ -16,8 +15,7 @@ def test_flights_are_found_by_tag_and_day_newest_first(tmp_path: Path, kept: boo
     ledger = archive(tmp_path)
     put(tmp_path, ledger, 9, key="one", pulses=1)  # of tag 2 alone
     if kept:
-        gather_months(tmp_path, ledger.rows, [], least_files=1)
-        keep_answers(tmp_path)
+        gathered(tmp_path, ledger)
     assert (kept_answer(tmp_path, "heard") is not None) == kept
     every = find_flights(tmp_path, limit=3)
     assert every.total == 10
@@ -37,12 +35,11 @@ def test_flights_are_found_by_tag_and_day_newest_first(tmp_path: Path, kept: boo
 
 def test_what_is_newer_than_the_kept_answer_counts(tmp_path: Path) -> None:
     ledger = archive(tmp_path)
-    gather_months(tmp_path, ledger.rows, [], least_files=1)
-    keep_answers(tmp_path)
+    gathered(tmp_path, ledger)
     put(tmp_path, ledger, 20, key="new", pulses=3)
     assert kept_answer(tmp_path, "heard") is None
     assert find_flights(tmp_path, tag_id=4).flights[0].heard == ((2, 2), (4, 1))
-    keep_answers(tmp_path)
+    gathered(tmp_path, ledger, least_files=100)
     assert len([*(tmp_path / "months").glob("heard-*")]) == 1
     assert find_flights(tmp_path, tag_id=4).flights[0].flight == "20"
 

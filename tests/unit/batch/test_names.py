@@ -18,15 +18,6 @@ from uavrt.batch import (
     read_manifest,
     run_batch,
 )
-from uavrt.batch.ledger import DONE, PLACED, Ledger
-from uavrt.batch.tables import (
-    POSES,
-    PULSES,
-    FlightRow,
-    RecordingRow,
-    folder_of,
-    old_folder_of,
-)
 
 SPECIAL = ("my walk", "50 % of it's +1 & ö", "a=b;c?")
 TRACK = "time_ns,latitude_deg,longitude_deg,altitude_amsl_m,altitude_relative_m,qw,qx,qy,qz\n"
@@ -91,26 +82,11 @@ def test_a_flight_of_a_special_name_is_exported_by_it(
     assert written[2].parent == tmp_path / "my walk"
 
 
-def test_tables_of_an_older_version_get_the_names_when_the_batch_goes_on(
-    tmp_path: Path,
-) -> None:
-    folder, output = tmp_path / "archive", tmp_path / "searched"
-    archive_of(folder, "my walk")
-    search(folder, output)
-    for table in ("pulses", "poses"):
-        (output / table / folder_of("my walk")).rename(
-            output / table / old_folder_of("my walk")
-        )
-    assert names_in(output, "pulses") == ["my_walk"]
-    assert search(folder, output).done_before == 1
-    assert names_in(output, "pulses") == names_in(output, "poses") == ["my walk"]
-
-
 def test_recordings_of_the_same_name_are_flights_of_their_own(tmp_path: Path) -> None:
     folder, output = tmp_path / "archive", tmp_path / "searched"
     archive_of(folder, "2023/walk", "2024/walk", "2024/other")
     search(folder, output)
-    names = ["2023/walk", "2024/walk", "other"]
+    names = ["2023/walk", "2024/other", "2024/walk"]
     for table in ("recordings", "flights", "pulses", "poses"):
         assert names_in(output, table) == names, table
     (heard,) = ask(output, "select count(distinct flight) as n from pulses")["n"].to_pylist()
@@ -147,22 +123,3 @@ def test_two_forms_of_a_recording_are_told_by_their_endings(tmp_path: Path) -> N
         file.write(f"walk.cs16,,{RATE_HZ},{CENTER_HZ},{START},track.csv,0\n")
     search(folder, output)
     assert names_in(output, "pulses") == ["walk.cf32", "walk.cs16"]
-
-
-def test_flights_that_an_older_archive_calls_the_same_get_names_of_their_own(
-    tmp_path: Path,
-) -> None:
-    folder, output = tmp_path / "archive", tmp_path / "searched"
-    archive_of(folder, "a/walk", "b/walk")
-    search(folder, output)
-    for ledger in (
-        Ledger(output, DONE, RecordingRow, [PULSES]),
-        Ledger(output, PLACED, FlightRow, [POSES]),
-    ):
-        for row in ledger.rows:
-            ledger.rename(row, "walk")  # type: ignore[arg-type]
-    assert names_in(output, "pulses") == ["walk"]
-    summary = search(folder, output)
-    assert (summary.done_before, summary.placed_before) == (2, 2)
-    for table in ("recordings", "flights", "pulses", "poses"):
-        assert names_in(output, table) == ["a/walk", "b/walk"], table

@@ -33,8 +33,8 @@ def archive(tmp_path: Path) -> Path:
             pulse(2, day + 1, 14.0, confirmed=True),
             pulse(4, day, 3.0, confirmed=False),
         ]
-        path = tmp_path / "pulses" / f"flight={number}" / "a.parquet"
-        write_pulses(path, [(0, one) for one in found], "/archive/x.wav")
+        path = tmp_path / "pulses" / f"{number}.parquet"
+        write_pulses(path, [(0, one) for one in found], "/archive/x.wav", number)
     rows = [recording_row(flight, 3) for flight in ("07", "o'hare")]
     write_rows(tmp_path / RECORDINGS, RecordingRow, rows)
     return tmp_path
@@ -71,8 +71,8 @@ def test_a_wrong_question_or_place_is_named(archive: Path, tmp_path: Path) -> No
         ask(archive, "select nosuch from pulses")
     with pytest.raises(FormatError, match=r"holds no recordings\.parquet"):
         ask(archive / "pulses", QUESTIONS["tags"])
-    (archive / "pulses" / "flight=07" / "a.parquet").write_bytes(b"rubbish")
-    with pytest.raises(FormatError, match="run uavrt batch again"):
+    (archive / "pulses" / "07.parquet").write_bytes(b"rubbish")
+    with pytest.raises(FormatError, match="--verify"):
         ask(archive, QUESTIONS["tags"])
 
 

@@ -1,6 +1,5 @@
 """A setting has done again what it touches, and nothing else."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,9 +24,6 @@ from uavrt.batch import (
     read_manifest,
     run_batch,
 )
-from uavrt.batch.detecting import _key as detecting_key
-from uavrt.batch.ledger import DONE, PLACED, Ledger
-from uavrt.batch.tables import POSES, PULSES, FlightRow, RecordingRow
 from uavrt.recording import ChannelRecorder
 from uavrt_experiments.detection.signals import START_NS
 
@@ -75,40 +71,6 @@ def test_a_setting_that_is_not_read_has_nothing_done_again(turned: tuple[Found, 
     assert placed_with(turned) == 1
 
 
-def test_a_name_that_an_older_version_put_into_a_key_has_nothing_done_again(
-    tmp_path: Path,
-) -> None:
-    folder, output = tmp_path / "archive", tmp_path / "searched"
-    folder.mkdir()
-    record(folder / "a.cf32", 16.0, 1, tags=TAGS[:1])
-    (folder / "manifest.csv").write_text(f"{COLUMNS}\na.cf32,,{RATE_HZ},{CENTER_HZ},{START}\n")
-    found = find_recordings([folder], read_manifest(folder / "manifest.csv"))
-    named = TagSource(tags=(replace(TAGS[0], name="lynx"),))
-    (row,) = run_batch(found, named, output, BatchSettings()).rows
-    old = detecting_key(
-        found.recordings[0], sorted(map(repr, named.tags)), named, BatchSettings()
-    )
-    assert old != row.fingerprint
-    Ledger(output, DONE, RecordingRow, [PULSES]).rekey(row, old)
-    summary = run_batch(found, named, output, BatchSettings())
-    assert (summary.done_now, summary.done_before) == (0, 1)
-    assert [one.fingerprint for one in summary.rows] == [row.fingerprint]
-    assert ask(output, "select count(*) as n from pulses")["n"].to_pylist() == [row.pulses]
-
-
-def test_rows_of_an_older_version_are_read(turned: tuple[Found, Path], tmp_path: Path) -> None:
-    found, output = turned
-    (path,) = (output / "placed").glob("*.json")
-    row = json.loads(path.read_text())
-    for name in ("fingerprints", "copies", "integrate_fault"):
-        del row[name]
-    path.write_text(json.dumps(row))
-    (read,) = Ledger(output, PLACED, FlightRow, [POSES]).rows
-    assert (read.fingerprints, read.state) == ("", "done")
-    summary = run_batch(found, SOUGHT, output, BatchSettings())
-    assert (summary.done_before, summary.placed_now) == (1, 1)
-
-
 @pytest.fixture(scope="module")
 def judged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Found, TagSource, Path]:
     """A flight that kept its channel, judged as a whole."""
@@ -143,7 +105,7 @@ def test_a_verdict_of_a_whole_flight_is_kept_while_it_reads_the_same(
         return list(ask(output, "select * from integrated").to_pylist())
 
     def judged_at() -> int:
-        (file,) = (output / "integrated").glob("*/*.parquet")
+        (file,) = (output / "integrated").glob("*.parquet")
         return file.stat().st_mtime_ns
 
     assert run(STEPS).placed_now == 1
@@ -165,10 +127,10 @@ def test_a_verdict_of_a_whole_flight_is_kept_while_it_reads_the_same(
 def test_a_step_that_is_asked_for_later_is_done_alone(turned: tuple[Found, Path]) -> None:
     found, output = turned
     run_batch(found, SOUGHT, output, BatchSettings())
-    (file,) = (output / "positions").glob("*/*.parquet")
+    (file,) = (output / "positions").glob("*.parquet")
     before = file.stat().st_mtime_ns
     summary = run_batch(found, SOUGHT, output, BatchSettings(steps=STEPS))
     assert summary.placed_now == 1
-    (file,) = (output / "positions").glob("*/*.parquet")
+    (file,) = (output / "positions").glob("*.parquet")
     assert file.stat().st_mtime_ns == before
     assert [(row.bearings, row.positions) for row in summary.flights] == [(2, 1)]

@@ -119,7 +119,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("demo --port 99999", "--port"),
         ("demo --seed -1", "--seed"),
         ("demo --headless --picture no/such.svg", "no"),
-        ("service install --root tags.txt", "--root"),
+        ("service install --user pi --root tags.txt", "--root"),
         ("experiment detection --seed -1", "--seed"),
         ("experiment detection --output-dir tags.txt --no-plots", "--output-dir"),
         ("experiment localization --output no/such.csv", "no"),

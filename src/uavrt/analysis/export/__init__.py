@@ -13,6 +13,7 @@ from uavrt.analysis.export.geotiff import geotiff_bytes
 from uavrt.analysis.export.gpx import gpx_text
 from uavrt.analysis.export.kmz import kml_text, kmz_bytes
 from uavrt.analysis.survey import Survey
+from uavrt.atomic_file import make_directories, replacing
 from uavrt.errors import RecordingError, UsageError
 from uavrt.lazy import lazily
 from uavrt.localization import PositionGrid, SignalSurface
@@ -127,12 +128,11 @@ def _uavrt(survey: Survey, directory: Path) -> list[Path]:
 
 
 def _geopackage(survey: Survey, directory: Path) -> list[Path]:
-    target, part = directory / "flight.gpkg", directory / ".flight.gpkg.part"
+    target = directory / "flight.gpkg"
     try:
-        directory.mkdir(parents=True, exist_ok=True)
-        part.unlink(missing_ok=True)
-        write_geopackage(survey, part)
-        part.replace(target)
+        make_directories(directory)
+        with replacing(target) as part:
+            write_geopackage(survey, part)
     except (OSError, sqlite3.Error) as error:
         raise RecordingError(
             f"cannot write {target}: {error}", remedy="Choose a writable place"

@@ -2,11 +2,12 @@
 
 import os
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from uavrt.config import read_tags
 from uavrt.detection import OperatingMode
+from uavrt.dsp.plan import widest_half_span_hz
 from uavrt.errors import FormatError
 from uavrt.messages import Tag
 from uavrt.recording import read_detector_config
@@ -27,6 +28,14 @@ class TagSource:
     """Rate of the tag's channel, where the file says it."""
     center_frequency_hz: float | None = None
     """Centre of the tag's channel, where the file says it."""
+
+    def within(self, sample_rate_hz: float, center_frequency_hz: float) -> "TagSource":
+        """Leave out the tags outside of a recording's band; if all are, none."""
+        reach_hz = widest_half_span_hz(sample_rate_hz)
+        inside = tuple(
+            tag for tag in self.tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz
+        )
+        return replace(self, tags=inside or self.tags)
 
 
 def read_tag_source(path: str | os.PathLike[str]) -> TagSource:

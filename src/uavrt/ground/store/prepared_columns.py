@@ -69,7 +69,7 @@ class PreparedColumns:
         """
         self._directory.mkdir(exist_ok=True)
         path = self._path(flight_id)
-        with replacing(path, sync=False) as file:
+        with replacing(path, sync=False) as draft, draft.open("wb") as file:
             np.savez(file, stamp=np.array(stamp, np.int64), pulses=pulses, poses=poses)
 
     def keep_only(self, flight_ids: set[str]) -> None:

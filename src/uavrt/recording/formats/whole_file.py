@@ -1,9 +1,9 @@
-"""Replace a file that a user asked for, as a whole."""
+"""Replace a file that a user asked for as a whole, and name what prevents it."""
 
 import os
 from pathlib import Path
 
-from uavrt.atomic_file import write_atomically
+from uavrt.atomic_file import make_directories, write_atomically
 from uavrt.errors import RecordingError
 
 
@@ -15,12 +15,11 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
     RecordingError
         The disk is full, read-only or forbidden; the old file is untouched.
     """
-    target = Path(path)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(target, content)
+        make_directories(Path(path).parent)
+        write_atomically(Path(path), content)
     except OSError as error:
         raise RecordingError(
-            f"cannot write {target}: {error.strerror}",
+            f"cannot write {path}: {error.strerror}",
             remedy="Choose a writable place with free space",
         ) from error

@@ -1,0 +1,94 @@
+"""What a batch remembers of each file it has written, so that a damaged one is noticed.
+
+Size and time of change are compared at each run. A file of another time (a copied archive) is
+read and compared by its digest; a thorough check reads all of them.
+"""
+
+import hashlib
+import os
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+
+from uavrt.atomic_file import make_directories, write_atomically
+from uavrt.errors import FormatError
+
+_DIGEST_BYTES = 16
+
+
+class Seal(msgspec.Struct, frozen=True):
+    """A file as it was written."""
+
+    size: int
+    """[bytes]"""
+    time_ns: int
+    """Of its last change."""
+    digest: str
+    """BLAKE2b of its content."""
+
+
+def sealed(path: Path) -> Seal:
+    """Describe a file that has just been written.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    about = path.stat()
+    return Seal(about.st_size, about.st_mtime_ns, _digest(path.read_bytes()))
+
+
+def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
+    """Say why a file does not hold what was written; None: it does.
+
+    Raises
+    ------
+    OSError
+        It is there and cannot be read, as without permission: nobody can say.
+    """
+    try:
+        about = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return "missing"
+    if about.st_size != seal.size:
+        return f"{about.st_size} bytes, and {seal.size} were written"
+    if thorough or about.st_mtime_ns != seal.time_ns:
+        if not path.is_file() or _digest(path.read_bytes()) != seal.digest:
+            return "not what was written"
+        with suppress(OSError):  # copied by another user: it is read again each time
+            os.utime(path, ns=(about.st_atime_ns, seal.time_ns))
+    return None
+
+
+def write_note(path: Path, content: bytes) -> None:
+    """Write a small file that contains its own digest; see `read_note`.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    make_directories(path.parent)
+    write_atomically(path, _digest(content).encode() + b"\n" + content)
+
+
+def read_note(path: Path) -> bytes:
+    """Read what `write_note` has written.
+
+    Raises
+    ------
+    FormatError
+        It is damaged; the message is the reason alone.
+    OSError
+        It cannot be read.
+    """
+    digest, _, content = path.read_bytes().partition(b"\n")
+    if digest != _digest(content).encode():
+        raise FormatError("not what was written")
+    return content
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=_DIGEST_BYTES).hexdigest()

@@ -1,0 +1,195 @@
+"""An archive is whole after a power cut, and after anything that was done to its files."""
+
+import os
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record, write_flight
+from past_flight import write_flight as write_heard
+from power_cut import Names, moments
+
+from uavrt.analysis.measure import TagSource
+from uavrt.atomic_file import write_atomically
+from uavrt.batch import (
+    BatchSettings,
+    BatchSummary,
+    Found,
+    find_recordings,
+    read_manifest,
+    run_batch,
+)
+from uavrt.batch.months import INDEX
+from uavrt.batch.tables import FLIGHTS, RECORDINGS, ROWS, TABLES
+
+SETTINGS = BatchSettings(steps=("detect", "attach", "bearing"), cell_s=12.0, lead_in_s=4.0)
+LISTS = (INDEX, ROWS)
+"""By these a lost row is noticed: what was lost with them is made again without a word."""
+UNLIKE = ("cpu_s", "finished_time_ns", "finished_utc")
+"""Columns that no two runs have the same."""
+
+
+def search(found: Found, output: Path, **changed: Any) -> BatchSummary:
+    return run_batch(found, TagSource(tags=TAGS[:1]), output, replace(SETTINGS, **changed))
+
+
+def held_in(output: Path) -> dict[str, object]:
+    """All rows of an archive, and the names of its files."""
+    held: dict[str, object] = {
+        name: pq.read_table(output / name).drop_columns(UNLIKE).to_pylist()
+        for name in (RECORDINGS, FLIGHTS)
+    }
+    for table in TABLES:
+        files = sorted((output / table).glob("*"))
+        held |= {str(one.relative_to(output)): pq.read_table(one).to_pylist() for one in files}
+    held["rows"] = sorted(one.name for one in output.glob("[dp][ol][na]*e*/*"))
+    held["others"] = sorted(one.name for one in output.glob("*"))
+    return held
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
+    """A recording of two cells, one in a flight, and a flight that heard a tag itself."""
+    folder = tmp_path_factory.mktemp("archive")
+    flight = write_flight(folder / "flight_a", length_s=20.0)
+    (flight / "iq").mkdir(exist_ok=True)
+    record(flight / "iq" / "a.cf32", 14.0, 1, tags=TAGS[:1])
+    record(folder / "b.cf32", 24.0, 2, tags=TAGS[:1])
+    lines = [
+        f"{name},,{RATE_HZ},{CENTER_HZ},{START}" for name in ("flight_a/iq/a.cf32", "b.cf32")
+    ]
+    (folder / "manifest.csv").write_text("\n".join((COLUMNS, *lines)) + "\n")
+    write_heard(folder, 120.0, 300.0)
+    return find_recordings([folder], read_manifest(folder / "manifest.csv"))
+
+
+@pytest.fixture(scope="module")
+def whole(found: Found, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The archive as an undisturbed run writes it."""
+    output = tmp_path_factory.mktemp("whole")
+    summary = search(found, output)
+    assert [row.state for row in summary.rows].count("done") == 2
+    assert summary.flights[0].bearings + summary.flights[1].bearings >= 2
+    return output
+
+
+def test_what_was_not_synced_is_lost(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    with moments(disk) as cuts:
+        write_atomically(disk / "kept", "all of it")
+        write_atomically(disk / "lost", "nothing", sync=False)
+    cuts[-1].survives(disk, tmp_path / "synced", "synced")
+    cuts[-1].survives(disk, tmp_path / "all", "all")
+    assert {one.name: one.read_text() for one in (tmp_path / "synced").iterdir()} == {
+        "kept": "all of it"
+    }
+    assert {one.name: one.read_text() for one in (tmp_path / "all").iterdir()} == {
+        "kept": "all of it",
+        "lost": "",
+    }
+
+
+@pytest.fixture(scope="module")
+def cut_run(found: Found, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Any]]:
+    disk = tmp_path_factory.mktemp("disk")
+    with moments(disk) as cuts:
+        search(found, disk)
+    assert len(cuts) > 30
+    return disk, cuts
+
+
+@pytest.mark.parametrize("names", ["synced", "all"])
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0])
+def test_a_power_cut_at_any_moment_leaves_an_archive_that_goes_on_by_itself(
+    found: Found,
+    whole: Path,
+    cut_run: tuple[Path, list[Any]],
+    tmp_path: Path,
+    share: float,
+    names: Names,
+) -> None:
+    disk, cuts = cut_run
+    left = tmp_path / "left"
+    cuts[round(share * (len(cuts) - 1))].survives(disk, left, names)
+    search(found, left)
+    assert held_in(left) == held_in(whole)
+    again = search(found, left)
+    assert (again.done_now, again.placed_now, again.damaged) == (0, 0, {})
+
+
+def delete(path: Path) -> None:
+    path.unlink()
+
+
+def cut_short(path: Path) -> None:
+    with path.open("r+b") as file:
+        file.truncate(path.stat().st_size // 2)
+
+
+def exchange(path: Path) -> None:
+    """Put another file's content there."""
+    path.write_bytes(random.Random(path.name).randbytes(path.stat().st_size))
+
+
+def exchange_unseen(path: Path) -> None:
+    """Put other content there, of the same size and time."""
+    about = path.stat()
+    exchange(path)
+    os.utime(path, ns=(about.st_atime_ns, about.st_mtime_ns))
+
+
+@pytest.mark.parametrize("damage", [delete, cut_short, exchange, exchange_unseen])
+def test_every_damaged_file_is_named_and_made_again(
+    found: Found, whole: Path, tmp_path: Path, damage: Callable[[Path], None]
+) -> None:
+    output = tmp_path / "output"
+    search(found, output)
+    files = sorted(one for one in output.rglob("*.*") if one.name not in LISTS)
+    assert len(files) >= 12
+    for number in range(3):
+        hit = {str(one.relative_to(output)): one for one in files[number::3]}
+        for one in hit.values():
+            if one.exists():  # else its row was hit before, and it is named
+                damage(one)
+        summary = search(found, output, verify=damage is exchange_unseen)
+        assert hit.keys() <= summary.damaged.keys()
+        assert held_in(output) == held_in(whole)
+        files = sorted(one for one in output.rglob("*.*") if one.name not in LISTS)
+    for name in LISTS:
+        damage(output / name)
+        assert [*search(found, output, verify=True).damaged] == [name]
+    assert search(found, output, verify=True).damaged == {}
+
+
+def test_a_copied_archive_is_read_and_not_made_again(found: Found, tmp_path: Path) -> None:
+    output = tmp_path / "output"
+    search(found, output)
+    for one in output.rglob("*.parquet"):
+        os.utime(one, ns=(1, 1))
+    again = search(found, output)
+    assert (again.done_now, again.placed_now, again.damaged) == (0, 0, {})
+
+
+def test_an_output_that_may_not_be_read_is_not_taken_for_damaged(
+    found: Found, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from uavrt.batch import seals
+    from uavrt.errors import RecordingError
+
+    output = tmp_path / "output"
+    search(found, output)
+
+    def refuse(path: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    before = sorted(output.rglob("*"))
+    monkeypatch.setattr(seals, "read_note", refuse)
+    monkeypatch.setattr("uavrt.batch.ledger.read_note", refuse)
+    with pytest.raises(RecordingError, match=r"Permission denied.*access"):
+        search(found, output)
+    assert sorted(output.rglob("*")) == before
