@@ -18,8 +18,8 @@ from uavrt.dsp import BlockTimes
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
-_TAGS_BAND: Final = (60.0, 20.0, 90.0)
-"""The band of the tags: the first minute, then 20 s of every 90; .4 % of a core [s]."""
+_TAGS_BAND: Final = (60.0, 20.0, 60.0)
+"""The band of the tags: the first minute, then 20 s of every 60; .45 % of a core [s]."""
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
 _WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
@@ -52,7 +52,8 @@ class _Band:
         self._rate_hz = 1.0
         self._times = BlockTimes(1.0)
         self._taken = 0
-        self._heard = 0
+        self.heard = 0
+        """Samples in turns."""
         self.center_hz = 0.0
         self.half_hz = 0.0
         self.points = NO_POINTS
@@ -76,8 +77,8 @@ class _Band:
         turn_s = at_s % self._period_s
         if at_s >= self._first_s and turn_s < self._period_s - self._listen_s:
             return
-        self._times.add(self._heard, block.time_ns)
-        self._heard += len(block.samples)
+        self._times.add(self.heard, block.time_ns)
+        self.heard += len(block.samples)
         self._search.process(block.samples)
 
     @property
@@ -92,15 +93,15 @@ class _Band:
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
         """Return the trains so far, at absolute frequencies; while it runs, recent ones."""
-        if self._search is None or not self._heard:
+        if self._search is None or not self.heard:
             return []
-        since_s = max(0.0, self._heard / self._rate_hz - _RECENT_S)
+        since_s = max(0.0, self.heard / self._rate_hz - _RECENT_S)
         points = self._search.finish() if ended else self._search.found(since_s)
         if not ended and len(points) > _MOST_POINTS:
             points = points.take(np.sort(np.argsort(points.levels_db)[-_MOST_POINTS:]))
         times_s = self._times.seconds(points.times_s * self._rate_hz, self._times.start_ns)
         self.points = points = points.moved(times_s, self.center_hz)
-        span_s = self._heard / self._rate_hz
+        span_s = self.heard / self._rate_hz
         return find_trains(points, span_s if ended else min(span_s, _RECENT_S), receiver)[0]
 
 
@@ -133,6 +134,7 @@ class BeepSearch:
         self._near = _Band(_TAGS_BAND, live=live)
         self._whole = _Band(_WHOLE_BAND_LIVE if live else _WHOLE_BAND, live=live)
         self._next_ns: int | None = None
+        self._heard = (0, 0)
         self._known: list[Beep] = []
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
@@ -153,9 +155,10 @@ class BeepSearch:
         """Name the trains of a live stream that are new, or have twice the pulses by now."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(_NEWS_S)
-        if now_ns < self._next_ns:
+        heard = (self._near.heard, self._whole.heard)
+        if now_ns < self._next_ns or heard == self._heard:
             return []
-        self._next_ns = now_ns + ns_from_s(_NEWS_S)
+        self._next_ns, self._heard = now_ns + ns_from_s(_NEWS_S), heard
         news = [one for one in self._found(ended=False) if one.pulses >= self._wanted(one)]
         for one in news:
             keep_beep(self._known, one)
