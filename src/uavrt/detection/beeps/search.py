@@ -18,8 +18,8 @@ from uavrt.dsp import BlockTimes
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
-_TAGS_BAND: Final = (60.0, 20.0, 60.0)
-"""The band of the tags: the first minute, then 20 s of every 60; .45 % of a core [s]."""
+_TAGS_BAND: Final = (60.0, 20.0, 75.0)
+"""The band of the tags: the first minute, then 20 s of every 75; .4 % of a core [s]."""
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
 _WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
