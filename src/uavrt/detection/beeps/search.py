@@ -51,7 +51,7 @@ class _Band:
         self._search: PointSearch | None = None
         self._rate_hz = 1.0
         self._times = BlockTimes(1.0)
-        self._taken = 0
+        self._taken_s = 0.0
         self.heard = 0
         """Samples in turns."""
         self.center_hz = 0.0
@@ -59,8 +59,15 @@ class _Band:
         self.points = NO_POINTS
         """At absolute frequencies, as of the last search for trains."""
 
-    def add(self, block: IQBlock, center_hz: float, share: float) -> None:
-        """Take the next block; skip it outside of a turn."""
+    def due(self, block: IQBlock) -> bool:
+        """Count a block's time; get whether it lies in a turn."""
+        at_s = self._taken_s
+        self._taken_s += len(block.samples) / block.sample_rate_hz
+        turn_s = at_s % self._period_s
+        return at_s < self._first_s or turn_s >= self._period_s - self._listen_s
+
+    def take(self, block: IQBlock, center_hz: float, share: float) -> None:
+        """Search a block of a turn."""
         rate_hz = block.sample_rate_hz
         if self._search is None:
             self.center_hz, self.half_hz = center_hz, share * rate_hz
@@ -72,11 +79,6 @@ class _Band:
             )
             self._rate_hz = rate_hz
             self._times = BlockTimes(rate_hz)
-        at_s = self._taken / rate_hz
-        self._taken += len(block.samples)
-        turn_s = at_s % self._period_s
-        if at_s >= self._first_s and turn_s < self._period_s - self._listen_s:
-            return
         self._times.add(self.heard, block.time_ns)
         self.heard += len(block.samples)
         self._search.process(block.samples)
@@ -139,12 +141,23 @@ class BeepSearch:
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
         """Take the radio's next block, and the same at the rate of the tags' band."""
-        center_hz = self._receiver.center_frequency_hz
+        self.take(*self.due(block, band))
+
+    def due(self, block: IQBlock, band: IQBlock) -> tuple[IQBlock | None, IQBlock | None]:
+        """Choose which of both is searched now; their time is counted."""
         decimated = band is not block
-        if band.samples.size:
-            self._near.add(band, center_hz, _CLEAN if decimated else 0.5)
-        if decimated:
-            self._whole.add(block, center_hz, 0.5)
+        near = band.samples.size > 0 and self._near.due(band)
+        whole = decimated and self._whole.due(block)
+        return block if whole else None, band if near else None
+
+    def take(self, block: IQBlock | None, band: IQBlock | None) -> None:
+        """Search what is due."""
+        center_hz, rate_hz = self._receiver.center_frequency_hz, self._receiver.sample_rate_hz
+        if band is not None:
+            decimated = band.sample_rate_hz < 0.99 * rate_hz
+            self._near.take(band, center_hz, _CLEAN if decimated else 0.5)
+        if block is not None:
+            self._whole.take(block, center_hz, 0.5)
 
     def finish(self) -> list[Beep]:
         """Name the trains that were found, the strongest first; of a stream, the new ones."""
