@@ -15,8 +15,8 @@ from uavrt.messages import Beep, IQBlock
 
 log = get_logger()
 
-MOST_WAITING: Final = 10
-"""Blocks that wait for the search; 20 MB at 3 MS/s. Further ones are left out and counted."""
+MOST_WAITING: Final = 6
+"""Blocks that wait for the search; 12 MB at 3 MS/s. Further ones are left out and counted."""
 _CLOSE_S: Final = 2.0
 """The search ends within this time, or is left alone."""
 

@@ -18,13 +18,13 @@ from uavrt.dsp import BlockTimes
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
-_TAGS_BAND: Final = (60.0, 20.0, 75.0)
-"""The band of the tags: the first minute, then 20 s of every 75; .4 % of a core [s]."""
+_TAGS_BAND: Final = (60.0, 20.0, 90.0)
+"""The band of the tags: the first minute, then 20 s of every 90; .4 % of a core [s]."""
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
 _WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
-_CELLS_LIVE: Final = 5_000_000
-"""Cells searched at once while samples wait: .8 s at 3 MS/s, in 20 MiB and 60 ms."""
+_CELLS_LIVE: Final = 4_000_000
+"""Cells searched at once in flight: .7 s at 3 MS/s, in 15 MiB."""
 _RECENT_S: Final = 300.0
 """Samples of a live stream, those of turns, in which trains are searched for."""
 _MOST_POINTS: Final = 6000
