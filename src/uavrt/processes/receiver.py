@@ -20,6 +20,7 @@ from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ChannelSender, ProcessFrame
 from uavrt.log import get_logger
 from uavrt.messages import Beep, ChannelBlock, FlightInfo, IQBlock, keep_beep
+from uavrt.processes.beep_listener import BeepListener
 from uavrt.processes.capture import Capture
 from uavrt.processes.kept_channels import KeptChannels
 from uavrt.radio import ChannelOutput, SampleCheck, SampleSource, open_radio, unchosen
@@ -95,14 +96,15 @@ class Receiver:
         self._clipping = Clipping()
         self._carriers = Carriers()
         self._input_check = InputCheck(flight.tags, flight.center_frequency_hz)
-        self._begin_beep_search = partial(
-            BeepSearch,
-            flight.tags,
-            assignment.settings.detection.frequency_window_hz,
-            RadioBand(flight.center_frequency_hz, flight.sample_rate_hz),
-            live=True,
+        self._beeps = BeepListener(
+            partial(
+                BeepSearch,
+                flight.tags,
+                assignment.settings.detection.frequency_window_hz,
+                RadioBand(flight.center_frequency_hz, flight.sample_rate_hz),
+                live=True,
+            )
         )
-        self._beeps = self._begin_beep_search()
         self._beeping: list[Beep] = []
         self._frame = frame
         self._told = self._trouble_reported = False
@@ -185,12 +187,12 @@ class Receiver:
             self._output.process(band)
         self._pass_on(band)
         self.flush()
-        self._search_beeps(block, band)
-
-    def _search_beeps(self, block: IQBlock, band: IQBlock) -> None:
-        """Look for what beeps beside the listed tags, after these have their samples."""
         self._beeps.add(block, band)
-        for beep in self._beeps.news(block.time_ns):
+        self._tell_beeps()
+
+    def _tell_beeps(self) -> None:
+        """Report what beeps beside the listed tags."""
+        for beep in self._beeps.take_news():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
                 log.info("beeps", what=str(beep))
@@ -238,7 +240,7 @@ class Receiver:
             self._output.reset()
         self._check = SampleCheck("the radio")
         if not failed:  # its crystal's correction may be another
-            self._beeps = self._begin_beep_search()
+            self._beeps.begin_again()
 
     def flush(self) -> None:
         """End a radio block; try again to send what the detectors have not taken yet."""
@@ -246,7 +248,9 @@ class Receiver:
             sink.flush()
 
     def close(self) -> None:
-        """Finish the recordings."""
+        """Finish the recordings and the searches."""
+        self._beeps.close()
+        self._tell_beeps()
         self._kept.close()
         if self._recorder is not None:
             self._recorder.close()
@@ -265,7 +269,8 @@ class Receiver:
             "last_sample_ns": float(self.last_sample_ns),
             "clipped_s": self._clipping.clipped_s,
             "beeping": len(self._beeping),
-            "beep_cells_dropped": self._beeps.dropped,
+            "beep_cells_dropped": self._beeps.cells_dropped,
+            "beep_search_dropped_s": self._beeps.dropped_s,
             "channel_samples_dropped": sum(s.samples_dropped for s in self._sinks),
             **self._kept.counters(),
         }

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from uavrt.analysis.measure import Measurement, measure_tags
 from uavrt.config import Receiver
 from uavrt.detection.beeps import BeepSearch, PointSearch, Train, find_trains
+from uavrt.dsp import FrontEnd
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
@@ -413,6 +414,36 @@ def names_right(tries: int, what: str, *, seed: int = 1) -> float:
     return right / tries
 
 
+def named_live(rate_hz: float, duration_s: float, *, enr_db: float, seed: int) -> int:
+    """Count how many of five unlisted beepers of .5 to 2 s are named while a stream runs.
+
+    They are anywhere in the radio's band; the tags' band is a quarter of it, as in flight.
+    """
+    rng = np.random.default_rng(seed)
+    beepers = tuple(
+        Beeper(
+            offset_hz=float(rng.uniform(-0.45, 0.45) * rate_hz),
+            enr_db=enr_db,
+            width_s=0.02,
+            starts_s=regular(duration_s, float(rng.uniform(0.5, 2.0)), 0.3),
+        )
+        for _ in range(5)
+    )
+    scene = Scene(duration_s=duration_s, sample_rate_hz=rate_hz, seed=seed, beepers=beepers)
+    search = BeepSearch((), 500.0, Receiver(CENTER_HZ, rate_hz), live=True)
+    front_end = FrontEnd(
+        sample_rate_hz=rate_hz, center_frequency_hz=CENTER_HZ, frequencies_hz=[CENTER_HZ + 5e3]
+    )
+    found: list[Beep] = []
+    for block in blocks_of(scene):
+        search.add(block, front_end.decimate(block))
+        found += search.news(block.time_ns)
+    return sum(
+        any(abs(one.frequency_hz - CENTER_HZ - beeper.offset_hz) < 30.0 for one in found)
+        for beeper in beepers
+    )
+
+
 def main(arguments: Sequence[str]) -> None:
     """Run one campaign and print its result."""
     kind, *values = arguments
@@ -423,6 +454,10 @@ def main(arguments: Sequence[str]) -> None:
     elif kind == "named":
         for what in ("offset", "rate"):
             sys.stdout.write(f"{what} {names_right(int(values[0]), what)}\n")
+    elif kind == "live":
+        for seed in range(1, 1 + int(values[0])):
+            named_count = named_live(3e6, 30.0, enr_db=float(values[1]), seed=seed)
+            sys.stdout.write(f"{named_count} of 5\n")
     else:
         found = ghosts(float(values[0]), float(values[1]))
         for name, trains in found.items():

@@ -1,21 +1,27 @@
 """Short forms of the bars of the search for beeps; `uavrt_experiments` has the long ones."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from uavrt.analysis.measure import measure_tags
-from uavrt.config import Receiver
+from uavrt.analysis.measure import detect, measure_tags
+from uavrt.config import Receiver, correction_of
 from uavrt.detection.beeps import Points, find_trains
+from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.beeping import (
+    CENTER_HZ,
     Beeper,
     Scene,
     five,
     ghosts,
+    named,
+    named_live,
     names_right,
     regular,
 )
+from uavrt_experiments.detection.signals import THESIS_TAG
 
 pytestmark = pytest.mark.slow
 
@@ -74,3 +80,30 @@ def test_a_tag_at_the_bands_edge_is_doubtful_and_discards_no_other() -> None:
     (doubtful,) = found.doubtful
     assert doubtful.interval_s == pytest.approx(1.3, abs=1e-3)
     assert "edge" in str(doubtful)
+
+
+def test_five_unlisted_beepers_of_15_db_anywhere_in_the_band_are_named_within_30_s() -> None:
+    assert named_live(1e6, 30.0, enr_db=15.0, seed=4) == 5
+
+
+def test_a_tag_off_its_label_is_detected_as_usual_after_the_label_is_corrected() -> None:
+    duration_s, away_hz = 40.0, 1200.0
+    beeper = Beeper(
+        offset_hz=2000.0 + away_hz,
+        enr_db=20.0,
+        width_s=0.02,
+        starts_s=regular(duration_s, 1.254, 0.4),
+    )
+    scene = Scene(duration_s=duration_s, sample_rate_hz=24e3, seed=8, beepers=(beeper,))
+    tag = replace(THESIS_TAG, frequency_hz=CENTER_HZ + 2000.0)
+
+    def detected(tag: Tag) -> int:
+        pulses: list[Pulse] = []
+        detect(replace(scene), [tag], pulses.extend)
+        return len(pulses)
+
+    assert detected(tag) == 0
+    (one,) = named(replace(scene), [tag], 500.0)
+    correction = correction_of(tag, one, 0)
+    assert correction is not None
+    assert detected(correction.after) == beeper.starts_s.size

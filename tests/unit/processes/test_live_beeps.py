@@ -4,11 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import made
+import pytest
 from tests.unit.processes.test_radio_restart import Sink
 
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.ipc import Assignment
 from uavrt.messages import Beep, BeepKind
+from uavrt.processes import beep_listener
 from uavrt.processes.receiver import Receiver
 from uavrt_experiments.detection.beeping import CENTER_HZ, Beeper, Scene, blocks_of, regular
 
@@ -48,8 +50,10 @@ def beeper(offset_hz: float, interval_s: float) -> Beeper:
 
 
 def test_a_wrong_label_and_an_animal_anywhere_in_the_radios_band_are_named(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(beep_listener, "MOST_WAITING", 1000)
+    monkeypatch.setattr(beep_listener, "_CLOSE_S", 60.0)
     frame = Frame(tmp_path)
     receiver = Receiver(frame, frame.flight, [Sink()])  # type: ignore[arg-type]
     scene = Scene(
@@ -60,8 +64,9 @@ def test_a_wrong_label_and_an_animal_anywhere_in_the_radios_band_are_named(
     )
     for block in blocks_of(scene):
         receiver.process(replace(block, samples=block.samples * 1e-3))
-    counters = receiver.counters()
     receiver.close()
+    counters = receiver.counters()
+    assert counters["beep_search_dropped_s"] == 0.0
     by_kind = {one.kind: one for one in frame.sent}
     assert set(by_kind) == {BeepKind.OFF_LABEL, BeepKind.UNLISTED}
     off = by_kind[BeepKind.OFF_LABEL]
@@ -73,3 +78,17 @@ def test_a_wrong_label_and_an_animal_anywhere_in_the_radios_band_are_named(
     first = next(one for one in frame.sent if one.kind is BeepKind.OFF_LABEL)
     assert first.pulses <= 12, "named within 15 s"
     assert off.pulses > first.pulses, "and again when there are twice as many"
+
+
+def test_samples_that_the_search_cannot_take_in_time_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(beep_listener, "MOST_WAITING", 0)
+    frame = Frame(tmp_path)
+    receiver = Receiver(frame, frame.flight, [Sink()])  # type: ignore[arg-type]
+    scene = Scene(duration_s=2.0, sample_rate_hz=RATE_HZ, seed=3, beepers=())
+    for block in blocks_of(scene):
+        receiver.process(replace(block, samples=block.samples * 1e-3))
+    receiver.close()
+    assert receiver.counters()["beep_search_dropped_s"] == pytest.approx(2.0, abs=0.2)
+    assert frame.sent == []

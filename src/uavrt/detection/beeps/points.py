@@ -23,7 +23,9 @@ BATCH_S: Final = 2.0
 _MOST_CELLS_AT_ONCE: Final = 12_500_000
 """48 MiB of levels: 2 s at 3 MS/s."""
 FALSE_POINTS_PER_S: Final = 3.0
-"""Cells of white noise that pass as points in a second of the whole band."""
+"""Cells of white noise that pass as points in a second of a band of `_BAND_HZ` or less; in
+wider ones in proportion, as they are spread over more frequencies."""
+_BAND_HZ: Final = 100e3
 _SEGMENT: Final = 64
 """Neighbouring frequencies, 4 kHz, whose common rise is not a pulse."""
 _BESIDE: Final = (10, 17)
@@ -120,7 +122,8 @@ class PointSearch:
         """First frame in the batch that was not examined yet."""
         cells_per_s = self._bins / HOP_S
         # The power of noise is exponential: P(x times its median) = 2^-x.
-        self._factor = np.log2(max(cells_per_s / FALSE_POINTS_PER_S, 16.0))
+        false_per_s = FALSE_POINTS_PER_S * max(1.0, self._bins * self._step_hz / _BAND_HZ)
+        self._factor = np.log2(max(cells_per_s / false_per_s, 16.0))
         self._tail = np.zeros(0, np.complex64)
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0

@@ -23,8 +23,8 @@ _TAGS_BAND: Final = (60.0, 20.0, 90.0)
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
 _WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
-_CELLS_LIVE: Final = 5_000_000
-"""Cells searched at once while samples wait: .8 s at 3 MS/s, in 20 MiB and 60 ms."""
+_CELLS_LIVE: Final = 4_000_000
+"""Cells searched at once in flight: .7 s at 3 MS/s, in 15 MiB."""
 _RECENT_S: Final = 300.0
 """Samples of a live stream, those of turns, in which trains are searched for."""
 _MOST_POINTS: Final = 6000
@@ -51,15 +51,23 @@ class _Band:
         self._search: PointSearch | None = None
         self._rate_hz = 1.0
         self._times = BlockTimes(1.0)
-        self._taken = 0
-        self._heard = 0
+        self._taken_s = 0.0
+        self.heard = 0
+        """Samples in turns."""
         self.center_hz = 0.0
         self.half_hz = 0.0
         self.points = NO_POINTS
         """At absolute frequencies, as of the last search for trains."""
 
-    def add(self, block: IQBlock, center_hz: float, share: float) -> None:
-        """Take the next block; skip it outside of a turn."""
+    def due(self, block: IQBlock) -> bool:
+        """Count a block's time; get whether it lies in a turn."""
+        at_s = self._taken_s
+        self._taken_s += len(block.samples) / block.sample_rate_hz
+        turn_s = at_s % self._period_s
+        return at_s < self._first_s or turn_s >= self._period_s - self._listen_s
+
+    def take(self, block: IQBlock, center_hz: float, share: float) -> None:
+        """Search a block of a turn."""
         rate_hz = block.sample_rate_hz
         if self._search is None:
             self.center_hz, self.half_hz = center_hz, share * rate_hz
@@ -71,13 +79,8 @@ class _Band:
             )
             self._rate_hz = rate_hz
             self._times = BlockTimes(rate_hz)
-        at_s = self._taken / rate_hz
-        self._taken += len(block.samples)
-        turn_s = at_s % self._period_s
-        if at_s >= self._first_s and turn_s < self._period_s - self._listen_s:
-            return
-        self._times.add(self._heard, block.time_ns)
-        self._heard += len(block.samples)
+        self._times.add(self.heard, block.time_ns)
+        self.heard += len(block.samples)
         self._search.process(block.samples)
 
     @property
@@ -92,15 +95,15 @@ class _Band:
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
         """Return the trains so far, at absolute frequencies; while it runs, recent ones."""
-        if self._search is None or not self._heard:
+        if self._search is None or not self.heard:
             return []
-        since_s = max(0.0, self._heard / self._rate_hz - _RECENT_S)
+        since_s = max(0.0, self.heard / self._rate_hz - _RECENT_S)
         points = self._search.finish() if ended else self._search.found(since_s)
         if not ended and len(points) > _MOST_POINTS:
             points = points.take(np.sort(np.argsort(points.levels_db)[-_MOST_POINTS:]))
         times_s = self._times.seconds(points.times_s * self._rate_hz, self._times.start_ns)
         self.points = points = points.moved(times_s, self.center_hz)
-        span_s = self._heard / self._rate_hz
+        span_s = self.heard / self._rate_hz
         return find_trains(points, span_s if ended else min(span_s, _RECENT_S), receiver)[0]
 
 
@@ -133,16 +136,28 @@ class BeepSearch:
         self._near = _Band(_TAGS_BAND, live=live)
         self._whole = _Band(_WHOLE_BAND_LIVE if live else _WHOLE_BAND, live=live)
         self._next_ns: int | None = None
+        self._heard = (0, 0)
         self._known: list[Beep] = []
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
         """Take the radio's next block, and the same at the rate of the tags' band."""
-        center_hz = self._receiver.center_frequency_hz
+        self.take(*self.due(block, band))
+
+    def due(self, block: IQBlock, band: IQBlock) -> tuple[IQBlock | None, IQBlock | None]:
+        """Choose which of both is searched now; their time is counted."""
         decimated = band is not block
-        if band.samples.size:
-            self._near.add(band, center_hz, _CLEAN if decimated else 0.5)
-        if decimated:
-            self._whole.add(block, center_hz, 0.5)
+        near = band.samples.size > 0 and self._near.due(band)
+        whole = decimated and self._whole.due(block)
+        return block if whole else None, band if near else None
+
+    def take(self, block: IQBlock | None, band: IQBlock | None) -> None:
+        """Search what is due."""
+        center_hz, rate_hz = self._receiver.center_frequency_hz, self._receiver.sample_rate_hz
+        if band is not None:
+            decimated = band.sample_rate_hz < 0.99 * rate_hz
+            self._near.take(band, center_hz, _CLEAN if decimated else 0.5)
+        if block is not None:
+            self._whole.take(block, center_hz, 0.5)
 
     def finish(self) -> list[Beep]:
         """Name the trains that were found, the strongest first; of a stream, the new ones."""
@@ -153,9 +168,10 @@ class BeepSearch:
         """Name the trains of a live stream that are new, or have twice the pulses by now."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(_NEWS_S)
-        if now_ns < self._next_ns:
+        heard = (self._near.heard, self._whole.heard)
+        if now_ns < self._next_ns or heard == self._heard:
             return []
-        self._next_ns = now_ns + ns_from_s(_NEWS_S)
+        self._next_ns, self._heard = now_ns + ns_from_s(_NEWS_S), heard
         news = [one for one in self._found(ended=False) if one.pulses >= self._wanted(one)]
         for one in news:
             keep_beep(self._known, one)

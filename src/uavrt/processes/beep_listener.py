@@ -1,0 +1,92 @@
+"""Search for what beeps in a thread, so that the radio's samples are read meanwhile.
+
+A batch of the search takes up to 0.2 s on a slow computer; a radio's pipe holds 40 ms.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from uavrt.detection.beeps import BeepSearch
+from uavrt.log import get_logger
+from uavrt.messages import Beep, IQBlock
+
+log = get_logger()
+
+MOST_WAITING: Final = 6
+"""Blocks that wait for the search; 12 MB at 3 MS/s. Further ones are left out and counted."""
+_CLOSE_S: Final = 2.0
+"""The search ends within this time, or is left alone."""
+
+
+class BeepListener:
+    """Gives samples to a search in its thread and collects what it names.
+
+    Parameters
+    ----------
+    make : callable
+        Begins a search.
+    """
+
+    def __init__(self, make: Callable[[], BeepSearch]) -> None:
+        self._make = make
+        self._search = make()
+        self._waiting: deque[tuple[IQBlock | None, IQBlock | None] | None] = deque()
+        self._there = threading.Semaphore(0)
+        self._found: deque[Beep] = deque()
+        self.dropped_s = 0.0
+        """Time of samples that were left out, since the search was behind."""
+        self._thread = threading.Thread(target=self._work, name="beeps", daemon=True)
+        self._thread.start()
+
+    def add(self, block: IQBlock, band: IQBlock) -> None:
+        """Take the radio's next block, and the same at the rate of the tags' band."""
+        wanted = self._search.due(block, band)
+        if wanted == (None, None):
+            return
+        if len(self._waiting) >= MOST_WAITING or not self._thread.is_alive():
+            self.dropped_s += len(block.samples) / block.sample_rate_hz
+            return
+        # The source reads its next block into the same memory.
+        radio, tags = (
+            None if one is None else replace(one, samples=one.samples.copy()) for one in wanted
+        )
+        self._put((radio, tags))
+
+    def take_news(self) -> list[Beep]:
+        """Take what was named since the last call."""
+        return [self._found.popleft() for _ in range(len(self._found))]
+
+    def begin_again(self) -> None:
+        """Forget all samples: frequencies have another meaning now."""
+        self._search = self._make()
+
+    @property
+    def cells_dropped(self) -> int:
+        """Cells of the spectrum that were not examined, since too many stood out."""
+        return self._search.dropped
+
+    def close(self) -> None:
+        """End the search with what waits."""
+        self._put(None)
+        self._thread.join(_CLOSE_S)
+
+    def _put(self, item: tuple[IQBlock | None, IQBlock | None] | None) -> None:
+        self._waiting.append(item)
+        self._there.release()
+
+    def _work(self) -> None:
+        try:
+            while True:
+                self._there.acquire()
+                item = self._waiting.popleft()
+                if item is None:
+                    return
+                search = self._search
+                search.take(*item)
+                time_ns = next(one.time_ns for one in item if one is not None)
+                self._found.extend(search.news(time_ns))
+        except Exception:  # the flight goes on without it
+            log.exception("search for beeps failed")
