@@ -60,7 +60,7 @@ static int device_count(void)
 {
 	int lines = 0;
 	for (char *at = content("serials"); *at; at++) lines += *at == '\n';
-	return is("absent") ? 0 : lines;
+	return is("absent") || is("unplugged") ? 0 : lines;
 }
 
 static void serial_of(int device, char *out)
@@ -95,8 +95,10 @@ static void sample(float *out, size_t count)
 {
 	double step = 2 * M_PI * (atof(content("tag")) - tuned_hz) / rate;
 	uint64_t second = rate, beep = 0.02 * rate;
+	static unsigned seed = 3;
+	size_t from = rand_r(&seed); /* noise with a period would be a comb of carriers */
 	for (size_t i = 0; i < count; i++, place++) {
-		size_t n = 2 * (place & (NOISE - 1));
+		size_t n = 2 * ((from + i) & (NOISE - 1));
 		out[2 * i] = noise[n];
 		out[2 * i + 1] = noise[n + 1];
 		if (place % second < beep) {
