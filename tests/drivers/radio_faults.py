@@ -123,7 +123,7 @@ def fly(directory: Path, kind: str, rate_hz: float, *, with_page: bool = False) 
 def _started(
     stack: ExitStack, directory: Path, kind: str, rate_hz: float, port: int, *, with_page: bool
 ) -> tuple[RadioWorld, Settings, StatusReader, "Page | Station"]:
-    world = RadioWorld(directory / "world", kind)
+    world = RadioWorld(directory / "world", kind, rates=f"{rate_hz:.0f}")
     config = directory / "uavrt.toml"
     config.write_text(
         f'status_socket = "{directory}/s"\n[radio]\nkind = "{kind}"\nretry_s = 0.2\n'

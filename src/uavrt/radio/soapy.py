@@ -186,10 +186,3 @@ class SoapySource(LiveSource):
 def _device_arguments(settings: RadioSettings) -> str:
     serial = settings.serial or ""
     return serial if "=" in serial or not serial else f"serial={serial}"
-
-
-def open_radio(
-    settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
-) -> SoapySource:
-    """Open the radio of the settings; raises as `SoapySource`."""
-    return SoapySource(settings, center_frequency_hz, clock=clock)

@@ -1,0 +1,123 @@
+"""Raw captures that are killed or whose disk fills up, with a stand-in radio."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from radio_world import SERIALS, TAG_HZ, RadioWorld
+
+from uavrt.clock import monotonic_s
+from uavrt.config import load_settings
+from uavrt.messages import Command, CommandReply, StatusText, SystemStatus
+from uavrt.monitor import StatusReader, status_socket_path
+from uavrt.radio import open_recording
+
+RATE_HZ = 250e3
+BYTES_A_SECOND = 4 * RATE_HZ
+
+
+class CapturingDrone:
+    """`uavrt run` with an RTL-SDR; everything it started ends with `close`."""
+
+    def __init__(self, directory: Path, capture_s: float) -> None:
+        self.world = RadioWorld(directory / "world", "rtlsdr")
+        self.flights = directory / "flights"
+        self._directory, self._stack = directory, ExitStack()
+        self._number = 0
+        (directory / "uavrt.toml").write_text(
+            f'status_socket = "{directory}/s"\n[radio]\nkind = "rtlsdr"\nretry_s = 0.2\n'
+            f'sample_rate_hz = {RATE_HZ}\nserial = "{SERIALS["rtlsdr"]}"\n'
+            f'[mavlink]\naddress = ""\n[recording]\ndirectory = "{self.flights}"\n'
+            f"minimum_free_mb = 1.0\ncapture_s = {capture_s}\n"
+        )
+        self.start()
+
+    def start(self) -> None:
+        """Start the drone side, also again after it was killed."""
+        config = self._directory / "uavrt.toml"
+        log = self._stack.enter_context((self._directory / "log").open("a"))
+        self.supervisor = self._stack.enter_context(
+            subprocess.Popen(
+                [sys.executable, "-m", "uavrt.cli", "run", "-c", str(config)],
+                env=self.world.environment,
+                stdout=log,
+                stderr=log,
+            )
+        )
+        self._stack.callback(self.supervisor.terminate)
+        path = status_socket_path(load_settings(config))
+        self._reader = StatusReader(path, 40.0, lambda: None)
+        self._stack.callback(self._reader.close)
+
+    def capture(self, disturb: Callable[["CapturingDrone"], object]) -> list[str]:
+        """Capture once with a disturbance; get the texts to the operator."""
+        self._number += 1
+        command = Command(
+            name="raw_capture",
+            request_id=self._number,
+            center_frequency_hz=TAG_HZ,
+            source=f"test {os.getpid()} {time.monotonic()}",
+        )
+        self._reader.send("command", command)
+        texts: list[str] = []
+        self._until(lambda one: isinstance(one, CommandReply), texts)
+        disturb(self)
+        self._until(
+            lambda one: isinstance(one, StatusText) and one.text.startswith("Raw capture"),
+            texts,
+        )
+        return texts
+
+    def pid_of(self, name: str) -> int:
+        """Get the process id of a process, of the receiver once samples came."""
+
+        def runs(record: object) -> bool:
+            processes = record.processes if isinstance(record, SystemStatus) else ()
+            started = {one.process for one in processes if one.pid and one.status != "starting"}
+            return name in started
+
+        status = self._until(runs, [])
+        return next(one.pid for one in status.processes if one.process == name)
+
+    def kill(self, pid: int) -> None:
+        """Kill a process of the drone side."""
+        os.kill(pid, signal.SIGKILL)
+
+    def recorded_s(self) -> float:
+        """Seconds in the files of the newest capture, each read to its end."""
+        flight = max(self.flights.glob("flight_log_*"), key=lambda one: one.stat().st_mtime_ns)
+        samples = 0
+        for data in flight.glob("iq/capture_*.sigmf-data"):
+            if not data.stat().st_size:
+                continue
+            source = open_recording(data)
+            assert data.stat().st_size // 4 == source.total_samples
+            with_data = 0
+            while with_data < (source.total_samples or 0):
+                block = source.read()
+                assert block is not None
+                with_data += len(block.samples)
+            source.close()
+            assert "Raw capture" in data.with_suffix(".sigmf-meta").read_text()
+            samples += with_data
+        return samples / RATE_HZ
+
+    def close(self) -> None:
+        """End everything."""
+        self._stack.close()
+
+    def _until(self, wanted: Callable[[Any], bool], texts: list[str]) -> Any:
+        deadline_s = monotonic_s() + 60.0
+        while monotonic_s() < deadline_s:
+            for _, record in self._reader.read(0.1):
+                if isinstance(record, StatusText):
+                    texts.append(record.text)
+                if wanted(record):
+                    return record
+        raise AssertionError(f"never came; texts: {texts}")
