@@ -83,7 +83,7 @@ class CapturingDrone:
             return name in started
 
         status = self._until(runs, [])
-        return next(one.pid for one in status.processes if one.process == name)
+        return int(next(one.pid for one in status.processes if one.process == name))
 
     def kill(self, pid: int) -> None:
         """Kill a process of the drone side."""

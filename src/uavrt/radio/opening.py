@@ -71,12 +71,8 @@ def open_radio(
     clock : Clock, optional
         The system's clock.
 
-    Raises
-    ------
-    RadioMissing
-        Its program or driver is not installed.
-    ConfigError
-        A setting that the radio does not have.
+    Raises `RadioMissing`: its program or driver is not installed.
+    Raises `ConfigError`: a setting that the radio does not have.
     """
     if settings.kind in PROGRAMS:
         return ProgramSource(settings, center_frequency_hz, clock=clock)
@@ -96,10 +92,7 @@ def open_stream(
 ) -> StreamSource:
     """Read live samples from a pipe; its rate and frequency must be told.
 
-    Raises
-    ------
-    FormatError
-        Something is not told or not possible.
+    Raises `FormatError`: something is not told or not possible.
     """
     name = "cf32" if format_name is None else format_name.lower()
     if name in ("sigmf", "wav"):
@@ -132,12 +125,8 @@ def open_channel(
     center_frequency_hz : float, optional
         Frequency of the channel's centre; must be told.
 
-    Raises
-    ------
-    FormatError
-        The frequency is not told.
-    ConfigError, RadioError
-        Not an address, or not a free one.
+    Raises `FormatError`: the frequency is not told.
+    Raises `ConfigError` or `RadioError`: not an address, or not a free one.
     """
     return ChannelDatagramSource(
         address,
@@ -168,10 +157,7 @@ def open_recording(
     start_time_ns : int, optional
         Time of the first sample [ns, UTC].
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or is not what it is said to be.
+    Raises `FormatError`: the file cannot be read, or is not what it is said to be.
     """
     layout = _layout(
         path,

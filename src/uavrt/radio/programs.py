@@ -16,10 +16,7 @@ PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if ro
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:
     """Build the argument list of the radio's program; its samples go to stdout.
 
-    Raises
-    ------
-    ConfigError
-        A setting that this radio does not have.
+    Raises `ConfigError`: a setting that this radio does not have.
     """
     program = PROGRAMS[_known(settings.kind)]
     gain = (program.default_gain or 0) if settings.gain is None else settings.gain

@@ -48,12 +48,8 @@ class SoapySource(LiveSource):
     clock : Clock, optional
         Where arrival times come from.
 
-    Raises
-    ------
-    RadioMissing
-        No SoapySDR module, or no such device.
-    RadioStopped
-        The device does not take the sample rate or the frequency.
+    Raises `RadioMissing`: no SoapySDR module, or no such device.
+    Raises `RadioStopped`: the device does not take the sample rate or the frequency.
     """
 
     RATE_REMEDY = RADIO_RATE_REMEDY

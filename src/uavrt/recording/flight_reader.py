@@ -58,10 +58,7 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
 
     A flight that is still being written can be read too.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         return Flight(
@@ -107,10 +104,7 @@ def told_in(database: sqlite3.Connection) -> ToldStates:
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
     """Read the signs of life of all processes.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         rows = database.execute(
@@ -122,10 +116,7 @@ def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
     """Read what was searched without a detection.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         rows = database.execute(
@@ -138,10 +129,7 @@ def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport
 def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ...]:
     """Read what searches have decided and found; nothing of flights of before there were any.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         tables = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'search_notes'"
@@ -156,10 +144,7 @@ def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ..
 def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
     """Read when detection was stopped by order [ns, UTC]; nothing for a dead battery.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         rows = database.execute(
@@ -180,10 +165,8 @@ DAMAGED = (
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
     """Open a flight's database for reading; what it lacks of today's columns is added.
 
-    Raises
-    ------
-    FormatError
-        There is none, or it is damaged, also where that shows while it is read.
+    Raises `FormatError`: there is none, or it is damaged, also where that shows while it is
+    read.
     """
     path = FlightLayout(directory).database
     if not path.is_file():
