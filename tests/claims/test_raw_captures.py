@@ -23,16 +23,14 @@ def test_all_that_was_recorded_is_in_valid_files_and_said(tmp_path: Path) -> Non
     def disturb(drone: CapturingDrone) -> None:
         """Kill a process or fill the disk, at any moment."""
         what = random.choice(("receiver", "receiver", "recorder", "supervisor", "disk", "disk"))
-        drone.pid_of("receiver")
+        drone.wait_for_samples()
         time.sleep(random.uniform(0.0, CAPTURE_S))
         if what == "disk":
             drone.world.write("free_mb", random.choice(("0", "0.9")))
         elif what == "supervisor":
-            drone.kill(drone.supervisor.pid)
-            drone.supervisor.wait()
-            drone.start()
+            drone.kill_supervisor()
         else:
-            drone.kill(drone.pid_of(what))
+            drone.kill_process(what)
 
     for moment in range(MOMENTS):
         texts = drone.capture(disturb)

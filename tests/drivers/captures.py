@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from radio_world import SERIALS, TAG_HZ, RadioWorld
 
 from uavrt.clock import monotonic_s
 from uavrt.config import load_settings
-from uavrt.messages import Command, CommandReply, StatusText, SystemStatus
+from uavrt.messages import Command, CommandReply, ProcessStatus, StatusText, SystemStatus
 from uavrt.monitor import StatusReader, status_socket_path
 from uavrt.radio import open_recording
 
@@ -30,6 +30,8 @@ class CapturingDrone:
         self.flights = directory / "flights"
         self._directory, self._stack = directory, ExitStack()
         self._number = 0
+        self._texts: list[str] = []
+        self._processes: tuple[ProcessStatus, ...] = ()
         (directory / "uavrt.toml").write_text(
             f'status_socket = "{directory}/s"\n[radio]\nkind = "rtlsdr"\nretry_s = 0.2\n'
             f'sample_rate_hz = {RATE_HZ}\nserial = "{SERIALS["rtlsdr"]}"\n'
@@ -65,29 +67,35 @@ class CapturingDrone:
             source=f"test {os.getpid()} {time.monotonic()}",
         )
         self._reader.send("command", command)
-        texts: list[str] = []
-        self._until(lambda one: isinstance(one, CommandReply), texts)
+        self._texts.clear()
+        self._until(lambda one: isinstance(one, CommandReply))
         disturb(self)
+        self._until(lambda _: self._is_over())
+        return [*self._texts]
+
+    def _is_over(self) -> bool:
+        return any(one.startswith("Raw capture") for one in self._texts)
+
+    def kill_process(self, name: str) -> None:
+        """Kill a process; the receiver once samples came, nothing once the capture is over."""
+        found = [one for one in self._processes if one.process == name and one.pid]
+        if found and not self._is_over():
+            with suppress(ProcessLookupError):
+                os.kill(int(found[0].pid or 0), signal.SIGKILL)
+
+    def kill_supervisor(self) -> None:
+        """Kill the supervisor, and start the drone side again."""
+        self.supervisor.kill()
+        self.supervisor.wait()
+        self.start()
+
+    def wait_for_samples(self) -> None:
+        """Wait until the receiver receives."""
         self._until(
-            lambda one: isinstance(one, StatusText) and one.text.startswith("Raw capture"),
-            texts,
+            lambda _: (
+                any(one.status == "receiving" for one in self._processes) or self._is_over()
+            )
         )
-        return texts
-
-    def pid_of(self, name: str) -> int:
-        """Get the process id of a process, of the receiver once samples came."""
-
-        def runs(record: object) -> bool:
-            processes = record.processes if isinstance(record, SystemStatus) else ()
-            started = {one.process for one in processes if one.pid and one.status != "starting"}
-            return name in started
-
-        status = self._until(runs, [])
-        return int(next(one.pid for one in status.processes if one.process == name))
-
-    def kill(self, pid: int) -> None:
-        """Kill a process of the drone side."""
-        os.kill(pid, signal.SIGKILL)
 
     def recorded_s(self) -> float:
         """Seconds in the files of the newest capture, each read to its end."""
@@ -112,12 +120,14 @@ class CapturingDrone:
         """End everything."""
         self._stack.close()
 
-    def _until(self, wanted: Callable[[Any], bool], texts: list[str]) -> Any:
+    def _until(self, wanted: Callable[[Any], bool]) -> None:
         deadline_s = monotonic_s() + 60.0
         while monotonic_s() < deadline_s:
             for _, record in self._reader.read(0.1):
                 if isinstance(record, StatusText):
-                    texts.append(record.text)
+                    self._texts.append(record.text)
+                elif isinstance(record, SystemStatus):
+                    self._processes = record.processes
                 if wanted(record):
-                    return record
-        raise AssertionError(f"never came; texts: {texts}")
+                    return
+        raise AssertionError(f"never came; texts: {self._texts}")

@@ -5,7 +5,6 @@ The real processes with rtl_sdr over a stand-in library. A hundred such moments:
 """
 
 import re
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -46,9 +45,8 @@ def test_a_whole_capture_is_named_with_its_file(drone: CapturingDrone) -> None:
 
 def test_a_killed_receiver_records_the_rest_in_another_file(drone: CapturingDrone) -> None:
     def kill(drone: CapturingDrone) -> None:
-        drone.pid_of("receiver")
-        time.sleep(0.5)
-        drone.kill(drone.pid_of("receiver"))
+        drone.wait_for_samples()
+        drone.kill_process("receiver")
 
     texts = drone.capture(kill)
     assert said_s(texts) == CAPTURE_S == drone.recorded_s()
@@ -70,7 +68,7 @@ def test_a_disk_that_fills_up_ends_the_capture_and_keeps_what_there_is(
     drone: CapturingDrone,
 ) -> None:
     def fill(drone: CapturingDrone) -> None:
-        drone.pid_of("receiver")
+        drone.wait_for_samples()
         drone.world.write("free_mb", "0")
 
     texts = drone.capture(fill)
@@ -81,10 +79,8 @@ def test_a_disk_that_fills_up_ends_the_capture_and_keeps_what_there_is(
 
 def test_a_killed_supervisor_goes_on_with_the_capture(drone: CapturingDrone) -> None:
     def kill(drone: CapturingDrone) -> None:
-        drone.pid_of("receiver")
-        drone.kill(drone.supervisor.pid)
-        drone.supervisor.wait()
-        drone.start()
+        drone.wait_for_samples()
+        drone.kill_supervisor()
 
     texts = drone.capture(kill)
     assert said_s(texts) == CAPTURE_S == drone.recorded_s()
