@@ -19,6 +19,7 @@ def test_all_that_was_recorded_is_in_valid_files_and_said(tmp_path: Path) -> Non
     random = Random(7)
     drone = CapturingDrone(tmp_path, CAPTURE_S)
     short: list[float] = []
+    restarts = 0
 
     def disturb(drone: CapturingDrone) -> None:
         """Kill a process or fill the disk, at any moment."""
@@ -36,10 +37,14 @@ def test_all_that_was_recorded_is_in_valid_files_and_said(tmp_path: Path) -> Non
         texts = drone.capture(disturb)
         found = re.match(r"Raw capture: ([\d.]+) of 2 s in (\S+)", texts[-1])
         recorded_s = drone.recorded_s()
+        if any("ended by a restart: kept in" in text for text in texts):
+            assert recorded_s > 0.0, (moment, texts)
+            restarts += 1
+            continue
         assert found or ("failed" in texts[-1] and recorded_s == 0.0), (moment, texts)
         said_s = float(found[1]) if found else 0.0
         assert said_s == pytest.approx(recorded_s, abs=0.051), (moment, texts)
         short += [said_s] if said_s < CAPTURE_S else []
         (drone.world.directory / "free_mb").unlink(missing_ok=True)
-    print(f"{MOMENTS} captures, {len(short)} of them short: {sorted(short)}")
+    print(f"{MOMENTS} captures, {restarts} ended by a restart, {len(short)} short: {short}")
     drone.close()

@@ -1,5 +1,6 @@
 """Raw captures that are killed or whose disk fills up, with a stand-in radio."""
 
+import json
 import os
 import signal
 import subprocess
@@ -87,7 +88,13 @@ class CapturingDrone:
         """Kill the supervisor, and start the drone side again."""
         self.supervisor.kill()
         self.supervisor.wait()
+        log = self._directory / "log"
+        said = log.stat().st_size
         self.start()
+        # What it says at its start comes before anybody can listen: the log has it.
+        lines = log.read_bytes()[said:].decode().splitlines()
+        self._texts += [json.loads(one)["event"] for one in lines if '"Raw capture' in one]
+        self._processes = ()
 
     def wait_for_samples(self) -> None:
         """Wait until the receiver receives."""
