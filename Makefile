@@ -9,6 +9,7 @@ TIMED  := -n 3 --dist loadfile
 CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
+RADIOS := gcc g++ airspy airspyhf rtl-sdr hackrf python3-soapysdr libsoapysdr-dev
 PAGE   := $(wildcard page/*.json page/*.ts page/*.html page/src/*)
 
 # Several processes with several BLAS threads each would compete for few cores.
@@ -18,7 +19,7 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test computing unit system flights claims lint types bench locks licences browser disk-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check test computing unit system flights claims lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -26,7 +27,7 @@ check: $(STAMP)         ## before each commit: style, types, import contracts, q
 	$(MAKE) --no-print-directory -j 2 lint types
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
-test: $(STAMP) browser disk-tools  ## everything that belongs to a change: check, manual, all tests
+test: $(STAMP) browser disk-tools radio-tools  ## everything that belongs to a change: check, manual, all tests
 	$(MAKE) --no-print-directory -j 2 flights computing
 	$(MAKE) --no-print-directory system
 
@@ -43,7 +44,7 @@ flights: $(STAMP)       ## whole flights in real time, and the page in a browser
 	$(PYTEST) -m full_rate tests/flight
 	$(PYTEST) $(TIMED) -m "not full_rate" tests/flight
 
-claims: $(STAMP) browser disk-tools  ## hours: campaigns, guides word by word, new random examples, emulated ARM
+claims: $(STAMP) browser disk-tools radio-tools  ## hours: campaigns, guides word by word, new random examples, emulated ARM
 	UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 $(PYTEST) -n 2 \
 	  --dist loadfile tests/claims tests/unit/property tests/unit/processes/test_link_attacks.py
 
@@ -84,6 +85,12 @@ disk-tools:             ## what packs an image for the drone, of which the tests
 	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	    apt-get update -qq && apt-get install -y -qq --no-install-recommends fdisk dosfstools mtools >/dev/null || echo "Without them the test of the image is skipped"; \
 	  else echo "The test of the image needs: sudo apt install fdisk dosfstools mtools"; fi; }
+
+radio-tools:            ## the radios' own programs and SoapySDR, which tests run over stand-in libraries
+	@{ command -v airspy_rx && command -v airspyhf_rx && command -v rtl_sdr && command -v hackrf_transfer && [ -d /usr/include/SoapySDR ]; } >/dev/null || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && apt-get install -y -qq --no-install-recommends $(RADIOS) >/dev/null || echo "Without them the tests of the radios' programs are skipped"; \
+	  else echo "The tests of the radios' programs need: sudo apt install $(RADIOS)"; fi; }
 
 screenshots: $(STAMP) browser  ## pictures of the page, by its test, into docs/images
 	UAVRT_SCREENSHOTS=docs/images $(BIN)/pytest tests/flight/browser/test_page.py tests/system/browser/test_page_past.py tests/system/browser/test_page_strength.py tests/system/browser/test_page_hands.py tests/flight/browser/test_page_fly.py tests/system/browser/test_page_moves.py tests/system/browser/test_page_wizard.py

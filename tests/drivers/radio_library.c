@@ -7,6 +7,7 @@
  *   serials  serial number of each device, one a line
  *   tag      radio frequency of a tag that beeps for 20 ms each second
  *   calls    written: each call with its values
+ *   free_mb  if there: free space of all disks [MB]; 0: samples cannot be written either
  *   sys dev  in place of /sys/bus/usb/devices and /dev/bus/usb, also for the caller's own files
  */
 #define _GNU_SOURCE
@@ -22,6 +23,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -60,7 +62,7 @@ static int device_count(void)
 {
 	int lines = 0;
 	for (char *at = content("serials"); *at; at++) lines += *at == '\n';
-	return is("absent") ? 0 : lines;
+	return is("absent") || is("unplugged") ? 0 : lines;
 }
 
 static void serial_of(int device, char *out)
@@ -95,8 +97,10 @@ static void sample(float *out, size_t count)
 {
 	double step = 2 * M_PI * (atof(content("tag")) - tuned_hz) / rate;
 	uint64_t second = rate, beep = 0.02 * rate;
+	static unsigned seed = 3;
+	size_t from = rand_r(&seed); /* noise with a period would be a comb of carriers */
 	for (size_t i = 0; i < count; i++, place++) {
-		size_t n = 2 * (place & (NOISE - 1));
+		size_t n = 2 * ((from + i) & (NOISE - 1));
 		out[2 * i] = noise[n];
 		out[2 * i + 1] = noise[n + 1];
 		if (place % second < beep) {
@@ -369,4 +373,28 @@ STAT(stat, stat) STAT(stat64, stat64) STAT(lstat, stat) STAT(lstat64, stat64)
 int fstatat(int at, const char *path, struct stat *out, int flags) { char to[1024]; return NEXT(fstatat)(at, moved(path, to), out, flags); }
 int fstatat64(int at, const char *path, struct stat64 *out, int flags) { char to[1024]; return NEXT(fstatat64)(at, moved(path, to), out, flags); }
 DIR *opendir(const char *path) { char to[1024]; return NEXT(opendir)(moved(path, to)); }
+/* ------------------------------------------------------------------- a full disk */
+
+static int free_mb(double *mb)
+{
+	const char *text = content("free_mb");
+	*mb = atof(text);
+	return *text != 0;
+}
+#define STATVFS(name, type) int name(const char *path, struct type *out) \
+{ double mb; int r = NEXT(name)(path, out); if (!r && free_mb(&mb)) out->f_bavail = mb * 1e6 / out->f_frsize; return r; }
+STATVFS(statvfs, statvfs) STATVFS(statvfs64, statvfs64)
+ssize_t write(int fd, const void *data, size_t size)
+{
+	char link[64], path[512] = "";
+	double mb;
+	if (getenv("RADIO_WORLD") && size > 1000) {
+		snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+		if (readlink(link, path, sizeof path - 1) > 0 && strstr(path, ".sigmf-data") && free_mb(&mb) && mb <= 0) {
+			errno = ENOSPC;
+			return -1;
+		}
+	}
+	return NEXT(write)(fd, data, size);
+}
 int access(const char *path, int mode) { char to[1024]; return NEXT(access)(moved(path, to), mode); }

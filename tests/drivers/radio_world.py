@@ -7,6 +7,7 @@ and fail as the file ``fault`` says at each moment.
 import os
 import shutil
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -16,7 +17,6 @@ import pytest
 from uavrt.config import RADIOS, RadioSettings
 
 DRIVERS = Path(__file__).parent
-FAULTS = ("works", "absent", "busy", "forbidden", "unplugged", "stalls", "loses", "other rate")
 TAG_HZ = 148_705_000.0
 SERIALS = {
     "airspy": "35AC63DC2D8C7A4F",
@@ -66,7 +66,9 @@ def _built() -> Path:
 class RadioWorld:
     """One computer with its radios; `environment` is what programs there see."""
 
-    def __init__(self, directory: Path, kind: str, *, serials: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, directory: Path, kind: str, *, serials: Sequence[str] = (), rates: str = ""
+    ) -> None:
         built = _built()
         self.directory, self.kind = directory, kind
         self._serials = serials or (SERIALS[kind],)
@@ -78,7 +80,8 @@ class RadioWorld:
             "PYTHONPATH": str(built),
         }
         self.write("tag", f"{TAG_HZ:.0f}")
-        self.write("rates", "3000000 6000000" if kind == "airspy" else "250000 1000000")
+        usual = "3000000 6000000" if kind == "airspy" else "250000 1000000"
+        self.write("rates", rates or usual)
         self.write("calls", "")
         self.set("works")
 
@@ -88,8 +91,10 @@ class RadioWorld:
         new.write_text(text)
         new.rename(self.directory / name)
 
-    def set(self, fault: str, *, serials: tuple[str, ...] = ()) -> None:
+    def set(self, fault: str, *, serials: Sequence[str] = ()) -> None:
         """Let this be wrong from now on, with these devices plugged in."""
+        if fault == "other serial":
+            fault, serials = "works", ("99AA99AA99AA99AA",)
         serials = serials or self._serials
         shutil.rmtree(self.directory / "sys", ignore_errors=True)
         shutil.rmtree(self.directory / "dev", ignore_errors=True)
@@ -115,10 +120,10 @@ class RadioWorld:
         self.write("serials", "".join(f"{one}\n" for one in serials))
         self.write("fault", fault)
 
-    @property
-    def calls(self) -> list[str]:
-        """Calls of the stand-in library so far, with their values."""
-        return (self.directory / "calls").read_text().splitlines()
+    @staticmethod
+    def calls_in(directory: Path) -> list[str]:
+        """Get the calls of the stand-in library so far, with their values."""
+        return (directory / "calls").read_text().splitlines()
 
 
 def default_radio(kind: str, **changes: object) -> RadioSettings:

@@ -4,6 +4,7 @@
 #include <SoapySDR/Errors.hpp>
 #include <SoapySDR/Registry.hpp>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -26,7 +27,7 @@ static void say(const std::string &text)
 class Radio : public SoapySDR::Device
 {
 	double rate = 1e6, tuned = 0;
-	long long given = 0, missing = 0;
+	long long given = 0, place = 0;
 	std::chrono::steady_clock::time_point begun;
 
 public:
@@ -86,10 +87,17 @@ public:
 		std::this_thread::sleep_until(begun + std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(given / pace)));
 		if (fault == "loses" && given / some % 10 == 0) {
 			given += some;
+			place += some;
 			return SOAPY_SDR_OVERFLOW;
 		}
 		float *out = static_cast<float *>(buffers[0]);
-		for (size_t i = 0; i < 2 * some; i++) out[i] = 0.02f * (std::rand() / float(RAND_MAX) - 0.5f);
+		const double step = 2 * M_PI * (std::stod(content("tag")) - tuned) / rate;
+		for (size_t i = 0; i < some; i++, place++) {
+			const long long in = place % (long long)rate;
+			const double level = in < 0.02 * rate ? 0.05 : 0;
+			out[2 * i] = level * std::cos(step * in) + 0.02 * (std::rand() / double(RAND_MAX) - 0.5);
+			out[2 * i + 1] = level * std::sin(step * in) + 0.02 * (std::rand() / double(RAND_MAX) - 0.5);
+		}
 		return some;
 	}
 };
@@ -99,7 +107,8 @@ static SoapySDR::KwargsList find(const SoapySDR::Kwargs &wanted)
 	SoapySDR::Kwargs one{{"driver", "standin"}, {"label", "stand-in"}, {"serial", "77"}};
 	const auto serial = wanted.find("serial");
 	const bool other = serial != wanted.end() && serial->second + "\n" != content("serials");
-	return content("fault") == "absent" || other ? SoapySDR::KwargsList{} : SoapySDR::KwargsList{one};
+	const std::string fault = content("fault");
+	return fault == "absent" || fault == "unplugged" || other ? SoapySDR::KwargsList{} : SoapySDR::KwargsList{one};
 }
 
 static SoapySDR::Device *make(const SoapySDR::Kwargs &wanted)

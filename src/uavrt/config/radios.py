@@ -1,9 +1,9 @@
 """The table of radios: one row each.
 
 Gains that a ground station may set, kinds that ``uavrt.toml`` may name, programs, names of
-logs, and what the service may open derive from it. A new radio is a row here and the module
-that it names: what its program is started with (``arguments``, and ``commands_before`` if
-something must be run first) or, without a program, how it is opened (``open_radio``).
+logs, and what the service may open derive from it. A new radio is a row here and what its
+program is started with (`uavrt.radio.programs`) or, without a program, how it is opened
+(`uavrt.radio.opening`).
 
 Checked against the programs of Debian 12: airspy 1.0.10, airspyhf 1.6.8, rtl-sdr 0.6.0,
 hackrf 2022.09.1.
@@ -21,7 +21,6 @@ class RadioRow:
     kind: str
     title: str
     """The radio's name for people."""
-    module: str
     gains: tuple[int, int]
     """Lowest and highest gain in the radio's own steps."""
     default_gain: int | None = None
@@ -101,7 +100,6 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(
             kind="airspy",
             title="Airspy",
-            module="uavrt.radio.airspy",
             package="airspy",
             receive="airspy_rx",
             inform=("airspy_info",),
@@ -117,7 +115,6 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(
             kind="airspyhf",
             title="Airspy HF+",
-            module="uavrt.radio.airspyhf",
             package="airspyhf",
             receive="airspyhf_rx",
             inform=("airspyhf_info",),
@@ -133,7 +130,6 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(
             kind="rtlsdr",
             title="RTL-SDR",
-            module="uavrt.radio.rtlsdr",
             package="rtl-sdr",
             receive="rtl_sdr",
             sample_format="cu8",
@@ -151,7 +147,6 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(
             kind="hackrf",
             title="HackRF",
-            module="uavrt.radio.hackrf",
             package="hackrf",
             receive="hackrf_transfer",
             sample_format="ci8",
@@ -165,7 +160,6 @@ RADIOS: dict[str, RadioRow] = {
         RadioRow(
             kind="soapy",
             title="SoapySDR",
-            module="uavrt.radio.soapy",
             package="python3-soapysdr",
             gains=(0, 120),
         ),

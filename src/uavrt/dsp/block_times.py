@@ -69,10 +69,7 @@ class BlockTimes:
     def index(self, time_ns: int) -> float:
         """Sample at a time; where the clock was set back, the first of two.
 
-        Raises
-        ------
-        ValueError
-            No block has come yet.
+        Raises `ValueError`: no block has come yet.
         """
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample

@@ -18,19 +18,9 @@ from uavrt.recording.sample_file import BYTES_PER_SAMPLE
 
 
 class Capture:
-    """Decimates and records until there is enough.
+    """Decimates and records until there is enough, or the disk is full.
 
-    Parameters
-    ----------
-    frame : ProcessFrame
-        The process.
-    flight : FlightInfo
-        The capture: where, at which frequency, how long.
-
-    Raises
-    ------
-    RecordingError
-        The file cannot be written.
+    Raises `RecordingError` if the file cannot be written.
     """
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:

@@ -55,14 +55,7 @@ class ChannelSink(Protocol):
 class Receiver:
     """Everything between the radio and the detectors.
 
-    Parameters
-    ----------
-    frame : ProcessFrame
-        The process.
-    flight : FlightInfo
-        The flight in progress: frequency, rate and tags.
-    sinks : sequence of ChannelSink, optional
-        One for each worker; sockets of the assignment unless given.
+    `sinks` has one for each worker; sockets of the assignment unless given.
     """
 
     makes_channels = True

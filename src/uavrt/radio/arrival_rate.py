@@ -42,10 +42,10 @@ class ArrivalRate:
 
         `full`: the sender waits for us, and its pace shows nothing of its rate.
         """
-        if full or self._first_ns is None:
-            self._least_s.clear()
-            self._first_ns, self._stretch = now_ns, 0
-            self._now_s = -received / self._rate_hz
+        if full:
+            return
+        if self._first_ns is None:
+            self._first_ns, self._now_s = now_ns, -received / self._rate_hz
             return
         age_s = (now_ns - self._first_ns) * 1e-9
         delay_s = age_s - received / self._rate_hz

@@ -50,12 +50,8 @@ class BandDatagramSource(LiveSource):
     block_s : float
         Length of a block [s].
 
-    Raises
-    ------
-    RadioError
-        The port cannot be listened to.
-    ConfigError, FormatError
-        Not an address, or not a rate.
+    Raises `RadioError`: the port cannot be listened to.
+    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
     """
 
     def __init__(
@@ -161,10 +157,7 @@ class ByteJoiner:
     def put(self, payload: bytes, lost: int = 0) -> None:
         """Take in the next piece, before which `lost` pieces were lost.
 
-        Raises
-        ------
-        ValueError
-            What is before the last gap has not been taken.
+        Raises `ValueError`: what is before the last gap has not been taken.
         """
         if self.has_gap:
             raise ValueError("read what comes before the gap first")

@@ -67,10 +67,7 @@ def encode_channel_datagram(
     style : {"seconds", "milliseconds"}
         Milliseconds are rounded down, as the original does.
 
-    Raises
-    ------
-    ValueError
-        A time that the stamp cannot hold.
+    Raises `ValueError`: a time that the stamp cannot hold.
     """
     try:
         if style == "seconds":
@@ -101,10 +98,7 @@ def decode_channel_datagram(
     samples : (n,) complex64 array
         A copy.
 
-    Raises
-    ------
-    FormatError
-        Not a stamp and at least one sample, or a stamp that is no time.
+    Raises `FormatError`: not a stamp and at least one sample, or a stamp that is no time.
     """
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
@@ -155,10 +149,8 @@ def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool =
     second : bool
         The port for the second detector of a tag with two rates.
 
-    Raises
-    ------
-    ValueError
-        The thesis's plan has no second port, or the channel has no port below 65536.
+    Raises `ValueError`: the thesis's plan has no second port, or the channel has no port below
+    65536.
     """
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")

@@ -26,10 +26,7 @@ class ChannelOutput:
     band_rate_hz, center_frequency_hz : float
         Of the decimated band.
 
-    Raises
-    ------
-    UavrtError
-        No tag lies in the band, or it cannot be split.
+    Raises `UavrtError`: no tag lies in the band, or it cannot be split.
     """
 
     def __init__(

@@ -49,12 +49,8 @@ class ChannelDatagramSource(LiveSource):
     style : {"seconds", "milliseconds"}, optional
         How stamps are written; None: told by the first one.
 
-    Raises
-    ------
-    RadioError
-        The port cannot be listened to.
-    ConfigError, FormatError
-        Not an address, or not a rate.
+    Raises `RadioError`: the port cannot be listened to.
+    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
     """
 
     def __init__(

@@ -21,14 +21,10 @@ _FREQUENCY_HZ: Final = 150e6
 def check_device(settings: RadioSettings) -> str:
     """Receive samples for three seconds; get what to say of a radio that works.
 
-    Raises
-    ------
-    RadioError
-        There is no radio, it cannot be opened, or it sends no samples at its rate.
-    RadioAmbiguous
-        There are several, and the settings choose none.
-    ConfigError
-        The radio cannot be set so.
+    Raises `RadioError`: there is no radio, it cannot be opened, or it sends no samples at its
+    rate.
+    Raises `RadioAmbiguous`: there are several, and the settings choose none.
+    Raises `ConfigError`: the radio cannot be set so.
     """
     if (several := unchosen(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])

@@ -107,10 +107,7 @@ _SIGMF: dict[str, SampleFormat] = {
 def sample_format(name: str) -> SampleFormat:
     """Find a format by its name.
 
-    Raises
-    ------
-    FormatError
-        No such format; the text lists those there are.
+    Raises `FormatError`: no such format; the text lists those there are.
     """
     # rtl_sdr users write cs8, others sc16 or fc32; one alias each costs nothing.
     aliases = {"cs8": "ci8", "ci16": "cs16", "sc16": "cs16", "fc32": "cf32"}
@@ -126,10 +123,7 @@ def sample_format(name: str) -> SampleFormat:
 def sigmf_format(datatype: str) -> SampleFormat:
     """Find the format of SigMF's ``core:datatype`` (SigMF specification, "Dataset Format").
 
-    Raises
-    ------
-    FormatError
-        Not complex, or not known.
+    Raises `FormatError`: not complex, or not known.
     """
     found = _SIGMF.get(datatype)
     if found is not None:
@@ -167,10 +161,7 @@ def clean(samples: NDArray[np.complex64], what: str) -> int:
     (a fifth less than ``isfinite``), 0.2 ms in a cold one. A single NaN would stay for ever in
     a detector's noise level.
 
-    Raises
-    ------
-    FormatError
-        So many, or values so large, that the data cannot be float samples.
+    Raises `FormatError`: so many, or values so large, that the data cannot be float samples.
     """
     values = samples.view(np.float32)
     limit = _ABSURD_POWER * max(values.size, 1)

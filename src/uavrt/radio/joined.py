@@ -22,10 +22,7 @@ class JoinedRecording:
     paths : sequence of Path
         In any order.
 
-    Raises
-    ------
-    FormatError
-        None of them holds samples, or they are not of one channel.
+    Raises `FormatError`: none of them holds samples, or they are not of one channel.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:

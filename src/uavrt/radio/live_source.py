@@ -17,10 +17,7 @@ RADIO_RATE_REMEDY = (
 def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
     """Refuse rates and frequencies that cannot be meant.
 
-    Raises
-    ------
-    FormatError
-        Not positive, or not a number.
+    Raises `FormatError`: not positive, or not a number.
     """
     if not 0.0 < sample_rate_hz < 1e9:
         raise FormatError(
@@ -53,10 +50,7 @@ class LiveSource:
     start_moves : bool
         Stamp the start anew when the first arrivals turn out to have been held up.
 
-    Raises
-    ------
-    FormatError
-        A rate that is not possible.
+    Raises `FormatError`: a rate that is not possible.
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False

@@ -1,12 +1,11 @@
 """Open whatever holds samples: a radio, a pipe or a recording."""
 
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path, PurePath
 from typing import Literal
 
 from uavrt.clock import Clock
-from uavrt.config import RADIO_GROUP, RADIOS, RadioSettings
+from uavrt.config import RADIO_GROUP, RadioSettings
 from uavrt.errors import FormatError
 from uavrt.plugins import Registry
 from uavrt.radio.channel_source import ChannelDatagramSource
@@ -23,6 +22,7 @@ from uavrt.radio.recording import (
     raw_layout,
 )
 from uavrt.radio.sigmf import sigmf_layout
+from uavrt.radio.soapy import SoapySource
 from uavrt.radio.source import SampleSource
 from uavrt.radio.stream import StreamSource
 from uavrt.radio.wav import wav_layout
@@ -30,21 +30,13 @@ from uavrt.radio.wav import wav_layout
 RadioOpener = Callable[[RadioSettings, float, Clock | None], SampleSource]
 
 
-def _opener(module: str) -> RadioOpener:
-    def open_it(
-        settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
-    ) -> SampleSource:
-        source: SampleSource = import_module(module).open_radio(
-            settings, center_frequency_hz, clock
-        )
-        return source
-
-    return open_it
+def _open_soapy(
+    settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
+) -> SampleSource:
+    return SoapySource(settings, center_frequency_hz, clock=clock)
 
 
-OPENERS: Registry[RadioOpener] = Registry(
-    RADIO_GROUP, {kind: _opener(row.module) for kind, row in RADIOS.items() if not row.receive}
-)
+OPENERS: Registry[RadioOpener] = Registry(RADIO_GROUP, {"soapy": _open_soapy})
 """Radios that are not programs, those that installed packages add included: each is opened
 with the settings, the frequency to tune to [Hz] and the system's clock."""
 
@@ -79,12 +71,8 @@ def open_radio(
     clock : Clock, optional
         The system's clock.
 
-    Raises
-    ------
-    RadioMissing
-        Its program or driver is not installed.
-    ConfigError
-        A setting that the radio does not have.
+    Raises `RadioMissing`: its program or driver is not installed.
+    Raises `ConfigError`: a setting that the radio does not have.
     """
     if settings.kind in PROGRAMS:
         return ProgramSource(settings, center_frequency_hz, clock=clock)
@@ -104,10 +92,7 @@ def open_stream(
 ) -> StreamSource:
     """Read live samples from a pipe; its rate and frequency must be told.
 
-    Raises
-    ------
-    FormatError
-        Something is not told or not possible.
+    Raises `FormatError`: something is not told or not possible.
     """
     name = "cf32" if format_name is None else format_name.lower()
     if name in ("sigmf", "wav"):
@@ -140,12 +125,8 @@ def open_channel(
     center_frequency_hz : float, optional
         Frequency of the channel's centre; must be told.
 
-    Raises
-    ------
-    FormatError
-        The frequency is not told.
-    ConfigError, RadioError
-        Not an address, or not a free one.
+    Raises `FormatError`: the frequency is not told.
+    Raises `ConfigError` or `RadioError`: not an address, or not a free one.
     """
     return ChannelDatagramSource(
         address,
@@ -176,10 +157,7 @@ def open_recording(
     start_time_ns : int, optional
         Time of the first sample [ns, UTC].
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or is not what it is said to be.
+    Raises `FormatError`: the file cannot be read, or is not what it is said to be.
     """
     layout = _layout(
         path,

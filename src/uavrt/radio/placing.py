@@ -121,16 +121,9 @@ class Placer:
             self._last = (0, now_ns)
 
     def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
-        """Learn that so many samples are here, counted from the next to be given.
+        """Learn how many samples are at hand or wait to be read at a time [ns, UTC].
 
-        Parameters
-        ----------
-        held : int
-            Those at hand and those that only wait to be read.
-        now_ns : int
-            Time [ns, UTC].
-        full : bool
-            The sender is waiting for us: it tells nothing of the radio.
+        `full`: the sender is waiting for us, and its pace says nothing of the radio.
         """
         self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
@@ -158,15 +151,7 @@ class Placer:
         return self._cut
 
     def tell_lost(self, samples: int, held: int = 0) -> None:
-        """Learn of a loss from the radio itself.
-
-        Parameters
-        ----------
-        samples : int
-            How many.
-        held : int
-            How many samples are held that came before it.
-        """
+        """Learn of lost samples from the radio itself; `held` of those here came before."""
         left = self._keeper.skip(samples)
         if left <= 0:
             return

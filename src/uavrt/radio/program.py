@@ -59,12 +59,8 @@ class ProgramSource(StreamSource):
     startup_s, stall_s : float
         How long without a byte is normal at the start, and later [s].
 
-    Raises
-    ------
-    RadioMissing
-        The program is not installed.
-    ConfigError
-        A setting that the radio does not have.
+    Raises `RadioMissing`: the program is not installed.
+    Raises `ConfigError`: a setting that the radio does not have.
     """
 
     MAY_BE_SLOW = False
@@ -127,14 +123,9 @@ class ProgramSource(StreamSource):
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block; see `SampleSource.read`.
 
-        Raises
-        ------
-        RadioMissing
-            The program has found no device, or may not open it.
-        RadioStopped
-            The program has ended; the text holds how and its last words.
-        RadioStalled
-            It runs but gives no samples.
+        Raises `RadioMissing`: the program has found no device, or may not open it.
+        Raises `RadioStopped`: the program has ended; the text holds how and its last words.
+        Raises `RadioStalled`: it runs but gives no samples.
         """
         if self._closed:
             raise EOFError(f"{self.name} was closed")

@@ -100,10 +100,7 @@ class RecordingSource:
     stored : SampleBytes, optional
         The file, if it is not one of this machine.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be opened, or holds no samples.
+    Raises `FormatError`: the file cannot be opened, or holds no samples.
     """
 
     def __init__(self, layout: Layout, stored: SampleBytes | None = None) -> None:
@@ -277,10 +274,7 @@ def cannot_read(path: Path, error: OSError) -> FormatError:
 def file_size(path: Path) -> int:
     """Size of a regular file [bytes].
 
-    Raises
-    ------
-    FormatError
-        No such file, or not a file.
+    Raises `FormatError`: no such file, or not a file.
     """
     try:
         if path.is_dir():
@@ -322,11 +316,8 @@ def raw_layout(
     frequency_from, rate_from, start_from : str
         Who says these, in words.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, holds floats where integers are said to be, or a rate is
-        not possible.
+    Raises `FormatError`: the file cannot be read, holds floats where integers are said to be,
+    or a rate is not possible.
     """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)

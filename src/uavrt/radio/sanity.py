@@ -15,10 +15,7 @@ DEAD_S = 1.0
 class SampleCheck:
     """Looks at every block of the decimated band; one dot product each, 20 µs for 87 ms.
 
-    Parameters
-    ----------
-    name : str
-        What to call the source in errors.
+    `name` is what to call the source in errors.
     """
 
     def __init__(self, name: str) -> None:
@@ -28,12 +25,8 @@ class SampleCheck:
     def look(self, block: IQBlock) -> None:
         """Check a block, before it goes to the detectors.
 
-        Raises
-        ------
-        RadioGarbled
-            These cannot be samples.
-        RadioStalled
-            Only zeros come.
+        Raises `RadioGarbled`: these cannot be samples.
+        Raises `RadioStalled`: only zeros come.
         """
         values = block.samples.view(np.float32)
         if values.size == 0:

@@ -47,10 +47,8 @@ def sigmf_layout(
     start_time_ns : int, optional
         Time of the first sample, in place of what the recording says.
 
-    Raises
-    ------
-    FormatError
-        Not SigMF, or SigMF of a kind that cannot be used; the text says which.
+    Raises `FormatError`: not SigMF, or SigMF of a kind that cannot be used; the text says
+    which.
     """
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
@@ -107,10 +105,7 @@ def sigmf_layout(
 def sigmf_global(path: Path, key: str) -> object:
     """One entry of a recording's global part, None when it has none.
 
-    Raises
-    ------
-    FormatError
-        Not SigMF.
+    Raises `FormatError`: not SigMF.
     """
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)

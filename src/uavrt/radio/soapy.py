@@ -48,12 +48,8 @@ class SoapySource(LiveSource):
     clock : Clock, optional
         Where arrival times come from.
 
-    Raises
-    ------
-    RadioMissing
-        No SoapySDR module, or no such device.
-    RadioStopped
-        The device does not take the sample rate or the frequency.
+    Raises `RadioMissing`: no SoapySDR module, or no such device.
+    Raises `RadioStopped`: the device does not take the sample rate or the frequency.
     """
 
     RATE_REMEDY = RADIO_RATE_REMEDY
@@ -186,10 +182,3 @@ class SoapySource(LiveSource):
 def _device_arguments(settings: RadioSettings) -> str:
     serial = settings.serial or ""
     return serial if "=" in serial or not serial else f"serial={serial}"
-
-
-def open_radio(
-    settings: RadioSettings, center_frequency_hz: float, clock: Clock | None
-) -> SoapySource:
-    """Open the radio of the settings; raises as `SoapySource`."""
-    return SoapySource(settings, center_frequency_hz, clock=clock)

@@ -32,14 +32,9 @@ class SampleSource(Protocol):
 
         The block's samples stay valid until the next call.
 
-        Raises
-        ------
-        EOFError
-            The recording has ended, in good order.
-        RadioError
-            The radio failed; the caller restarts it.
-        FormatError
-            The data are not what they were said to be.
+        Raises `EOFError`: the recording has ended, in good order.
+        Raises `RadioError`: the radio failed; the caller restarts it.
+        Raises `FormatError`: the data are not what they were said to be.
         """
         ...
 

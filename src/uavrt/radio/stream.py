@@ -61,10 +61,7 @@ class StreamSource(LiveSource):
     name : str
         What to call it in errors.
 
-    Raises
-    ------
-    FormatError
-        A rate that is not possible.
+    Raises `FormatError`: a rate that is not possible.
     """
 
     MAY_BE_SLOW = True

@@ -59,15 +59,7 @@ third after a loss: it was none, or smaller."""
 
 
 class NominalTimes:
-    """Times of a recording: the start, and the nominal rate.
-
-    Parameters
-    ----------
-    start_time_ns : int
-        Time of sample 0 [ns, UTC].
-    sample_rate_hz : float
-        Nominal rate.
-    """
+    """Times of a recording: that of sample 0 [ns, UTC], and the nominal rate."""
 
     def __init__(self, start_time_ns: int, sample_rate_hz: float) -> None:
         self._start_ns = start_time_ns
@@ -284,10 +276,7 @@ class TimeKeeper:
     def time_ns(self, index: int) -> int:
         """Time of a sample [ns, UTC]; to be asked in rising order of `index`.
 
-        Raises
-        ------
-        ValueError
-            Nothing has arrived yet.
+        Raises `ValueError`: nothing has arrived yet.
         """
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")

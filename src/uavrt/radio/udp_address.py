@@ -26,10 +26,7 @@ def is_udp_address(text: str) -> bool:
 def parse_udp_address(text: str) -> tuple[str, int]:
     """Split ``udp://HOST:PORT`` or ``HOST:PORT``; an IPv6 address stands in brackets.
 
-    Raises
-    ------
-    ConfigError
-        Not such an address.
+    Raises `ConfigError`: not such an address.
     """
     host, colon, port = text.removeprefix(_PREFIX).rstrip("/").rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
@@ -46,10 +43,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
     ``localhost`` may be ``::1`` first for the sender (netcat) and 127.0.0.1 for us; a datagram
     to the other one would vanish. So all of them are listened to.
 
-    Raises
-    ------
-    RadioError
-        The port is in use, or the address does not belong to this computer.
+    Raises `RadioError`: the port is in use, or the address does not belong to this computer.
     """
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
@@ -100,10 +94,7 @@ def listen(host: str, port: int) -> list[socket.socket]:
 def send_socket(host: str) -> socket.socket:
     """Open a socket to send from, with a large buffer, that never blocks.
 
-    Raises
-    ------
-    RadioError
-        The name is unknown.
+    Raises `RadioError`: the name is unknown.
     """
     try:
         family = socket.getaddrinfo(host, 0, type=socket.SOCK_DGRAM)[0][0]

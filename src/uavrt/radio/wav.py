@@ -103,10 +103,8 @@ def wav_layout(
         Time of the first sample; None: from the ``auxi`` chunk, else from the file's name, else
         from its age.
 
-    Raises
-    ------
-    FormatError
-        Not WAV, not two channels, an encoding that cannot be used, or no radio frequency.
+    Raises `FormatError`: not WAV, not two channels, an encoding that cannot be used, or no
+    radio frequency.
     """
     size = file_size(path)
     try:

@@ -52,10 +52,8 @@ def text_of_cell(cell: str) -> str:
 def csv_cells(line: str) -> list[str]:
     """Cells of one line of a CSV file; a quote that is not closed reaches to its end.
 
-    Raises
-    ------
-    ValueError
-        It is no such line: a carriage return in it, or a cell above 131 072 characters.
+    Raises `ValueError`: it is no such line: a carriage return in it, or a cell above 131 072
+    characters.
     """
     try:
         return next(csv.reader([line]), [])

@@ -36,10 +36,7 @@ class DamagedLines:
     def judge(self, good: int) -> None:
         """Tell how many lines were passed over beside the good ones.
 
-        Raises
-        ------
-        FormatError
-            There are more of them than good ones: the file is another.
+        Raises `FormatError`: there are more of them than good ones: the file is another.
         """
         if not self._faults:
             return

@@ -91,10 +91,7 @@ def detector_config(
 def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> None:
     """Write the file; `time_ns` is its time stamp.
 
-    Raises
-    ------
-    RecordingError
-        The disk is full or cannot be written.
+    Raises `RecordingError`: the disk is full or cannot be written.
     """
     tag = config.tag
     second = tag.pulse_intervals_s[1:2]
@@ -139,10 +136,8 @@ def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> N
 def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
     """Read the last record of a file, ours or an original's.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or a needed key is missing, no number or beyond all bounds.
+    Raises `FormatError`: the file cannot be read, or a needed key is missing, no number or
+    beyond all bounds.
     """
     name = os.fspath(path)
     try:
@@ -199,10 +194,7 @@ def read_detector_config(path: str | os.PathLike[str]) -> DetectorConfig:
 def _check(values: dict[str, str]) -> None:
     """Refuse numbers that no detector can do anything with, by their keys.
 
-    Raises
-    ------
-    ValueError
-        One of them is.
+    Raises `ValueError`: one of them is.
     """
     for key, (low, high, unit) in _BOUNDS.items():
         if key in values and not low <= float(values[key]) <= high:
@@ -229,10 +221,7 @@ def _check(values: dict[str, str]) -> None:
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
     """Read MATLAB's ``[lo, hi; lo, hi]``; the original's ``[Inf, -Inf]`` is none.
 
-    Raises
-    ------
-    ValueError
-        Not pairs of numbers, the lower one first.
+    Raises `ValueError`: not pairs of numbers, the lower one first.
     """
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):

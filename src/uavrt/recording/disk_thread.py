@@ -85,10 +85,7 @@ class DiskThread:
     async def run(self, function: Callable[..., T], *given: Any) -> T:
         """Call a function in the thread; what it returns or raises comes here.
 
-        Raises
-        ------
-        RecordingError
-            Too many jobs wait for the disk.
+        Raises `RecordingError`: too many jobs wait for the disk.
         """
         result: asyncio.Future[T] = asyncio.get_running_loop().create_future()
 

@@ -44,10 +44,7 @@ class RecordField:
     def from_record(self, value: Any) -> Any:
         """Read a value of JSON or of a CSV cell.
 
-        Raises
-        ------
-        ValueError, TypeError
-            It is of the wrong kind.
+        Raises `ValueError` or `TypeError`: it is of the wrong kind.
         """
         if value is None and self.optional:
             return None
@@ -95,10 +92,7 @@ class RecordField:
 def fields_of(record: type) -> tuple[RecordField, ...]:
     """List the fields of a dataclass of plain values.
 
-    Raises
-    ------
-    TypeError
-        A field is of a type that no table has; a fault of the program.
+    Raises `TypeError`: a field is of a type that no table has; a fault of the program.
     """
     hints = get_type_hints(record)
     return tuple(

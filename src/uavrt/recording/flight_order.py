@@ -25,10 +25,7 @@ _COPY = re.compile(rf"(.+?)(?:{GROUND_COPY}|{FETCHED_COPY})(?:_\d+)?", re.DOTALL
 def note_flight(flight: Path) -> None:
     """Note that a flight begins now.
 
-    Raises
-    ------
-    OSError
-        The disk cannot be written; to be tried again, nothing else need stop.
+    Raises `OSError`: the disk cannot be written; to be tried again, nothing else need stop.
     """
     path = flight.parent / FLIGHT_ORDER
     names = _noted(path)

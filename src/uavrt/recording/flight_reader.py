@@ -60,10 +60,7 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
 
     A flight that is still being written can be read too.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         return Flight(
@@ -109,10 +106,7 @@ def told_in(database: sqlite3.Connection) -> ToldStates:
 def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
     """Read the signs of life of all processes.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         rows = database.execute(
@@ -124,10 +118,7 @@ def read_health(directory: str | os.PathLike[str]) -> tuple[Health, ...]:
 def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport, ...]:
     """Read what was searched without a detection.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         rows = database.execute(
@@ -140,10 +131,7 @@ def read_search_reports(directory: str | os.PathLike[str]) -> tuple[SearchReport
 def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ...]:
     """Read what searches have decided and found; nothing of flights of before there were any.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     rows = _rows_if_any(directory, "search_notes", schema.SEARCH_NOTE_COLUMNS)
     return tuple(map(schema.search_note_from_row, rows))
@@ -180,10 +168,7 @@ def _rows_if_any(
 def read_stops(directory: str | os.PathLike[str]) -> tuple[int, ...]:
     """Read when detection was stopped by order [ns, UTC]; nothing for a dead battery.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         rows = database.execute(
@@ -204,10 +189,8 @@ DAMAGED = (
 def flight_database(directory: Path) -> Iterator[sqlite3.Connection]:
     """Open a flight's database for reading; what it lacks of today's columns is added.
 
-    Raises
-    ------
-    FormatError
-        There is none, or it is damaged, also where that shows while it is read.
+    Raises `FormatError`: there is none, or it is damaged, also where that shows while it is
+    read.
     """
     path = FlightLayout(directory).database
     if not path.is_file():

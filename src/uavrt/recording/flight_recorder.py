@@ -113,10 +113,7 @@ class FlightRecorder:
     def create(cls, info: FlightInfo, settings: Settings | None = None) -> "FlightRecorder":
         """Begin a flight in `info.directory`: its directories, configs and database.
 
-        Raises
-        ------
-        RecordingError
-            The place cannot be written, or a flight is there already.
+        Raises `RecordingError`: the place cannot be written, or a flight is there already.
         """
         recorder = cls(Path(info.directory))
         if recorder.layout.database.exists():
@@ -134,10 +131,7 @@ class FlightRecorder:
 
         `durable` as in `open`.
 
-        Raises
-        ------
-        RecordingError
-            There is no flight, or it cannot be written.
+        Raises `RecordingError`: there is no flight, or it cannot be written.
         """
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
@@ -266,11 +260,9 @@ class FlightRecorder:
             Pulses with their poses and what has reached the ground; the rest waits for a later
             commit, which then writes fewer half-full pages.
 
-        Raises
-        ------
-        RecordingError
-            The disk is full or cannot be written. Nothing recorded is lost; what was taken
-            waits in memory and the next commit tries again. The caller counts and goes on.
+        Raises `RecordingError`: the disk is full or cannot be written. Nothing recorded is
+        lost; what was taken waits in memory and the next commit tries again. The caller counts
+        and goes on.
         """
         try:
             if not self._begun:
@@ -299,10 +291,7 @@ class FlightRecorder:
     def close(self) -> None:
         """Commit, fold the log into the database file and close.
 
-        Raises
-        ------
-        RecordingError
-            The last commit failed; the database is closed all the same.
+        Raises `RecordingError`: the last commit failed; the database is closed all the same.
         """
         try:
             self.commit()

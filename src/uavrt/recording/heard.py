@@ -19,10 +19,7 @@ def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
     dict of int to (int, int)
         By tag id: the count and the time [ns]; tags without any are left out.
 
-    Raises
-    ------
-    RecordingError
-        The database cannot be read.
+    Raises `RecordingError`: the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:

@@ -168,12 +168,8 @@ def write_integrated(
     Path
         The directory of the results.
 
-    Raises
-    ------
-    RecordingError
-        It cannot be written.
-    FormatError
-        What is there already cannot be read.
+    Raises `RecordingError`: it cannot be written.
+    Raises `FormatError`: what is there already cannot be read.
     """
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
@@ -205,10 +201,7 @@ def read_integrated(
 ) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
     """Read what was found in hindsight; nothing where nobody has looked.
 
-    Raises
-    ------
-    FormatError
-        The files are damaged.
+    Raises `FormatError`: the files are damaged.
     """
     directory = FlightLayout(Path(flight)).integrated_directory
     tags, pulses = directory / "tags.json", directory / "pulses.jsonl"
@@ -226,10 +219,7 @@ def read_integrated(
 def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
     """Read the folds of the tags that were judged; none of what earlier versions judged.
 
-    Raises
-    ------
-    FormatError
-        The file is damaged.
+    Raises `FormatError`: the file is damaged.
     """
     path = FlightLayout(Path(flight)).integrated_directory / "folds.json"
     if not path.is_file():
@@ -262,10 +252,7 @@ def _fold(record: dict[str, Any]) -> FlightFold:
 def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
     """Make a verdict of JSON; what a later version wrote beyond it is passed over.
 
-    Raises
-    ------
-    TypeError, ValueError
-        It is none.
+    Raises `TypeError` or `ValueError`: it is none.
     """
     if not isinstance(record, dict):
         raise TypeError("not a list of tables")

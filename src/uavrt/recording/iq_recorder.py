@@ -39,10 +39,7 @@ class IQRecorder:
     description, hardware : str
         What is recorded, and the radio, for the metadata.
 
-    Raises
-    ------
-    RecordingError
-        The files cannot be made, or exist already.
+    Raises `RecordingError`: the files cannot be made, or exist already.
     """
 
     def __init__(

@@ -101,10 +101,7 @@ class FlightLayout:
     def make(self, tag_ids: list[int]) -> None:
         """Make the directories.
 
-        Raises
-        ------
-        RecordingError
-            The disk is full, read-only, or forbidden.
+        Raises `RecordingError`: the disk is full, read-only, or forbidden.
         """
         directories = [self.root / "airspy_csdr_netcat_log", self.root / "channelizer_log"]
         directories.append(self.root / "process_log")
@@ -139,10 +136,7 @@ def new_flight_directory(
 def require_writable(directory: Path) -> None:
     """Refuse at once what would fail at the first flight; the directory is made if need be.
 
-    Raises
-    ------
-    RecordingError
-        Nothing can be written there.
+    Raises `RecordingError`: nothing can be written there.
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)

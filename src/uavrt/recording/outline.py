@@ -62,10 +62,7 @@ class FlightOutline:
 def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
     """Read a flight in outline.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         info = flight_info(database, Path(directory))
@@ -98,10 +95,7 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
     Copies of a flight share them to the last digit; two drones that hear the same pulse at the
     same time, each from its own place, do not. Over the link a start keeps no nanoseconds.
 
-    Raises
-    ------
-    FormatError
-        As `read_outline`.
+    Raises `FormatError`: as `read_outline`.
     """
     with flight_database(directory) as database:
         found = database.execute(_LEVELS)

@@ -33,10 +33,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 
     With ``"rw"`` as `mode` SQLite may fold what was not yet folded: for a copy.
 
-    Raises
-    ------
-    sqlite3.Error
-        It cannot be opened, is damaged, or is not what we write.
+    Raises `sqlite3.Error`: it cannot be opened, is damaged, or is not what we write.
     """
     require_plain_files(path)
     address = f"{path.absolute().as_uri()}?mode={mode}"
@@ -58,10 +55,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
 def require_plain_files(path: Path) -> None:
     """Refuse a database of which a part would be waited for.
 
-    Raises
-    ------
-    sqlite3.DatabaseError
-        A pipe, a socket or a device is in the place of a file.
+    Raises `sqlite3.DatabaseError`: a pipe, a socket or a device is in the place of a file.
     """
     for suffix in _BESIDE:
         try:

@@ -66,10 +66,7 @@ def _inside_from_record(record: dict[str, Any]) -> BurstInside:
 def pulse_from_record(record: dict[str, Any]) -> PulsePose:
     """Pulse with pose of a record.
 
-    Raises
-    ------
-    ValueError, KeyError, TypeError
-        A field is missing or of the wrong kind.
+    Raises `ValueError` or `KeyError` or `TypeError`: a field is missing or of the wrong kind.
     """
     pulse = Pulse(
         **{
@@ -159,10 +156,7 @@ def read_pulse_file(
     Damaged lines among good ones are passed over, too, and told to `warn`, else in the log.
     A byte order mark, as spreadsheets write it, is dropped.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or more lines are no pulses than are.
+    Raises `FormatError`: the file cannot be read, or more lines are no pulses than are.
     """
     name = os.fspath(path)
     try:

@@ -84,12 +84,8 @@ class PulseLogs:
     def complete_from(self, database: sqlite3.Connection) -> None:
         """Cut off unfinished lines and append what the database has and a log lacks.
 
-        Raises
-        ------
-        OSError
-            A log cannot be written.
-        sqlite3.Error
-            The database cannot be read.
+        Raises `OSError`: a log cannot be written.
+        Raises `sqlite3.Error`: the database cannot be read.
         """
         self._retry_at_s = monotonic_s() + _RETRY_S
         self._complete(database, PulsePoseLog(self._layout.pulse_pose_log), None)

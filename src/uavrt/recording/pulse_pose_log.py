@@ -66,10 +66,7 @@ def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
     What the 23 columns lack: `group_sequence` is the caller's, the rate is 1, noise and
     relative altitude are NaN.
 
-    Raises
-    ------
-    ValueError
-        It is not such a line.
+    Raises `ValueError`: it is not such a line.
     """
     fields = [field.strip() for field in line.split(",")]
     while len(fields) > COLUMNS and not fields[-1]:
@@ -112,10 +109,7 @@ def read_pulse_pose_log(
 
     Damaged lines among good ones are passed over, too, and told to `warn`, else in the log.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or more lines are no pulses than are.
+    Raises `FormatError`: the file cannot be read, or more lines are no pulses than are.
     """
     try:
         text = read_file(path, TEXT_LOG).decode("utf-8-sig", "replace")
@@ -163,10 +157,7 @@ class PulsePoseLog:
     def append(self, lines: Iterable[str]) -> None:
         """Append lines; on failure the file is cut back to what it was.
 
-        Raises
-        ------
-        OSError
-            The disk is full or cannot be written.
+        Raises `OSError`: the disk is full or cannot be written.
         """
         content = memoryview("".join(lines).encode())
         file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
@@ -184,10 +175,7 @@ class PulsePoseLog:
     def sync(self) -> None:
         """Bring what was appended to the disk itself.
 
-        Raises
-        ------
-        OSError
-            The disk fails.
+        Raises `OSError`: the disk fails.
         """
         if self._path.exists():
             file = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC)
@@ -199,10 +187,7 @@ class PulsePoseLog:
     def repair(self) -> None:
         """Cut off an unfinished last line.
 
-        Raises
-        ------
-        OSError
-            The file cannot be read or written.
+        Raises `OSError`: the file cannot be read or written.
         """
         if not self._path.exists():
             return
@@ -222,10 +207,7 @@ class PulsePoseLog:
     def keys(self) -> Iterator[tuple[int, int]]:
         """Return tag id and start time [ns] of every line, one after the other.
 
-        Raises
-        ------
-        OSError
-            The file cannot be read.
+        Raises `OSError`: the file cannot be read.
         """
         for line in self._lines():
             fields = line.split(b",", 4)
@@ -239,10 +221,7 @@ class PulsePoseLog:
     def pulse_poses(self) -> Iterator[PulsePose]:
         """Return every line that is a pulse, one after the other, its groups numbered.
 
-        Raises
-        ------
-        OSError
-            The file cannot be read.
+        Raises `OSError`: the file cannot be read.
         """
         groups: dict[int, tuple[int, int]] = {}
         for line in self._lines():

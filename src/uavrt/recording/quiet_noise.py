@@ -32,10 +32,7 @@ def read_quiet_noise_db(directory: str | os.PathLike[str]) -> float | None:
     In decibels of the receiver's own units per hertz. None for what never left the ground: a
     check on the bench does not say what is normal.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
         (taken_off_ns,) = database.execute(

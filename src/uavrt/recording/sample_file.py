@@ -44,12 +44,8 @@ class SampleFile:
         The clock of a radio that has just begun is corrected for so long: then, or where its
         stretch ends before, the stretch gets the time that its samples have by then.
 
-    Raises
-    ------
-    FileExistsError
-        The samples would be appended to another recording.
-    OSError
-        The files cannot be made.
+    Raises `FileExistsError`: the samples would be appended to another recording.
+    Raises `OSError`: the files cannot be made.
     """
 
     def __init__(
@@ -114,10 +110,7 @@ class SampleFile:
         time_ns : int
             Of the first [ns, UTC].
 
-        Raises
-        ------
-        OSError
-            Nothing was written; what comes next begins a stretch.
+        Raises `OSError`: nothing was written; what comes next begins a stretch.
         """
         count = values.size // 2
         try:
@@ -216,15 +209,7 @@ class SampleFile:
 
 
 class FreeSpace:
-    """Whether a disk has room; looked at once a second.
-
-    Parameters
-    ----------
-    directory : Path
-        On the disk.
-    minimum_free_mb : float
-        What must stay free [MB].
-    """
+    """Whether a disk has room beside what must stay free [MB]; measured once a second."""
 
     def __init__(self, directory: Path, minimum_free_mb: float) -> None:
         self._directory = directory

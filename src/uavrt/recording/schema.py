@@ -153,10 +153,7 @@ SELECT_POSES = (
 def bring_up_to_date(database: sqlite3.Connection) -> None:
     """Make the tables of a flight, or add what an older version of them lacks.
 
-    Raises
-    ------
-    sqlite3.Error
-        The database cannot be written.
+    Raises `sqlite3.Error`: the database cannot be written.
     """
     database.executescript(TABLES)
     for table, columns in _lacking(database).items():
@@ -169,10 +166,7 @@ def bring_up_to_date(database: sqlite3.Connection) -> None:
 def read_older(database: sqlite3.Connection) -> None:
     """Let a connection that only reads find, as NULL, what an older version lacks.
 
-    Raises
-    ------
-    sqlite3.Error
-        The database cannot be read.
+    Raises `sqlite3.Error`: the database cannot be read.
     """
     for table, columns in _lacking(database).items():
         nulls = ", ".join(f"NULL AS {column}" for column in columns)

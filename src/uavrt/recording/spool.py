@@ -47,10 +47,7 @@ def undelivered(
     list of PulsePose, bool
         The pulses; and whether there are more.
 
-    Raises
-    ------
-    RecordingError
-        The database cannot be read.
+    Raises `RecordingError`: the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:
@@ -74,10 +71,7 @@ def undelivered(
 def note_deliveries(directory: str | Path, delivered: Delivered) -> None:
     """Note deliveries in a flight that nobody writes any more.
 
-    Raises
-    ------
-    RecordingError
-        The database cannot be written.
+    Raises `RecordingError`: the database cannot be written.
     """
     path = FlightLayout(Path(directory)).database
     rows = [

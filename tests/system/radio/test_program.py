@@ -192,7 +192,7 @@ def test_the_end_of_a_program_is_reported_with_its_last_words(
     # hackrf_transfer prints its usage on stdout when it fails; that must not become samples.
     install(PROGRAMS[kind].receive, f"print('Usage' * 300); sys.exit({words!r})")
     settings = RadioSettings(kind=kind, sample_rate_hz=PROGRAMS[kind].rates_hz[0][0])
-    source = open_radio(settings, 148e6)
+    source = ProgramSource(settings, 148e6)
     with pytest.raises(error, match=remedy) as caught:
         source.read(timeout_s=10.0)
     assert isinstance(source, ProgramSource)

@@ -5,12 +5,18 @@ rates: `tests/claims/test_radio_programs.py`.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from statistics import median
 
 import pytest
-from radio_faults import STEPS, Flown, check, expected, fly
-from radio_world import SERIALS, missing, needs
+from radio_faults import STEPS, Flown, check, doctor, expected, fly
+from radio_world import SERIALS, TAG_HZ, RadioWorld, default_radio, missing, needs
+
+from uavrt.config import RADIOS, load_settings
+from uavrt.errors import ConfigError
 
 RATES_HZ = {"airspy": 3e6, "airspyhf": 192e3, "rtlsdr": 250e3, "hackrf": 2e6, "soapy": 250e3}
+GAINS = {"soapy": 20}
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +50,98 @@ def test_a_ground_station_that_comes_after_a_fault_reads_its_reason(
     needs(kind)
     words = expected(kind, STEPS[-1], RATES_HZ[kind])
     assert words in flown[kind].late_page
+
+
+DOCTOR_FAULTS = ("absent", "busy", "forbidden", "other serial", "works")
+Examined = dict[str, tuple[dict[str, str], list[str]]]
+
+
+def examine(directory: Path, kind: str) -> tuple[dict[str, str], list[str]]:
+    """Get what doctor says of each fault, and the calls of the radio's library."""
+    radio = default_radio(
+        kind, serial=SERIALS[kind], bias_tee=kind != "airspyhf", gain=GAINS.get(kind)
+    )
+    serials = ("77770001", SERIALS[kind]) if kind == "rtlsdr" else ()
+    said = doctor(directory, radio, DOCTOR_FAULTS, serials=serials)
+    return said, RadioWorld.calls_in(directory)
+
+
+@pytest.fixture(scope="module")
+def examined(tmp_path_factory: pytest.TempPathFactory) -> Examined:
+    """Examine all radios at the same time, of two RTL-SDR dongles the second."""
+    kinds = [kind for kind in SERIALS if missing(kind) is None]
+    places = [tmp_path_factory.mktemp(f"doctor_{kind}") for kind in kinds]
+    with ThreadPoolExecutor(len(SERIALS)) as pool:
+        return dict(zip(kinds, pool.map(examine, places, kinds), strict=True))
+
+
+@pytest.mark.parametrize("kind", SERIALS)
+def test_doctor_says_the_same_while_no_flight_is_on(examined: Examined, kind: str) -> None:
+    needs(kind)
+    said, _ = examined[kind]
+    rate_hz = default_radio(kind).sample_rate_hz
+    for fault in DOCTOR_FAULTS[:-1]:
+        assert expected(kind, fault, rate_hz) in said[fault]
+    assert said["works"] == f"ok {RADIOS[kind].title}: {rate_hz:.0f} samples a second arrive. "
+
+
+@pytest.mark.parametrize(
+    ("kind", "rates"), [("airspy", "2500000 10000000"), ("soapy", "2500000 10000000")]
+)
+def test_the_rates_of_the_radio_that_is_there_are_named(
+    tmp_path: Path, kind: str, rates: str
+) -> None:
+    """Such as an Airspy R2, at the default rate of a Mini."""
+    needs(kind)
+    RadioWorld(tmp_path, kind).write("rates", rates)
+    said = doctor(tmp_path, default_radio(kind, sample_rate_hz=3e6), ("works",), rates=rates)
+    assert said["works"] == (
+        f"!! {RADIOS[kind].title}: it does not take 3000000 samples a second. "
+        "Set [radio] sample_rate_hz to 2500000 or 10000000"
+    )
+
+
+def test_a_serial_number_chooses_the_dongle_and_where_the_bias_voltage_goes(
+    examined: Examined,
+) -> None:
+    needs("rtlsdr")
+    said, calls = examined["rtlsdr"]
+    assert said["works"].startswith("ok")
+    opened = [call for call in calls if call.startswith("rtlsdr_open")]
+    assert opened[-2:] == ["rtlsdr_open 1"] * 2, "rtl_biast and rtl_sdr"
+    assert "rtlsdr_open 0" not in opened
+
+
+@pytest.mark.parametrize(
+    ("kind", "calls"),
+    [
+        ("airspy", ["airspy_open 35AC63DC2D8C7A4F", "airspy_set_rf_bias 1"]),
+        ("airspyhf", ["airspyhf_open DD52AAAA12345678", "airspyhf_set_hf_agc 0"]),
+        ("rtlsdr", ["rtlsdr_set_bias_tee_gpio 1", "rtlsdr_set_tuner_gain_mode 1"]),
+        ("hackrf", ["hackrf_set_antenna_enable 1", "hackrf_set_amp_enable 0"]),
+        ("soapy", ["manual gain", "biastee true", "gain 20"]),
+    ],
+)
+def test_each_radio_gets_its_settings_and_no_automatic_gain(
+    examined: Examined, kind: str, calls: list[str]
+) -> None:
+    needs(kind)
+    assert set(calls) <= set(examined[kind][1])
+
+
+def test_settings_refuse_a_rate_that_the_program_would_accept(tmp_path: Path) -> None:
+    """rtl_sdr at 500 kS/s prints a warning and streams on at another rate."""
+    config = tmp_path / "uavrt.toml"
+    for kind, rate_hz in (("rtlsdr", 500e3), ("airspy", 2.4e6), ("airspyhf", 600e3)):
+        config.write_text(f'[radio]\nkind = "{kind}"\nsample_rate_hz = {rate_hz}\n')
+        with pytest.raises(ConfigError, match=f"sample_rate_hz is {rate_hz:.0f}, but must be"):
+            load_settings(config)
+
+
+@pytest.mark.parametrize("kind", SERIALS)
+def test_the_tag_is_found_at_its_frequency(flown: dict[str, Flown], kind: str) -> None:
+    """Also with airspyhf_rx, which rounds the frequency that it is given."""
+    needs(kind)
+    found_hz = flown[kind].pulses_hz
+    assert len(found_hz) >= 3, flown[kind].error
+    assert median(found_hz) == pytest.approx(TAG_HZ, abs=1.0)

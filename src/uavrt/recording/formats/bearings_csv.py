@@ -46,10 +46,7 @@ class BearingRow:
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
     """Read a bearings.csv; empty lines, ``#`` lines and a line of names are passed over.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or a line is not a bearing.
+    Raises `FormatError`: the file cannot be read, or a line is not a bearing.
     """
     name = os.fspath(path)
     try:
@@ -109,12 +106,8 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
     Lines that are there already stay, except those of a tag and a parent file that are written
     anew: all its rotations are replaced together.
 
-    Raises
-    ------
-    FormatError
-        What is there already is no bearings.csv, or a name holds a comma.
-    RecordingError
-        It cannot be written.
+    Raises `FormatError`: what is there already is no bearings.csv, or a name holds a comma.
+    Raises `RecordingError`: it cannot be written.
     """
     new = list(rows)
     for row in new:

@@ -35,10 +35,7 @@ class PositionRow:
 def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
     """Read a positions.csv.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or a line is not of that kind.
+    Raises `FormatError`: it cannot be read, or a line is not of that kind.
     """
     found = []
     for number, line in enumerate(read_lines(path), start=1):
@@ -69,12 +66,8 @@ def write_position_file(path: str | os.PathLike[str], rows: Iterable[PositionRow
     """Write a positions.csv, whole or not at all; a line with the same tag and file is
     replaced.
 
-    Raises
-    ------
-    FormatError
-        What is there already is no positions.csv.
-    RecordingError
-        It cannot be written.
+    Raises `FormatError`: what is there already is no positions.csv.
+    Raises `RecordingError`: it cannot be written.
     """
     kept: dict[tuple[int, str], PositionRow] = {}
     if os.path.exists(path):

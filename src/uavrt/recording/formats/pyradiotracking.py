@@ -37,10 +37,7 @@ _REMEDY = "Its heading is Device;Time;Frequency;Duration;max;avg;std;noise;snr"
 def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
     """Read a signal CSV.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or a row is no signal; its line is named.
+    Raises `FormatError`: it cannot be read, or a row is no signal; its line is named.
     """
     lines = read_lines(path)
     names: list[str] | None = None

@@ -58,10 +58,7 @@ _REMEDY = (
 def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
     """Read the pulses of a flight directory or of a log in any format we know.
 
-    Raises
-    ------
-    FormatError
-        It is none of them, or a line is damaged.
+    Raises `FormatError`: it is none of them, or a line is damaged.
     """
     return read_pulse_log(path).pulse_poses
 
@@ -69,10 +66,7 @@ def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
 def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
     """Read a flight directory or a log in any format we know, with what to beware of.
 
-    Raises
-    ------
-    FormatError
-        It is none of them, or a line is damaged.
+    Raises `FormatError`: it is none of them, or a line is damaged.
     """
     place = Path(path)
     if place.name == "flight.sqlite":
@@ -102,10 +96,7 @@ def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
 def pulse_logs_in(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     """The flights and logs that a path names: itself, or those in a folder, at any depth.
 
-    Raises
-    ------
-    FormatError
-        It is a folder with none.
+    Raises `FormatError`: it is a folder with none.
     """
     place = Path(path)
     if not place.is_dir() or _holds_a_log(place):
@@ -160,10 +151,7 @@ def _holds_a_log(directory: Path) -> bool:
 def recognised(path: str | os.PathLike[str]) -> LogKind:
     """Find the format of a file by its first line.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or is none we know.
+    Raises `FormatError`: it cannot be read, or is none we know.
     """
     lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")

@@ -83,11 +83,8 @@ def is_detections(cells: Sequence[str]) -> bool:
 def read_pulse_lines(path: str | os.PathLike[str]) -> PulseLog:
     """Read a pulse file; damaged lines among good ones are passed over and counted.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, no line before its pulses tells the tuned frequency, or more lines
-        are damaged than good.
+    Raises `FormatError`: it cannot be read, no line before its pulses tells the tuned
+    frequency, or more lines are damaged than good.
     """
     tuned_hz: dict[str, float] = {}
     pulses: list[Pulse] = []
@@ -227,10 +224,7 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
     """Read detections: a burst in each row, of the tag that its ``id`` says.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or a row is no detection; its line is named.
+    Raises `FormatError`: it cannot be read, or a row is no detection; its line is named.
     """
     names: list[str] | None = None
     found: list[PulsePose] = []

@@ -109,10 +109,7 @@ class _Layout:
     def offset_deg(self, cells: Sequence[str]) -> float:
         """Antenna's offset: the one number behind the attitude, 0 where there is none.
 
-        Raises
-        ------
-        ValueError
-            The row ends before, or more is said than an offset.
+        Raises `ValueError`: the row ends before, or more is said than an offset.
         """
         if len(cells) < self.least_columns:
             raise ValueError(f"{len(cells)} columns where the others have more")
@@ -141,10 +138,7 @@ _LAYOUTS = [
 def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
     """Read a pulse CSV of TagTracker.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or a row is none of those above; its line is named.
+    Raises `FormatError`: it cannot be read, or a row is none of those above; its line is named.
     """
     lines = with_commas(read_lines(path))
     rows = [(number, _cells(line)) for number, line in enumerate(lines, start=1)]

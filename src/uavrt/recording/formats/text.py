@@ -25,10 +25,7 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
 
     What is packed with gzip is unpacked, as SensorGnomes pack theirs.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or is no text log but hundreds of megabytes.
+    Raises `FormatError`: it cannot be read, or is no text log but hundreds of megabytes.
     """
     name = os.fspath(path)
     try:
@@ -147,10 +144,7 @@ def seconds_ns(cell: str) -> int:
 def any_time_ns(cell: str) -> int:
     """Read a time as ISO 8601, or as seconds, milliseconds, micro- or nanoseconds since 1970.
 
-    Raises
-    ------
-    ValueError
-        It is none.
+    Raises `ValueError`: it is none.
     """
     try:
         value = finite(cell)

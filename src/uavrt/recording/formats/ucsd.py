@@ -52,10 +52,7 @@ class TargetEstimate:
 def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
     """Read a ping CSV.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or a row is no ping; its line is named.
+    Raises `FormatError`: it cannot be read, or a row is no ping; its line is named.
     """
     pings = [_ping(cells) for cells in _rows(path, PING_COLUMNS, _ping)]
     tags = tag_numbers([frequency for frequency, _, _, _ in pings])
@@ -73,10 +70,7 @@ def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
 def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, ...]:
     """Read an estimate CSV.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or a row is no estimate; its line is named.
+    Raises `FormatError`: it cannot be read, or a row is no estimate; its line is named.
     """
     return tuple(_estimate(cells) for cells in _rows(path, ESTIMATE_COLUMNS, _estimate))
 

@@ -10,10 +10,8 @@ from uavrt.errors import RecordingError
 def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
     """Make the folder, write beside the file, then rename over it.
 
-    Raises
-    ------
-    RecordingError
-        The disk is full, read-only or forbidden; the old file is untouched.
+    Raises `RecordingError`: the disk is full, read-only or forbidden; the old file is
+    untouched.
     """
     try:
         make_directories(Path(path).parent)

@@ -145,8 +145,9 @@ class Mission:
         flight = saved.flight
         same_boot = saved.boot_id == boot_id()
         self.last_flights.extend(d for d in saved.last_flights if same_boot or _recent(d))
-        if saved.state is SystemState.CAPTURING and flight is not None:
-            self._continue_capture(flight, saved.clock_offset_ns if same_boot else None)
+        if flight is not None and flight.capture_s is not None:
+            goes_on = same_boot and saved.state is SystemState.CAPTURING
+            self._continue_capture(flight, saved.clock_offset_ns if goes_on else None)
         if saved.state is SystemState.DETECTING and flight is not None:
             if same_boot:
                 self.clock = Clock(saved.clock_offset_ns)
@@ -168,7 +169,7 @@ class Mission:
         self._tell(4, f"Supervisor restarted: detecting {len(self.tags)} tags again")
 
     def _continue_capture(self, flight: FlightInfo, clock_offset_ns: int | None) -> None:
-        """Record the rest of a raw capture; without a clock offset keep what there is."""
+        """Record the rest of a raw capture; without a clock offset name what there is."""
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
             self._tell(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return
