@@ -62,7 +62,7 @@ class Ledger(Generic[R]):
         thorough: bool = False,
     ) -> None:
         self._output, self._directory, self._tables = output, output / name, tables
-        self._record = record
+        self._record: type[R] = record
         self._rows: dict[str, R] = {}
         self._files: dict[str, dict[str, Seal]] = {}
         self._keys: dict[str, set[str]] = defaultdict(set)

@@ -51,7 +51,7 @@ from uavrt.batch.tables import (
 from uavrt.batch.workers import Task, run_tasks
 from uavrt.errors import FormatError, RecordingError
 from uavrt.recording import WriterLock
-from uavrt.whole_file import make_directories
+from uavrt.whole_file import PART, make_directories
 
 R = TypeVar("R")
 
@@ -111,6 +111,9 @@ def _run(
     watch: BatchWatch,
 ) -> BatchSummary:
     make_directories(output / UNFINISHED)
+    for folder in (output, output / UNFINISHED):
+        for part in folder.glob(f".*{PART}"):
+            part.unlink()  # a cut came while it was written
     how = {"thorough": settings.verify}
     recordings = Ledger(output, DONE, RecordingRow, [PULSES], **how)
     flights = Ledger(output, PLACED, FlightRow, list(TABLES)[1:], **how)
@@ -152,7 +155,7 @@ def _run(
         (FLIGHTS, FlightRow, flights.rows),
         (PASSED_OVER, PassedOver, found.passed_over),
     ):
-        index[name] = Copy(write_rows(output / name, record, table_rows))  # type: ignore[type-var]
+        index[name] = Copy(write_rows(output / name, record, table_rows))
     write_note(output / ROWS, msgspec.json.encode(_rows_of(recordings, flights)))
     for name in (OUTLINES, ROWS):
         index[name] = Copy(sealed(output / name))

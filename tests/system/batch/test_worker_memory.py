@@ -56,13 +56,10 @@ def searched(folder: Path, length_s: int) -> Seen:
             cell=Cell(number=0, lead_in=0, begin_ns=None, end=length_s * RATE_HZ),
             sought=TagSource(tags=TAGS[:1]),
             frequency_window_hz=500.0,
-            chunk_s=600.0,
-            directory=folder / str(length_s),
         )
     )
     path.unlink()
-    assert (seen.result.fault, seen.result.unfinished) == (None, False)
-    assert len(seen.result.chunks) == 1
+    assert (seen.result.fault, seen.result.searched) == (None, True)
     return seen
 
 

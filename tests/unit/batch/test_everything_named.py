@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,14 +34,16 @@ def test_every_entry_is_searched_or_named(
     os.mkfifo(root / "pipe")
     walk = os.walk
 
-    def refusing(top: Path, **how: object) -> object:
-        for folder, below, names in walk(top, **how):  # type: ignore[call-overload]
+    def refusing(
+        top: Path, *, onerror: Callable[[OSError], None]
+    ) -> Iterator[tuple[str, list[str], list[str]]]:
+        for folder, below, names in walk(top):
             if "closed" in below:  # the superuser may read it all the same
-                how["onerror"](PermissionError(13, "Permission denied", f"{top}/closed"))  # type: ignore[operator]
+                onerror(PermissionError(13, "Permission denied", f"{top}/closed"))
                 below.remove("closed")
-            yield folder, below, names
+            yield str(folder), below, names
 
-    monkeypatch.setattr(recordings.os, "walk", refusing)
+    monkeypatch.setattr(os, "walk", refusing)
     found = find_recordings([root])
     searched = {one.path.name for one in found.recordings}
     assert searched == {gqrx, "a.cf32", "UPPER.CS16", "gone.cf32"}
