@@ -19,7 +19,7 @@ from pathlib import Path
 import msgspec
 
 from uavrt.batch.seals import Seal, fault_of, read_note, sealed, write_note
-from uavrt.batch.tables import MONTHS, RECORDINGS, SCHEMA_VERSION
+from uavrt.batch.tables import FLIGHTS, MONTHS, RECORDINGS, ROWS, SCHEMA_VERSION
 from uavrt.errors import FormatError, needs_extra
 from uavrt.units import NANOSECONDS_PER_SECOND
 from uavrt.whole_file import make_directories, replacing
@@ -107,7 +107,8 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
     try:
         noted = msgspec.json.decode(read_note(output / INDEX), type=Index)
     except FileNotFoundError:
-        return {}, {INDEX: "missing"} if (output / RECORDINGS).is_file() else {}
+        written = any((output / name).exists() for name in (RECORDINGS, FLIGHTS, ROWS))
+        return {}, {INDEX: "missing"} if written else {}
     except (FormatError, msgspec.DecodeError):
         return {}, {INDEX: "not what was written"}
     faults = {
