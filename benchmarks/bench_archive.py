@@ -23,14 +23,15 @@ import pyarrow.parquet as pq
 from benchmarks.bench_page import pss_mb
 from benchmarks.harness import Table
 from uavrt.batch import QUESTIONS, ask, find_flights
-from uavrt.batch.ledger import DONE, Ledger
-from uavrt.batch.months import gather_months
+from uavrt.batch.ledger import Ledger
+from uavrt.batch.months import gather_months, write_index
 from uavrt.batch.questions import keep_answers
+from uavrt.batch.seals import sealed
 from uavrt.batch.tables import (
+    DONE,
     PULSES,
     RECORDINGS,
     RecordingRow,
-    folder_of,
     schema_of,
     write_rows,
 )
@@ -54,7 +55,7 @@ def run() -> list[Table]:
 
 
 def _questions(output: Path) -> Table:
-    rows = write_archive(output)
+    ledger = write_archive(output)
     day_ns = START_NS + 500 * DAY_NS
     asked = {
         "uavrt archive tags": (QUESTIONS["tags"], 1.0),
@@ -65,18 +66,19 @@ def _questions(output: Path) -> Table:
         ),
         "pulses of one flight": ("select * from pulses where flight = 'flight_02500'", None),
         "pulses of each tag and month": (
-            "select tag_id, date_trunc('month', make_timestamp_ns(start_time_ns)) as month, "
+            "select tag_id, date_trunc('month', start_utc) as month, "
             "count(*) from pulses group by all",
             None,
         ),
     }
     apart = {name: _seconds(output, sql, 1) for name, (sql, _) in asked.items()}
     started_s = time.process_time()
-    months = gather_months(output, rows, [])
+    index = gather_months(output, {}, {PULSES: ledger.times(PULSES)})
+    write_index(output, index)
     spent_s = time.process_time() - started_s
     lines = []
     once_s = _seconds(output, QUESTIONS["tags"], ROUNDS)
-    keep_answers(output)
+    write_index(output, keep_answers(output, index))
     for name, (sql, bar_s) in asked.items():
         took_s = _seconds(output, sql, ROUNDS)
         met = (
@@ -89,8 +91,8 @@ def _questions(output: Path) -> Table:
         rows=lines,
         notes=[
             f"{FLIGHTS} synthetic flights of {PULSES_EACH} pulses in {DAYS} days, {TAGS} tags; "
-            f"gathering {months} months took {spent_s:.0f} s of CPU. Time on the clock, median "
-            f"of {ROUNDS} by month, two threads, files in the page cache.",
+            f"gathering {len(index)} months took {spent_s:.0f} s of CPU. Time on the clock, "
+            f"median of {ROUNDS} by month, two threads, files in the page cache.",
             f"A batch keeps the answer to `tags` until a pulse changes; to compute it takes "
             f"{once_s:.2f} s.",
         ],
@@ -341,8 +343,8 @@ def _seconds(output: Path, sql: str, rounds: int) -> float:
 
 def write_archive(
     output: Path, flights: int = FLIGHTS, pulses_each: int = PULSES_EACH
-) -> list[RecordingRow]:
-    """Write pulses of flights as a batch does; the rows of their recordings."""
+) -> Ledger[RecordingRow]:
+    """Write pulses of flights as a batch does, and the rows of their recordings."""
     rng = np.random.default_rng(1)
     ledger = Ledger(output, DONE, RecordingRow, [PULSES])
     for number in range(flights):
@@ -350,8 +352,8 @@ def write_archive(
         start_ns = (
             START_NS + number * DAYS // flights * DAY_NS + (6 + number % 7) * 3600 * 10**9
         )
-        file = output / PULSES / folder_of(flight) / f"key{number}.parquet"
-        file.parent.mkdir(parents=True)
+        file = output / PULSES / f"key{number}.parquet"
+        file.parent.mkdir(exist_ok=True)
         pq.write_table(_pulses(rng, flight, start_ns, pulses_each), file, compression="zstd")
         ledger.settle(
             RecordingRow(
@@ -372,10 +374,11 @@ def write_archive(
                 cpu_s=20.0,
                 finished_time_ns=start_ns,
                 uavrt_version="0",
-            )
+            ),
+            {f"{PULSES}/{file.name}": sealed(file)},
         )
     write_rows(output / RECORDINGS, RecordingRow, ledger.rows)
-    return ledger.rows
+    return ledger
 
 
 def _pulses(rng: np.random.Generator, flight: str, start_ns: int, count: int) -> pa.Table:
@@ -405,5 +408,8 @@ def _pulses(rng: np.random.Generator, flight: str, start_ns: int, count: int) ->
         "burst_snrs_db": [()] * count,
         "recording": [f"/archive/{flight}.sigmf-meta"] * count,
         "cell": np.zeros(count, np.int32),
+        "flight": [flight] * count,
+        "start_utc": time_ns // 1000,
+        "end_utc": (time_ns + 20_000_000) // 1000,
     }
-    return pa.table(columns, schema=schema_of(Pulse))
+    return pa.table(columns, schema=schema_of(Pulse, flight=True))

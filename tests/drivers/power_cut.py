@@ -34,6 +34,7 @@ class Cut:
     def _write(self, inode: int, target: Path, entries: dict[int, _Entries]) -> None:
         target.mkdir()
         for name, (child, is_directory) in entries.get(inode, {}).items():
+            name = name.replace(f".{os.getpid()}.", ".1.")  # the next run is another process
             if is_directory:
                 self._write(child, target / name, entries)
             else:

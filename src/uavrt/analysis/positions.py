@@ -13,6 +13,7 @@ import numpy as np
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings_together
 from uavrt.analysis.flight_copies import SAME_PULSES
 from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
+from uavrt.analysis.log_clocks import clock_doubts
 from uavrt.analysis.power_survey import (
     HeardStrength,
     TagSignal,
@@ -153,6 +154,8 @@ def read_positions(
     for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
+    for text in clock_doubts(logs):
+        warn(text)
     same = same_tags([log for _, log in logs], [tags_of(path) for path, _ in logs])
     for text in same.warnings:
         warn(text)

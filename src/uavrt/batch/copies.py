@@ -50,8 +50,8 @@ def copies_of(
         for copy in row.copies.splitlines()
     }
     copies = {one: told[one] for one in found.flights if one in told}
-    outlines = _outlines({*found.flights, *map(Path, known)} - copies.keys(), output)
-    directories = {one.directory for one in outlines}
+    groups = _groups({*found.flights, *map(Path, known)} - copies.keys(), output)
+    directories = {one.directory for group in groups for one in group}
     searched = {
         flight_of(row.path, directories)
         for row in recordings.rows
@@ -66,7 +66,7 @@ def copies_of(
             *(one.pulses, str(place) in known),
         )
 
-    for flight in without_copies(outlines):
+    for flight in groups:
         if len(flight) < 2:
             continue
         counting = max(flight, key=worth)
@@ -101,8 +101,9 @@ def drop_copies(
         The directory cannot be written.
     """
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
-    for row in recordings.rows:
-        if flight_of(row.path, gone) is not None:
+    for row in recordings.rows if gone else ():
+        of_itself = row.state == "recorded"
+        if Path(row.path) in gone or (not of_itself and flight_of(row.path, gone)):
             recordings.drop(row.path)
     for copy in gone:
         flights.drop(str(copy))
@@ -114,13 +115,21 @@ class _Outlined(msgspec.Struct, frozen=True):
     outline: FlightOutline
 
 
-def _outlines(directories: set[Path], output: Path) -> list[FlightOutline]:
-    """Read those that can be read; of flights that did not change since, what was kept."""
+class _Kept(msgspec.Struct, frozen=True):
+    """What the last run has found."""
+
+    flights: dict[str, _Outlined] = {}  # a struct copies it
+    groups: list[list[str]] = []
+    """Directories of the copies of each flight."""
+
+
+def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
+    """Put copies together, of flights that can be read; unless all are as they were."""
     kept, found = _kept(output), dict[str, _Outlined]()
     for directory in sorted(directories):
         try:
             stamp, name = _stamp(directory), str(directory)
-            one = kept.get(name)
+            one = kept.flights.get(name)
             if one is None or one.stamp != stamp:
                 outline = read_outline(directory)
                 outline = replace(outline, info=replace(outline.info, tags=()))
@@ -128,17 +137,19 @@ def _outlines(directories: set[Path], output: Path) -> list[FlightOutline]:
             found[name] = one
         except (FormatError, OSError):
             continue  # named where it is placed
-    if found != kept or not kept:
-        write_note(output / OUTLINES, msgspec.msgpack.encode(found))
-    return [one.outline for one in found.values()]
+    if found != kept.flights or not kept.groups:
+        flights = without_copies([one.outline for one in found.values()])
+        groups = [[str(one.directory) for one in flight] for flight in flights]
+        kept = _Kept(flights=found, groups=groups)
+        write_note(output / OUTLINES, msgspec.msgpack.encode(kept))
+    return [[kept.flights[name].outline for name in group] for group in kept.groups]
 
 
-def _kept(output: Path) -> dict[str, _Outlined]:
+def _kept(output: Path) -> _Kept:
     try:
-        content = read_note(output / OUTLINES)
-        return msgspec.msgpack.decode(content, type=dict[str, _Outlined])
+        return msgspec.msgpack.decode(read_note(output / OUTLINES), type=_Kept)
     except (OSError, FormatError, msgspec.DecodeError):
-        return {}
+        return _Kept()
 
 
 def _stamp(directory: Path) -> list[int]:

@@ -74,6 +74,9 @@ class Detecting:
     ) -> None:
         self._sought, self._output = sought, output
         self._settings, self._ledger = settings, ledger
+        for kept in (output / UNFINISHED).glob("*/"):
+            if ledger.done(kept.name) is not None:  # a cut came before they were removed
+                shutil.rmtree(kept)
         self._jobs: list[_Job] = []
         """Of each task."""
         self.keys: dict[Path, str] = {}

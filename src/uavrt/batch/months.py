@@ -20,7 +20,7 @@ import msgspec
 
 from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.seals import Seal, fault_of, read_note, sealed, write_note
-from uavrt.batch.tables import MONTHS, RECORDINGS, SCHEMA_VERSION
+from uavrt.batch.tables import FLIGHTS, MONTHS, RECORDINGS, ROWS, SCHEMA_VERSION
 from uavrt.errors import FormatError, needs_extra
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -107,7 +107,8 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
     try:
         noted = msgspec.json.decode(read_note(output / INDEX), type=Index)
     except FileNotFoundError:
-        return {}, {INDEX: "missing"} if (output / RECORDINGS).is_file() else {}
+        written = any((output / name).exists() for name in (RECORDINGS, FLIGHTS, ROWS))
+        return {}, {INDEX: "missing"} if written else {}
     except (FormatError, msgspec.DecodeError):
         return {}, {INDEX: "not what was written"}
     faults = {

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TypeVar
 
 import uavrt
-from uavrt.analysis import USUAL_ANTENNA
 from uavrt.analysis.measure import TagSource
 from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
 from uavrt.batch.ledger import Ledger
@@ -274,7 +273,7 @@ def _planned(
 
     None: nothing is left to do.
     """
-    keys, whip_keys = (step_keys(task, name) for name in (USUAL_ANTENNA, MONOPOLE))
+    keys, whip_keys = step_keys(task)
     done = {} if before is None else read_keys(before.fingerprints)
     antenna = task.settings.antenna or (before.antenna if before is not None else "")
     now = whip_keys if antenna == MONOPOLE else keys

@@ -23,7 +23,7 @@ from typing import TypeVar
 import msgspec
 
 from uavrt.analysis.measure import TagSource
-from uavrt.atomic_file import make_directories
+from uavrt.atomic_file import PART, make_directories
 from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
 from uavrt.batch.ledger import Ledger
@@ -111,6 +111,9 @@ def _run(
     watch: BatchWatch,
 ) -> BatchSummary:
     make_directories(output / UNFINISHED)
+    for folder in (output, output / UNFINISHED):
+        for part in folder.glob(f".*{PART}"):
+            part.unlink()  # a cut came while it was written
     how = {"thorough": settings.verify}
     recordings = Ledger(output, DONE, RecordingRow, [PULSES], **how)
     flights = Ledger(output, PLACED, FlightRow, list(TABLES)[1:], **how)

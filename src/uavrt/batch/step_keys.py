@@ -1,13 +1,15 @@
 """What each step reads: a change anywhere else has it not done again."""
 
 import hashlib
+import os
+import stat
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import uavrt
 from uavrt.batch.flight_work import FlightTask
-from uavrt.localization import MONOPOLE
 from uavrt.messages import Tag
 from uavrt.recording import FlightLayout
 
@@ -15,15 +17,20 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 """Done together; each takes what the one before gave."""
 
 
-def step_keys(task: FlightTask, antenna: str) -> dict[str, str]:
+def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
     """Name what each step of a flight reads, whether it is asked for or not.
 
     Parameters
     ----------
     task : FlightTask
         The flight as it is, its pulses, and the settings.
-    antenna : str
-        With which it is reckoned, as far as that is known.
+
+    Returns
+    -------
+    dict of str to str
+        For an antenna that has a pattern.
+    dict of str to str
+        For a monopole.
 
     Raises
     ------
@@ -42,20 +49,16 @@ def step_keys(task: FlightTask, antenna: str) -> dict[str, str]:
         [*flight_files(task), *(asked if estimated else ())],
     )
     bearing = _hashed([attach, how.antenna, how.offset_deg], asked)
-    power = antenna == MONOPOLE
     ground: list[object] = [how.dem, how.sea and how.dem is not None]
-    localize = _hashed(
-        [
-            *(bearing, how.method, power, *ground),
-            (how.height_m, how.height_sigma_m) if power else how.heading_sigma_deg,
-        ],
-        _elevation_files(how.dem),
+    elevation = _elevation_files(how.dem)
+    integrate = _hashed([attach, how.antenna, *ground], [*asked, *elevation, *_kept(task)])
+    heights = (how.height_m, how.height_sigma_m)
+    localize, by_power = (
+        _hashed([bearing, how.method, power, *ground, read], elevation)
+        for power, read in ((False, how.heading_sigma_deg), (True, heights))
     )
-    integrate = _hashed(
-        [attach, how.antenna, *ground], [*asked, *_elevation_files(how.dem), *_kept(task)]
-    )
-    keys = (attach, bearing, localize, integrate)
-    return dict(zip((*PLACING_STEPS, "integrate"), keys, strict=True))
+    keys = {"attach": attach, "bearing": bearing, "localize": localize, "integrate": integrate}
+    return keys, keys | {"localize": by_power}
 
 
 def recorded_key(task: FlightTask) -> str:
@@ -99,7 +102,10 @@ def flight_files(task: FlightTask) -> list[Path]:
 def _kept(task: FlightTask) -> list[Path]:
     if not task.is_flight:
         return []
-    return sorted(FlightLayout(Path(task.path)).channels_directory.glob("*.sigmf-*"))
+    channels = FlightLayout(Path(task.path)).channels_directory
+    with suppress(FileNotFoundError, NotADirectoryError):
+        return sorted(channels / one for one in os.listdir(channels) if ".sigmf-" in one)
+    return []
 
 
 def _elevation_files(dem: str | None) -> list[Path]:
@@ -111,7 +117,9 @@ def _elevation_files(dem: str | None) -> list[Path]:
 
 def _hashed(facts: list[object], files: Iterable[Path]) -> str:
     for path in files:
-        # To read a database leaves an empty write-ahead log beside it.
-        if path.is_file() and (about := path.stat()).st_size:
-            facts += [str(path), about.st_size, about.st_mtime_ns]
+        with suppress(FileNotFoundError, NotADirectoryError):
+            about = path.stat()
+            # To read a database leaves an empty write-ahead log next to it.
+            if stat.S_ISREG(about.st_mode) and about.st_size:
+                facts += [str(path), about.st_size, about.st_mtime_ns]
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]

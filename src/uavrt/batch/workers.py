@@ -187,7 +187,12 @@ class _Pool:
 
     def submit(self, task: Task[R]) -> "Future[R | None]":
         self._in_hand += 1
-        return self._executor.submit(_work, task)
+        # Workers start with the signals of this thread: Ctrl-C is not for them.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            return self._executor.submit(_work, task)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
         del task

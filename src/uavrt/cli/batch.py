@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
 _STOPPED = "stopped: the same command goes on from here"
-_END_S = 0.8
+_END_S = 0.5
 """After Ctrl-C: to end in good order, and again as long until all is ended."""
 LeadIn = Annotated[float, Parameter(validator=Between(least=0, most=3600, unit="s"))]
 

@@ -5,6 +5,7 @@ name), so a flight as the drone recorded it knows its tags by id and frequency. 
 station keeps the operator's list in its directory, ``tags.toml``.
 """
 
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -43,11 +44,11 @@ def _named(tag: Tag, known: dict[int, Tag]) -> Tag:
 
 def _near(directory: Path) -> tuple[Tag, ...]:
     """The list that the ground station keeps; none where there is none that can be read."""
-    above = directory.absolute().parent
-    for path in (above / "tags.toml", above / "ground" / "tags.toml"):
-        if path.is_file():
+    above = os.path.dirname(os.path.abspath(directory))
+    for path in (f"{above}/tags.toml", f"{above}/ground/tags.toml"):
+        if os.path.isfile(path):
             try:
-                return read_tags(path)
+                return read_tags(Path(path))
             except (UavrtError, OSError):
                 continue
     return ()

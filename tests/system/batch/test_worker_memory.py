@@ -59,8 +59,7 @@ def searched(folder: Path, length_s: int) -> Seen:
         )
     )
     path.unlink()
-    assert (seen.result.fault, seen.result.unreachable) == (None, False)
-    assert seen.result.searched
+    assert (seen.result.fault, seen.result.searched) == (None, True)
     return seen
 
 

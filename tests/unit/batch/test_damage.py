@@ -47,7 +47,7 @@ def held_in(output: Path) -> dict[str, object]:
         files = sorted((output / table).glob("*"))
         held |= {str(one.relative_to(output)): pq.read_table(one).to_pylist() for one in files}
     held["rows"] = sorted(one.name for one in output.glob("[dp][ol][na]*e*/*"))
-    held["others"] = sorted(one.name for one in output.glob("*"))
+    held["others"] = sorted(one.name for one in (*output.glob("*"), *output.glob("unf*/*")))
     return held
 
 

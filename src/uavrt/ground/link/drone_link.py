@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from math import ceil
 
 from uavrt import tunnel
-from uavrt.commands import CommandName
+from uavrt.commands import NO_UPLOAD, CommandName
 from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.ground.link.delivery_receipts import Receipts
@@ -305,6 +305,14 @@ class GroundLink:
                 await self.command(payload, CODED_TAG_TYPE if is_coded else PAYLOAD_TYPE)
             except LinkError as error:
                 raise _without_codes(error) if is_coded else error from error
+            except CommandRefused as error:
+                if count == 1 or NO_UPLOAD not in str(error):
+                    raise
+                raise CommandRefused(
+                    "the upload was opened and then refused: two vehicles answer under number "
+                    f"{self._vehicle_id()}, or another station ended it",
+                    remedy="Give each vehicle a number of its own (SYSID_THISMAV, MAV_SYS_ID)",
+                ) from error
             if progress is not None:
                 progress(count, len(payloads))
         self.protocol.tags = {tag.tag_id: tag for tag in tags}

@@ -1,0 +1,67 @@
+"""Ctrl-C ends a batch within two seconds, whatever it does; what is open is done again."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from archived import TAGS, record
+from past_flight import write_flight
+
+from uavrt.cli.detect import stop_on_signals
+
+
+def test_what_does_not_end_by_itself_is_interrupted() -> None:
+    begun_s = time.monotonic()
+
+    def work() -> None:
+        with stop_on_signals(0.2) as stopped:
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert stopped() == signal.SIGTERM
+            time.sleep(20.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert time.monotonic() - begun_s < 2.0
+    time.sleep(0.5)  # the timer that would end the program has gone
+
+
+def test_an_end_in_good_order_is_left_alone() -> None:
+    with stop_on_signals(0.2) as stopped:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stopped() == signal.SIGINT
+    time.sleep(0.6)
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize("after_s", [0.0, 0.4, 1.0, 2.0])
+def test_ctrl_c_ends_each_stage_in_two_seconds(
+    tmp_path: Path, workers: str, after_s: float
+) -> None:
+    folder = tmp_path / "archive"
+    folder.mkdir()
+    (tmp_path / "tags.txt").write_text("2, 148706000, 1210, 20, 20, 10, 3, 0.02\n")
+    record(folder / "gqrx_20260501_060000_148700000_24000_fc.raw", 60.0, 1, tags=TAGS[:1])
+    write_flight(folder, 120.0, 300.0)
+    program = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "uavrt.cli", "batch", str(folder), "--workers", workers),
+            *("--tags", str(tmp_path / "tags.txt"), "-o", str(tmp_path / "out")),
+        ],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert program.stderr is not None
+    assert "1 recording, 1 flight" in program.stderr.readline()
+    time.sleep(after_s)
+    begun_s = time.monotonic()
+    os.killpg(program.pid, signal.SIGINT)
+    _, said = program.communicate(timeout=60.0)
+    assert time.monotonic() - begun_s < 2.0
+    ended = (0, -signal.SIGINT) if "placed now" in said and "stopped" not in said else (130,)
+    assert program.returncode in ended
+    assert "Traceback" not in said
