@@ -463,7 +463,7 @@ def _estimated(
         found.append(
             TagBearing(
                 tag_id=one.tag_id,
-                bearing=bearing_of(one, antenna=antenna, method=method, widenings=True),
+                bearing=bearing_of(one, antenna=antenna, method=method),
                 latitude_deg=one.latitude_deg,
                 longitude_deg=one.longitude_deg,
                 altitude_amsl_m=float(np.median(altitudes)),

@@ -18,7 +18,7 @@ from uavrt.analysis import (
     positions_of_bearings,
     positions_of_powers,
 )
-from uavrt.analysis.measure import antenna_named, posed_in
+from uavrt.analysis.measure import antenna_named, posed_in, remarks_of
 from uavrt.analysis.tracks import attach_poses, estimate_offset, read_track
 from uavrt.attitude import yaw_deg
 from uavrt.batch.tables import BearingOfTag, PoseRow, PositionOfTag, read_pulses
@@ -376,7 +376,7 @@ def _position_row(
         at_edge=found.at_edge,
         heading_error_deg=found.heading_error_deg,
         heading_error_sigma_deg=found.heading_error_sigma_deg,
-        remarks="; ".join(found.remarks),
+        remarks="; ".join(remarks_of(found)),
         cautions=", ".join(each.name for each in found.cautions),
         cautions_in_words="\n".join(each.text for each in found.cautions),
         track_time_ns=tuple(each.time_ns for each in found.track),

@@ -109,14 +109,6 @@ def _record(one: "TagBearing") -> dict[str, Any]:
         "level_db": found.level_db,
         "fading_db": found.fading_db,
         "confidence": found.confidence,
-        "widenings": [
-            {
-                "prior": each.prior,
-                "by_deg": each.by_deg,
-                "arc90_without_deg": each.arc90_without_deg,
-            }
-            for each in found.widenings
-        ],
         "remarks": [*found.remarks],
     }
 
@@ -128,10 +120,4 @@ def _sentence(one: "TagBearing") -> str:
         low, high = found.interval90_deg
         text += f", 90 % within {low:.1f}° to {high:.1f}°"
     text += f", {found.pulses} pulses at {one.latitude_deg:.6f}, {one.longitude_deg:.6f}"
-    if not found.accepted:
-        text += "; there is no clear direction"
-    elif found.multipath_suspected:
-        text += "; a reflection is likely, or another antenna than said"
-    elif found.ambiguous:
-        text += "; another direction is nearly as good"
-    return "\n  ".join([text, *found.remarks])
+    return "; ".join([text, *found.remarks])

@@ -117,6 +117,8 @@ def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
 
 
 def _record(one: "TagPosition") -> dict[str, Any]:
+    from uavrt.analysis.measure import remarks_of
+
     found = one.position
     assert found is not None
     ellipse = found.ellipse95
@@ -139,15 +141,7 @@ def _record(one: "TagPosition") -> dict[str, Any]:
         "heading_error_deg": found.heading_error_deg,
         "heading_error_sigma_deg": found.heading_error_sigma_deg,
         "cautions": [{"name": each.name, "text": each.text} for each in found.cautions],
-        "widenings": [
-            {
-                "prior": each.prior,
-                "by_m": each.by_m,
-                "radius95_without_m": each.radius95_without_m,
-            }
-            for each in found.widenings
-        ],
-        "remarks": [*_remarks(found)],
+        "remarks": [*remarks_of(found)],
         "track": [
             {
                 "time": iso_utc(each.time_ns),
@@ -164,6 +158,8 @@ def _record(one: "TagPosition") -> dict[str, Any]:
 
 def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
     """What is known of a tag; with its frequency where its number stands for several."""
+    from uavrt.analysis.measure import remarks_of
+
     found = one.position
     tag = f"tag {one.tag_id} ({one.name})" if one.name else f"tag {one.tag_id}"
     if one.tag_id in several and one.frequency_hz is not None:
@@ -181,15 +177,7 @@ def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
-    return "\n  ".join([text, *_remarks(found), *_way(found)])
-
-
-def _remarks(found: "Position") -> list[str]:
-    """What an operator must know beside the circles."""
-    from uavrt.analysis.measure import straight_walk
-
-    straight = straight_walk(found)
-    return [*([] if straight is None else [straight]), *found.remarks]
+    return "\n  ".join([text, *remarks_of(found), *_way(found)])
 
 
 def _way(found: "Position") -> list[str]:

@@ -416,7 +416,6 @@ def bearing_of(
     *,
     antenna: AntennaPattern | str,
     method: BearingMethod | str = "pattern_ml",
-    widenings: bool = False,
 ) -> Bearing:
     """Estimate the bearing of a tag in a turn.
 
@@ -428,9 +427,6 @@ def bearing_of(
         The pattern.
     method : str
         How pulses become a bearing.
-    widenings : bool
-        Tell also what each error that the pulses may share adds to the arc, and thereby to the
-        circles of positions from it.
 
     Raises
     ------
@@ -452,7 +448,6 @@ def bearing_of(
         noise_psd=np.concatenate([noise, fill]) if known else None,
         threshold_db=MISS_THRESHOLD_DB,
         heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
-        widenings=widenings,
     )
 
 
@@ -497,9 +492,9 @@ def position_of_bearings(
 ) -> Position:
     """Estimate where a tag is from the bearings of a flight; those without a direction go out.
 
-    What each shared error adds to the radius is told, too. With the ground, levels are compared
-    by what hills take from them. What receivers heard that never turned goes in as strengths,
-    to the method ``bayes``; the position says what became of each.
+    With the ground, levels are compared by what hills take from them. What receivers heard that
+    never turned goes in as strengths, to the method ``bayes``; the position says what became of
+    each.
 
     Raises
     ------
@@ -542,8 +537,8 @@ def located(
 ) -> Position:
     """Estimate where a tag is, from a flight's bearings or from its powers.
 
-    What each shared error adds to the radius is told; a tag whose bearings or powers contradict
-    a place that rests is followed. Where the ground is known, hills weaken what is heard.
+    A tag whose bearings or powers contradict a place that rests is followed. Where the ground
+    is known, hills weaken what is heard.
 
     Raises
     ------
@@ -556,7 +551,6 @@ def located(
         method=method,
         heading_sigma_deg=heading_sigma_deg,
         height_sigma_m=height_sigma_m,
-        widenings=True,
         follow=True,
         hills=hills,
     )

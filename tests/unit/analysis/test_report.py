@@ -94,14 +94,13 @@ def test_the_headline_says_what_its_bearings_say(survey: Survey) -> None:
     doubted = replace(survey, bearings=(first, *survey.bearings[1:]))
     (plain, _), (told, _) = words.findings(survey), words.findings(doubted)
     assert "reflection" not in plain.detail
-    assert "of its 3 bearings: reflection likely in 1" in told.detail
+    assert "in 1 of its 3 bearings a reflection is likely" in told.detail
     assert "UTC" in told.detail
 
 
 def test_the_headline_says_what_may_be_wrong_with_all_bearings(survey: Survey) -> None:
     detail = words.findings(survey)[0].detail
     assert "a common error" in detail
-    assert "the common heading error of 1.5°" in detail
 
 
 def test_the_pdf_has_a_page_for_each_heard_tag(survey: Survey) -> None:

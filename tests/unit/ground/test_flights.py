@@ -238,14 +238,13 @@ def test_drone_page_report_and_command_line_tell_the_same_of_one_flight(
         assert shown["radius50_m"] == pytest.approx(other.radius50_m, abs=0.01)
         assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
         assert shown["remarks"] == list(other.remarks)
-        assert other.widenings
     assert len(page.bearings) == len(survey.bearings) == len(drone) == 4
     for one, tag_bearing, live in zip(page.bearings, survey.bearings, drone, strict=True):
         in_report = tag_bearing.bearing
         assert in_report.interval90_deg is not None
         assert one["bearing_deg"] == pytest.approx(in_report.bearing_deg, abs=0.01)
         assert one["interval90_deg"] == pytest.approx(in_report.interval90_deg, abs=0.01)
-        assert one["remarks"] == list(in_report.remarks) != []
+        assert one["remarks"] == list(in_report.remarks)
         assert one["pulses"] < in_report.pulses  # misses are counted there
         assert live.bearing_deg == pytest.approx(in_report.bearing_deg, abs=0.01)
         assert live.sigma_deg == pytest.approx(in_report.sigma_deg, abs=0.01)
@@ -362,7 +361,8 @@ def test_page_report_and_command_line_trust_headings_and_heights_alike(
         assert shown["latitude_deg"] == pytest.approx(other.latitude_deg, abs=1e-9)
         assert shown["radius95_m"] == pytest.approx(other.radius95_m, abs=0.01)
         assert shown["remarks"] == list(other.remarks)
-    assert shown["remarks"] != usual["remarks"]
+    if pattern != "monopole":
+        assert shown["radius95_m"] != usual["radius95_m"]
     with pytest.raises(UsageError, match="heading_error_deg"):
         settings.changed({"heading_error_deg": "-1"})
 

@@ -248,7 +248,7 @@ REMARKS = {
     "uavrt.analysis.hindsight": ("_ambiguity",),
     "uavrt.analysis.kept_samples": ("left_out_in_words",),
     "uavrt.analysis.listening": ("missing_in_words", "limits_of"),
-    "uavrt.analysis.measure.shapes": ("straight_walk",),
+    "uavrt.analysis.measure.shapes": ("remarks_of",),
     "uavrt.analysis.silence": (
         *("_NOT_JUDGED", "_NOT_TOLD", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),
@@ -258,6 +258,7 @@ REMARKS = {
         *("UNCHECKED", "UNKNOWN_SIGMAS", "cautions_of", "_cautions_of_odd", "_contradicting"),
     ),
     "uavrt.localization.position.survey_walk": ("caution",),
+    "uavrt.localization.results": ("remarks",),
     "uavrt.localization.survey_errors": ("cautions_of_survey",),
     "uavrt.terrain.elevation": ("cautions",),
     "uavrt.terrain.hill_losses": ("told",),

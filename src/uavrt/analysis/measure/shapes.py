@@ -80,16 +80,18 @@ def way_of(position: Position | None) -> list[Point]:
     return [(one.longitude_deg, one.latitude_deg) for one in track]
 
 
-def straight_walk(position: Position) -> str | None:
-    """What a walking tag's one place means beside its way, which may bend.
+def remarks_of(position: Position) -> tuple[str, ...]:
+    """What an operator must know beside a position's circles.
 
-    None where the two are the same: by strength, or where the way itself was asked for.
+    A walking tag's one place says for which time it stands, unless the way itself is the
+    answer: by strength, or where it was asked for.
     """
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
-        return None
+        return position.remarks
     time = told_utc(position.track[-1].time_ns)
-    return f"this is where it was at {time} if it walked straight on; its way may bend"
+    straight = f"this is where it was at {time} if it walked straight on; its way may bend"
+    return (*position.remarks, straight)
 
 
 def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:

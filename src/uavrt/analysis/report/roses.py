@@ -59,18 +59,6 @@ def _gain_db(survey: Survey, off_deg: _Floats) -> _Floats:
     return (survey.pattern() or pattern_named(survey.antenna)).gain_db(off_deg)
 
 
-def verdict(one: TagBearing) -> str:
-    """Describe briefly what to think of a bearing."""
-    bearing = one.bearing
-    if not bearing.accepted:
-        return "no clear direction"
-    if bearing.multipath_suspected:
-        return "reflection likely"
-    if bearing.ambiguous:
-        return "ambiguous"
-    return "clear"
-
-
 def _rose(
     axes: "Axes", survey: Survey, one: TagBearing, yaw: _Floats, snr: _Floats, color: str
 ) -> None:
@@ -104,7 +92,7 @@ def _rose(
     text = f"{bearing.bearing_deg:.0f}°"
     if bearing.sigma_deg is not None:
         text += f" ± {bearing.sigma_deg:.0f}°"
-    axes.set_title(f"{text}\n{verdict(one)}, {len(snr)} pulses", loc="center", fontsize=8.5)
+    axes.set_title(f"{text}\n{len(snr)} pulses", loc="center", fontsize=8.5)
 
 
 def _residuals(

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import uavrt
-from uavrt.analysis.measure import straight_walk
-from uavrt.analysis.report.roses import verdict
+from uavrt.analysis.measure import remarks_of
 from uavrt.analysis.silence import around_in_words
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
@@ -236,7 +235,7 @@ def bearing_table(survey: Survey) -> Table:
                 f"{one.bearing.bearing_deg:.0f}°",
                 "–" if interval is None else f"{interval[0]:.0f}° to {interval[1]:.0f}°",
                 str(one.bearing.pulses),
-                "; ".join([verdict(one), *one.bearing.remarks]),
+                "; ".join(one.bearing.remarks) or "clear",
             ]
         )
     return header, rows
@@ -341,9 +340,7 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         parts.append("it may be farther out")
     if position.stations == 1:
         parts.append("one bearing tells the direction, hardly the distance")
-    if straight := straight_walk(position):
-        parts.append(straight)
-    parts += position.remarks
+    parts += remarks_of(position)
     parts += _way(survey, position)
     return Finding(
         tag_id=tag_id,
@@ -366,14 +363,12 @@ def _way(survey: Survey, position: Position) -> list[str]:
     return [f"its track is dotted on the map: at {', at '.join(told)}"]
 
 
-def _caveat(survey: Survey, tag_id: int) -> str | None:
+def _caveat(survey: Survey, tag_id: int) -> str:
     """Caveats of a position that come from its bearings."""
     bearings = survey.bearings_of(tag_id)
-    doubts = Counter(text for one in bearings if (text := verdict(one)) != "clear")
-    if not doubts:
-        return None
-    told = ", ".join(f"{text} in {count}" for text, count in doubts.items())
-    return f"of its {_count(len(bearings), 'bearing')}: {told}"
+    doubts = Counter(text for one in bearings for text in one.bearing.remarks)
+    many = _count(len(bearings), "bearing")
+    return "; ".join(f"in {count} of its {many} {text}" for text, count in doubts.items())
 
 
 def _why_no_position(survey: Survey, tag_id: int) -> str:

@@ -23,7 +23,7 @@ from uavrt.analysis import (
     past_turns,
     position_of_strength,
 )
-from uavrt.analysis.measure import straight_walk
+from uavrt.analysis.measure import remarks_of
 from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.flights import Columns, known
 from uavrt.ground.web import readout
@@ -558,8 +558,7 @@ def _bearing(
     number: int, heard: HeardInTurn, pattern: AntennaPattern
 ) -> tuple[Bearing, Record] | None:
     try:
-        # What its pulses share costs as much again: a turn that goes on is told of soon enough.
-        bearing = bearing_of(heard, antenna=pattern, widenings=heard.whole)
+        bearing = bearing_of(heard, antenna=pattern)
     except UsageError:
         return None
     rose = _rose(yaws_deg(heard.quaternion_wxyz), heard.snr_db)
@@ -634,7 +633,6 @@ def _position(
 
 def _position_record(tag_id: int, position: Position, end_ns: int) -> Record:
     """What the page is told of a position that knows what was heard until a time."""
-    straight = straight_walk(position)
     return {
         "tag_id": tag_id,
         "end_time_ns": position.track[-1].time_ns if position.track else end_ns,
@@ -647,7 +645,7 @@ def _position_record(tag_id: int, position: Position, end_ns: int) -> Record:
         "radius95_m": _rounded(position.radius95_m),
         "at_edge": position.at_edge,
         "cautions": [{"name": one.name, "text": one.text} for one in position.cautions],
-        "remarks": [*position.remarks, *([] if straight is None else [straight])],
+        "remarks": [*remarks_of(position)],
         "track": [
             {
                 "time_ns": one.time_ns,
