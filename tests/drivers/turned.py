@@ -13,7 +13,7 @@ from uavrt.messages import Pose, PulsePose, Tag
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 START_NS = 1_700_000_000_123_456_789
-POSE_S = 0.2
+POSE_S = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +121,7 @@ def _pulses(
         ground = math.hypot(place[0] - east, place[1] - north)
         towards = math.degrees(math.atan2(place[0] - east, place[1] - north))
         slant = math.hypot(ground, 40.0)
-        snr_db = 30.0 - 25.0 * math.log10(slant / 100.0) + float(rng.normal(0.0, 1.5))
+        snr_db = 34.0 - 25.0 * math.log10(slant / 100.0) + float(rng.normal(0.0, 1.5))
         if antenna == MONOPOLE:
             snr_db += 20.0 * math.log10(max(ground / slant, 0.05))
         else:

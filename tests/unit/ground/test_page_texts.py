@@ -253,7 +253,7 @@ REMARKS = {
         *("_NOT_JUDGED", "_NOT_TOLD", "_NOT_SILENT", "_ANTENNA_ASSUMED", "_AMBIGUOUS"),
     ),
     "uavrt.analysis.whole_flight": ("assumed_in_words",),
-    "uavrt.localization.flight_estimates": ("apart_in_words",),
+    "uavrt.localization.heard": ("apart_in_words",),
     "uavrt.localization.position.common_errors": (
         *("UNCHECKED", "UNKNOWN_SIGMAS", "cautions_of", "_cautions_of_odd", "_contradicting"),
     ),

@@ -4,10 +4,14 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from uavrt.analysis.bearings import TagBearing
-from uavrt.analysis.positions import TagPosition
 from uavrt.clock import told_utc
-from uavrt.localization import Position, TangentPlane, region_outlines
+from uavrt.localization import (
+    Position,
+    TagBearing,
+    TagPosition,
+    TangentPlane,
+    region_outlines,
+)
 from uavrt.units import wrap_degrees_360
 
 Point = tuple[float, float]

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.bearings import TagBearing
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import (
     ArrayMethod,
     Headings,
     SwitchedPulse,
     SwitchSchedule,
+    TagBearing,
     TangentPlane,
     circle_steering,
     measure_switched_pulse,

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.report.style import INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey
 from uavrt.attitude import yaw_deg
-from uavrt.localization import pattern_named
+from uavrt.localization import TagBearing, pattern_named
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def draw_roses(
 
 def _gain_db(survey: Survey, off_deg: _Floats) -> _Floats:
     """Gain of the antenna [dB] as the bearings took it: corrected by what the turns showed."""
-    return (survey.pattern() or pattern_named(survey.antenna)).gain_db(off_deg)
+    return (survey.pattern or pattern_named(survey.antenna)).gain_db(off_deg)
 
 
 def _rose(
