@@ -71,6 +71,7 @@ if TYPE_CHECKING:
         write_silence,
     )
     from uavrt.analysis.survey import Survey, read_survey
+    from uavrt.analysis.verdict_words import where_in_words
     from uavrt.analysis.whole_flight import (
         IntegratedTag,
         chance_in_words,
@@ -144,6 +145,7 @@ __all__ = [
     "slots_of",
     "taught_in_words",
     "verdict_of",
+    "where_in_words",
     "without_copies",
     "write_facts",
     "write_fold_pictures",
@@ -220,6 +222,7 @@ __getattr__ = lazily(
         "slots_of": "hindsight",
         "parts_of": "hindsight",
         "verdict_of": "hindsight",
+        "where_in_words": "verdict_words",
         "write_fold_pictures": "fold_pictures",
         "write_maps": "coverage",
         "write_silence": "silence",

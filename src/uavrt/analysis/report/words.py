@@ -11,7 +11,8 @@ import uavrt
 from uavrt.analysis.measure import remarks_of
 from uavrt.analysis.silence import around_in_words
 from uavrt.analysis.survey import Survey
-from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
+from uavrt.analysis.verdict_words import where_in_words
+from uavrt.analysis.whole_flight import chance_in_words
 from uavrt.clock import told_utc
 from uavrt.localization import Position, TangentPlane
 from uavrt.messages import STATION_COUNTER, Pulse, SearchReport, Tag
@@ -122,7 +123,7 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
     chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
     many = verdict.flights > 1
     over = f"over {verdict.flights} flights together" if many else "over the whole flight"
-    middle = "all flights" if many else "the flight"
+    middle = "the flights" if many else "the flight"
     if not verdict.found:
         said = [f"In hindsight, {over}: not found ({chance})."]
         if verdict.silent is not None:
@@ -134,27 +135,10 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
         f"{_count(verdict.pulses, _what(survey, tag_id))} "
         f"in slots {verdict.interval_s:.4f} s apart"
     ]
-    if verdict.places > 1:
-        each = "; ".join(
-            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
-            f"{one.radius95_m:.0f}\u00a0m ({100.0 * one.probability:.0f}\u00a0%)"
-            for one in verdict.parts
-        )
-        parts.append(
-            f"in one of {verdict.places} places that the flight cannot tell apart"
-            + (f": {each}" if each else " (`uavrt integrate` lists them)")
-        )
-        return ["; ".join(parts) + ".", *_remarks(verdict)]
-    if verdict.bearing_deg is not None and verdict.arc95_deg is not None:
-        parts.append(
-            f"from the middle of {middle} at {verdict.bearing_deg:.0f}°, "
-            f"± {0.5 * verdict.arc95_deg:.0f}° with 95\u00a0%"
-        )
-    if verdict.radius95_m is not None and verdict.radius95_m <= POSITION_M:
-        parts.append(
-            f"at {verdict.latitude_deg:.5f}, {verdict.longitude_deg:.5f}, within "
-            f"{verdict.radius95_m:.0f}\u00a0m with 95\u00a0%"
-        )
+    if verdict.places > 1 and not verdict.parts:
+        parts.append(f"in one of {verdict.places} places (`uavrt integrate` lists them)")
+    else:
+        parts += where_in_words(verdict, verdict.parts, middle)
     return ["; ".join(parts) + ".", *_remarks(verdict)]
 
 
