@@ -148,7 +148,6 @@ function drawPolar(): void {
           interval ? `90\u202f% between ${interval[0].toFixed(0)}° and ${interval[1].toFixed(0)}°` : "",
           `${bearing.pulses} pulses`,
           bearing.from_drone ? "estimated on the drone" : "",
-          bearing.ambiguous ? "another direction is possible" : "",
           ...bearing.remarks,
         ]
           .filter(Boolean)

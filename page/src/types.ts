@@ -215,7 +215,7 @@ export interface PositionRecord {
   radius95_m: number | null;
   at_edge: boolean;
   cautions: { name: string; text: string }[];
-  /** The cautions' texts, and what errors that bearings may share add to the circle. */
+  /** The cautions' texts, and what became of other receivers. */
   remarks: string[];
   /** Where a tag that moves was, in order of time; empty for one that rests. */
   track: { time_ns: number; latitude_deg: number; longitude_deg: number; radius50_m: number; radius95_m: number }[];

@@ -107,7 +107,7 @@ export function drawWalk(): void {
   say(by("walk-way"), wayTo(best));
 }
 
-/** Beside the circle: the cautions first, then what widens it. */
+/** Beside the circle: the cautions first. */
 function tell(remarks: string[], cautions: number): void {
   const list = by("walk-remarks");
   if (list.dataset.told === remarks.join("\n")) return;

@@ -6,13 +6,13 @@ from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
     from uavrt.analysis.bearings import (
-        TagBearing,
-        bearings_of_flight,
-        bearings_of_pulses,
+        bearings_together,
+        heard_in_flight,
         learnt_antenna,
         past_turns,
-        pattern_of,
         read_bearings,
+        read_recorded,
+        taught_in_words,
     )
     from uavrt.analysis.coverage import (
         MapSize,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from uavrt.analysis.flown_with import USUAL_ANTENNA, antenna_is_told, flight_antenna
     from uavrt.analysis.fold_pictures import write_fold_pictures
     from uavrt.analysis.found_bursts import bursts_of_pulses
-    from uavrt.analysis.hindsight import save_integrated, slots_of, verdict_of
+    from uavrt.analysis.hindsight import parts_of, save_integrated, slots_of, verdict_of
     from uavrt.analysis.integrated_records import (
         IntegratedRecord,
         PlaceRecord,
@@ -47,16 +47,10 @@ if TYPE_CHECKING:
     from uavrt.analysis.map_files import RASTERS, MapFile, maps_in, read_map
     from uavrt.analysis.plots import DetectionPlots
     from uavrt.analysis.positions import (
-        TagPosition,
         check_position_method,
-        over_ground,
-        position_of_strength,
-        positions_of_bearings,
-        positions_of_powers,
         read_positions,
     )
-    from uavrt.analysis.power_survey import HeardStrength
-    from uavrt.analysis.same_tags import LEAST_TAG_HZ, OTHER_TAG_HZ
+    from uavrt.analysis.records import bearing_record, position_record
     from uavrt.analysis.season import (
         AnimalOfSeason,
         Season,
@@ -76,27 +70,21 @@ if TYPE_CHECKING:
         silent_maps,
     )
     from uavrt.analysis.survey import Survey, read_survey
+    from uavrt.analysis.verdict_words import where_in_words
     from uavrt.analysis.whole_flight import (
-        LEAST_PART,
-        POSITION_M,
         IntegratedTag,
         chance_in_words,
         integrate_flight,
     )
 
 __all__ = [
-    "LEAST_PART",
-    "LEAST_TAG_HZ",
     "NAME",
-    "OTHER_TAG_HZ",
-    "POSITION_M",
     "RASTERS",
     "USUAL_ANTENNA",
     "AnimalOfSeason",
     "DetectionPlots",
     "Facts",
     "FlightNoise",
-    "HeardStrength",
     "IntegratedRecord",
     "IntegratedTag",
     "ListenedFlight",
@@ -107,14 +95,12 @@ __all__ = [
     "SilenceRecord",
     "SilentMap",
     "Survey",
-    "TagBearing",
     "TagOfFlights",
-    "TagPosition",
     "antenna_is_told",
     "around_in_words",
     "assumed_tag",
-    "bearings_of_flight",
-    "bearings_of_pulses",
+    "bearing_record",
+    "bearings_together",
     "best_of",
     "bursts_of_pulses",
     "chance_in_words",
@@ -127,6 +113,7 @@ __all__ = [
     "flight_coverage",
     "flight_noise_of",
     "flight_plane",
+    "heard_in_flight",
     "inside",
     "integrate_flight",
     "integrate_kept",
@@ -136,13 +123,10 @@ __all__ = [
     "learnt_antenna",
     "map_around",
     "maps_in",
-    "over_ground",
+    "parts_of",
     "past_turns",
-    "pattern_of",
     "plan_coverage",
-    "position_of_strength",
-    "positions_of_bearings",
-    "positions_of_powers",
+    "position_record",
     "pulses_on",
     "read_bearings",
     "read_facts",
@@ -150,6 +134,7 @@ __all__ = [
     "read_places",
     "read_polygon",
     "read_positions",
+    "read_recorded",
     "read_season",
     "read_survey",
     "save_integrated",
@@ -157,7 +142,9 @@ __all__ = [
     "silent_map",
     "silent_maps",
     "slots_of",
+    "taught_in_words",
     "verdict_of",
+    "where_in_words",
     "without_copies",
     "write_facts",
     "write_fold_pictures",
@@ -172,8 +159,6 @@ __getattr__ = lazily(
         "read_facts": "facts",
         "write_facts": "facts",
         "USUAL_ANTENNA": "flown_with",
-        "LEAST_TAG_HZ": "same_tags",
-        "OTHER_TAG_HZ": "same_tags",
         "antenna_is_told": "flown_with",
         "around_in_words": "silence",
         "flight_antenna": "flown_with",
@@ -186,23 +171,16 @@ __getattr__ = lazily(
         "without_copies": "flight_copies",
         "DetectionPlots": "plots",
         "FlightNoise": "flight_noise",
-        "HeardStrength": "power_survey",
         "IntegratedTag": "whole_flight",
-        "LEAST_PART": "whole_flight",
         "ListenedFlight": "silence",
         "MapFile": "map_files",
         "MapSize": "coverage",
-        "POSITION_M": "whole_flight",
         "RASTERS": "map_files",
         "SilenceRecord": "integrated_records",
         "SilentMap": "silence",
         "Survey": "survey",
-        "TagBearing": "bearings",
         "TagOfFlights": "several_flights",
-        "TagPosition": "positions",
-        "bearings_of_flight": "bearings",
         "past_turns": "bearings",
-        "bearings_of_pulses": "bearings",
         "best_of": "coverage",
         "chance_in_words": "whole_flight",
         "channel_of": "kept_samples",
@@ -216,8 +194,13 @@ __getattr__ = lazily(
         "integrate_kept": "kept_samples",
         "judge_together": "several_flights",
         "kept_channels": "kept_samples",
+        "heard_in_flight": "bearings",
+        "read_recorded": "bearings",
+        "taught_in_words": "bearings",
+        "bearing_record": "records",
+        "position_record": "records",
+        "bearings_together": "bearings",
         "learnt_antenna": "bearings",
-        "pattern_of": "bearings",
         "map_around": "coverage",
         "maps_in": "map_files",
         "plan_coverage": "coverage",
@@ -225,10 +208,6 @@ __getattr__ = lazily(
         "corners_of_way": "coverage",
         "corners_over_area": "coverage",
         "pulses_on": "coverage",
-        "position_of_strength": "positions",
-        "positions_of_bearings": "positions",
-        "over_ground": "positions",
-        "positions_of_powers": "positions",
         "read_bearings": "bearings",
         "read_map": "map_files",
         "read_places": "coverage",
@@ -240,7 +219,9 @@ __getattr__ = lazily(
         "silent_maps": "silence",
         "share_alone": "several_flights",
         "slots_of": "hindsight",
+        "parts_of": "hindsight",
         "verdict_of": "hindsight",
+        "where_in_words": "verdict_words",
         "write_fold_pictures": "fold_pictures",
         "write_maps": "coverage_files",
         "write_silence": "coverage_files",

@@ -1,13 +1,10 @@
-"""From a flight, or a pulse log, to bearings: find the turns, collect the pulses, estimate."""
+"""From flights and pulse logs, each read once, to bearings."""
 
-import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
-
-import numpy as np
 
 from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna, flight_settings
 from uavrt.errors import FormatError, UsageError
@@ -15,20 +12,15 @@ from uavrt.localization import (
     LEAST_TURNS,
     MONOPOLE,
     AntennaPattern,
-    Bearing,
     BearingMethod,
+    Heard,
     HeardInTurn,
-    PoseColumns,
-    PulseColumns,
-    Rhythm,
-    TangentPlane,
-    Turn,
+    ReadAs,
+    TagBearing,
     antenna_as_shown,
-    bearing_of,
-    heard_in,
+    bearings_of,
+    heard_in_turns,
     teaching,
-    turns_in,
-    widest_gap_deg,
 )
 from uavrt.localization.bearing import ADDED_METHODS
 from uavrt.messages import PulsePose
@@ -41,128 +33,159 @@ from uavrt.recording import (
     read_flight,
     vehicle_of,
 )
-from uavrt.recording.formats import read_pulses
+from uavrt.recording.formats import WITHOUT_HEADINGS, PulseLog, read_pulse_log
 
 NO_BEARINGS_FROM_THESE = (
     "No bearing is computed from these poses; detect again in a recording with the poses of "
     "the autopilot's own log, or fly again."
 )
-_IN_PLACE_M = 30.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TagBearing:
-    """A bearing to a tag, with place and time."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recorded:
+    """A flight or a pulse log as it was read."""
 
-    tag_id: int
-    bearing: Bearing
-    latitude_deg: float
-    """Median over the pulses, as are the other two."""
-    longitude_deg: float
-    altitude_amsl_m: float
-    start_time_ns: int
-    """Of the first pulse."""
-    middle_time_ns: int
-    end_time_ns: int
-    flight: int = 0
-    """Which of the flights or logs that were read together, from 0."""
+    path: Path
+    log: PulseLog
+    flight: Flight | None
+    """None of a log."""
+
+    @property
+    def name(self) -> str:
+        """Flight or log, and the vehicle if a ground station noted it, for the operator."""
+        vehicle = None if self.flight is None else vehicle_of(self.flight.notes)
+        return self.path.name if vehicle is None else f"{self.path.name} (vehicle {vehicle})"
+
+    @property
+    def antenna(self) -> str:
+        """Name of the pattern that it was taken with; without headings an upright whip.
+
+        Raises
+        ------
+        UsageError
+            The drone's antenna is not known here.
+        """
+        if self.flight is not None:
+            return flight_antenna(self.flight)
+        return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
+
+    def turning(self) -> str:
+        """Name of the antenna for bearings; a log that does not say has the usual one.
+
+        Raises
+        ------
+        UsageError
+            It was a whip, or is not known here.
+        """
+        if self.flight is None:
+            return USUAL_ANTENNA
+        if self.antenna == MONOPOLE:
+            raise UsageError(
+                "the drone was set up with an upright whip, which tells no directions",
+                remedy="uavrt localize finds tags by their strength; or name the --antenna",
+            )
+        return self.antenna
+
+    def heard(self, antenna: str) -> Heard:
+        """What it holds in columns; raises `UsageError` where no pulse has a pose."""
+        if self.flight is not None:
+            return heard_in_flight(self.flight, name=self.name, antenna=antenna)
+        return Heard.of_records(self.log.pulse_poses, name=self.name, antenna=antenna)
 
 
-def read_bearings(
-    path: str | os.PathLike[str],
-    *,
-    method: BearingMethod = "pattern_ml",
-    antenna: AntennaPattern | str | None = None,
-    learn: bool = True,
-    offset_deg: float = 0.0,
-    warn: Callable[[str], None] = lambda text: None,
-) -> list[TagBearing]:
-    """Estimate the bearings of a flight directory or a pulse log in any format we know.
-
-    Parameters
-    ----------
-    path : path
-        The flight or log.
-    method : str
-        How pulses become a bearing.
-    antenna : AntennaPattern or str, optional
-        The pattern, by default that of the flight's settings, RA-23K for logs; the method
-        ``pattern_ml`` corrects it by what the turns show, those of past flights included.
-    learn : bool
-        False takes the pattern as it is.
-    offset_deg : float
-        Boresight clockwise from the heading that the pulses carry.
-    warn : callable, optional
-        Called with what taught the pattern, where that is more than this flight.
+def read_recorded(path: str | os.PathLike[str]) -> Recorded:
+    """Read a flight directory or a pulse log in any format we know, once.
 
     Raises
     ------
     FormatError
         It is none of them.
-    UsageError
-        No pulse has a pose, or method or antenna is unknown.
     """
-    return read_bearings_together(
-        [path], method=method, antenna=antenna, learn=learn, offset_deg=offset_deg, warn=warn
+    place = Path(path)
+    if place.name == "flight.sqlite":
+        place = place.parent
+    if FlightLayout(place).database.is_file():
+        flight = read_flight(place)
+        log = PulseLog(kind="flight", pulse_poses=flight.pulse_poses)
+        return Recorded(path=place, log=log, flight=flight)
+    return Recorded(path=place, log=read_pulse_log(place), flight=None)
+
+
+def heard_in_flight(
+    flight: Flight,
+    pulse_poses: Sequence[PulsePose] | None = None,
+    *,
+    name: str = "this flight",
+    antenna: str = USUAL_ANTENNA,
+) -> Heard:
+    """Put a flight into columns, with its own pulses or others; raises `UsageError`."""
+    return Heard.of_records(
+        flight.pulse_poses if pulse_poses is None else pulse_poses,
+        flight.poses,
+        flight.on_ground_ns,
+        tags=flight.info.tags,
+        name=name,
+        antenna=antenna,
     )
 
 
-def read_bearings_together(
-    paths: Sequence[str | os.PathLike[str]],
-    *,
-    method: BearingMethod = "pattern_ml",
-    antenna: AntennaPattern | str | None = None,
-    learn: bool = True,
-    offset_deg: float = 0.0,
+def read_bearings(
+    *paths: str | os.PathLike[str],
+    how: ReadAs | None = None,
     warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagBearing]:
-    """Estimate the bearings of several flights or logs, which teach each other's pattern.
+    """Estimate the bearings of flights or pulse logs, which teach each other's pattern.
 
-    See `read_bearings`; those of one antenna go together.
+    Parameters
+    ----------
+    *paths : path
+        Flight directories, or logs in any format we know; those of one antenna go together.
+    how : ReadAs, optional
+        How they are read. The method ``pattern_ml`` corrects the pattern by what the turns
+        show, those of past flights included.
+    warn : callable, optional
+        Called with what taught the pattern, where that is more than one flight.
+
+    Raises
+    ------
+    FormatError
+        One of them is neither flight nor log.
+    UsageError
+        No pulse has a pose, or method or antenna is unknown.
     """
-    check_bearing_method(method)
-    taken = [_taken(path, antenna, offset_deg) for path in paths]
-    found = []
+    return bearings_together([read_recorded(path) for path in paths], how or ReadAs(), warn)
+
+
+def bearings_together(
+    recorded: Sequence[Recorded], how: ReadAs, warn: Callable[[str], None]
+) -> list[TagBearing]:
+    """Estimate bearings of flights and logs that have been read; see `read_bearings`."""
+    check_bearing_method(how.bearing_method)
+    antennas = [one.turning() if how.antenna is None else how.antenna for one in recorded]
+    heard = [one.heard(USUAL_ANTENNA) for one in recorded]
+    turns = [heard_in_turns(one, how.offset_deg) for one in heard]
+    here = [one.flight for one in recorded if one.flight is not None]
+    teaches = how.learn and how.bearing_method == "pattern_ml"
+    found: list[TagBearing] = []
     taught: set[str] = set()
-    for number, one in enumerate(taken):
-        own = [other.heard for other in taken if other.antenna == one.antenna]
-        flights = [one.heard, *(heard for heard in own if heard is not one.heard)]
-        if one.flight is not None and learn:
-            here = [other.flight for other in taken if other.flight is not None]
-            flights += past_turns(one.flight, one.antenna, offset_deg, besides=here)
-        others = [heard for flight in flights[1:] for heard in flight]
-        if learn and method == "pattern_ml" and (text := taught_in_words(flights)):
+    for number, (one, antenna) in enumerate(zip(recorded, antennas, strict=True)):
+        others = [
+            each
+            for other, each in enumerate(turns)
+            if other != number and antennas[other] == antenna
+        ]
+        if one.flight is not None and how.learn:
+            others += past_turns(one.flight, antenna, how.offset_deg, besides=here)
+        if teaches and (text := taught_in_words([turns[number], *others])):
             taught.add(text)
-        estimated = _estimated(one.heard, one.every, method, one.antenna, learn, others)
-        found += [replace(each, flight=number) for each in estimated]
+        past = [turn for flight in others for turn in flight]
+        as_flown = replace(how, antenna=antenna)
+        found += [
+            replace(each, flight=number) for each in bearings_of(heard[number], as_flown, past)
+        ]
     for text in sorted(taught):
         warn(text)
     return found
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Taken:
-    """What was heard in the turns of a flight or log."""
-
-    antenna: AntennaPattern | str
-    heard: list[HeardInTurn]
-    every: "_Pulses"
-    flight: Flight | None
-    """None of a log."""
-
-
-def _taken(
-    path: str | os.PathLike[str], antenna: AntennaPattern | str | None, offset_deg: float
-) -> _Taken:
-    if not FlightLayout(Path(path)).database.is_file():
-        pulse_poses = read_pulses(path)
-        _check_poses(pulse_poses)
-        heard, every = _heard_in_log(pulse_poses, offset_deg)
-        return _Taken(antenna=antenna or USUAL_ANTENNA, heard=heard, every=every, flight=None)
-    named = antenna or pattern_of(path)
-    flight = read_flight(path)
-    heard, every = heard_in_turns(flight, offset_deg)
-    return _Taken(antenna=named, heard=heard, every=every, flight=flight)
 
 
 MOST_PAST_FLIGHTS = 6
@@ -211,7 +234,7 @@ def past_turns(
                 other.info.start_time_ns < flight.info.start_time_ns
             )
             if is_past and _same_set_up(other, flight):
-                found.append(heard_in_turns(other, offset_deg)[0])
+                found.append(heard_in_turns(heard_in_flight(other), offset_deg))
         except (FormatError, UsageError):
             continue  # its turns are not needed
     return [one for one in found if one]
@@ -233,25 +256,6 @@ def taught_in_words(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
     return f"the antenna's pattern is as {len(turns)} turns of {used} flights have shown it"
 
 
-def pattern_of(path: str | os.PathLike[str]) -> str:
-    """Name of the antenna that a flight or log was taken with, for its bearings.
-
-    Raises
-    ------
-    UsageError
-        It tells no directions, or is not known here.
-    """
-    if not FlightLayout(Path(path)).database.is_file():
-        return USUAL_ANTENNA
-    named = flight_antenna(read_flight(path))
-    if named == MONOPOLE:
-        raise UsageError(
-            "the drone was set up with an upright whip, which tells no directions",
-            remedy="uavrt localize finds tags by their strength; or name the --antenna",
-        )
-    return named
-
-
 def check_bearing_method(method: str) -> None:
     """Refuse an unknown method, also where no turn was flown; raises `UsageError`."""
     known = [*get_args(BearingMethod), *ADDED_METHODS]
@@ -261,83 +265,7 @@ def check_bearing_method(method: str) -> None:
         )
 
 
-def bearings_of_flight(
-    flight: Flight,
-    *,
-    method: BearingMethod = "pattern_ml",
-    antenna: AntennaPattern | str = "RA-23K",
-    learn: bool = True,
-    offset_deg: float = 0.0,
-    past: Sequence[HeardInTurn] = (),
-) -> list[TagBearing]:
-    """One bearing for each tag and each turn in place, in order of time and tag.
-
-    Turns are found in the vehicle's poses; headings are the antenna's, which the pulses carry.
-    Pulses that a known interval says must have come, and that were not heard, count as misses.
-    The pattern is corrected by what three or more turns show of it, `past` ones included.
-
-    Raises
-    ------
-    UsageError
-        No pulse has a pose.
-    """
-    heard, every = heard_in_turns(flight, offset_deg)
-    return _estimated(heard, every, method, antenna, learn, past)
-
-
-_Pulses = dict[int, list[PulsePose]]
-"""Of each tag, those with a pose and a power, in order of time."""
-
-
-def heard_in_turns(
-    flight: Flight, offset_deg: float = 0.0
-) -> tuple[list[HeardInTurn], _Pulses]:
-    """What was heard of each tag in each turn in place, in order of time and tag.
-
-    Where the vehicle's poses are missing, those of the pulses stand. The antenna is turned by
-    an offset clockwise from the heading that the pulses carry.
-
-    Raises
-    ------
-    UsageError
-        No pulse has a pose.
-    """
-    _check_poses(flight.pulse_poses)
-    every = _by_tag(flight.pulse_poses)
-    rhythms = {tag.tag_id: Rhythm.of(tag) for tag in flight.info.tags}
-    poses = PoseColumns.of(flight.poses, flight.on_ground_ns).completed(_poses_of(every))
-    return _in_turns(every, poses, rhythms, offset_deg), every
-
-
-def _in_turns(
-    every: _Pulses,
-    poses: PoseColumns,
-    rhythms: dict[int, Rhythm],
-    offset_deg: float = 0.0,
-) -> list[HeardInTurn]:
-    columns = {
-        tag_id: PulseColumns.of(pulses).turned(offset_deg) for tag_id, pulses in every.items()
-    }
-    found = [
-        heard_in(tag_id, turn, columns[tag_id], poses, rhythms.get(tag_id))
-        for turn in turns_in(poses)
-        for tag_id in sorted(columns)
-    ]
-    return [one for one in found if one is not None]
-
-
-def _by_tag(pulse_poses: Iterable[PulsePose]) -> _Pulses:
-    usable = [one for one in pulse_poses if one.pose and math.isfinite(one.pulse.snr_db)]
-    usable.sort(key=lambda one: one.pulse.start_time_ns)
-    found: _Pulses = {}
-    for one in usable:
-        found.setdefault(one.pulse.tag_id, []).append(one)
-    return found
-
-
-def learnt_antenna(
-    path: str | os.PathLike[str], antenna: str, offset_deg: float = 0.0
-) -> AntennaPattern:
+def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
     """Correct a pattern by the turns of a flight or log: the antenna as it is on this airframe.
 
     The antenna is turned by an offset clockwise from the heading that the pulses carry.
@@ -347,129 +275,10 @@ def learnt_antenna(
     UsageError
         It has fewer than three turns past a tag.
     """
-    if FlightLayout(Path(path)).database.is_file():
-        heard, _ = heard_in_turns(read_flight(path), offset_deg)
-    else:
-        every = _by_tag(read_pulses(path))
-        heard = _in_turns(every, _poses_of(every), {}, offset_deg)
-    if len(heard) < LEAST_TURNS:
+    turns = heard_in_turns(recorded.heard(antenna), offset_deg)
+    if len(turns) < LEAST_TURNS:
         raise UsageError(
-            f"{len(heard)} turns past a tag are too few to learn a pattern",
+            f"{len(turns)} turns past a tag are too few to learn a pattern",
             remedy=f"Turn in place {LEAST_TURNS} times or more, or hear more tags",
         )
-    return antenna_as_shown(heard, antenna)
-
-
-def _poses_of(every: _Pulses) -> PoseColumns:
-    """The pulses' own poses: those of all tags together."""
-    return PoseColumns.of(one.pose for pulses in every.values() for one in pulses if one.pose)
-
-
-def bearings_of_pulses(
-    pulse_poses: Sequence[PulsePose],
-    *,
-    method: BearingMethod = "pattern_ml",
-    antenna: AntennaPattern | str = "RA-23K",
-    learn: bool = True,
-    offset_deg: float = 0.0,
-) -> list[TagBearing]:
-    """Bearings from a log of pulses alone.
-
-    A log whose pulses were all heard at one place, without a climb, is one turn, as the
-    original takes it; in a longer one the turns are sought in the pulses' own poses. The
-    antenna is turned by an offset clockwise from the heading that the pulses carry.
-    """
-    _check_poses(pulse_poses)
-    heard, every = _heard_in_log(pulse_poses, offset_deg)
-    return _estimated(heard, every, method, antenna, learn)
-
-
-def _heard_in_log(
-    pulse_poses: Sequence[PulsePose], offset_deg: float
-) -> tuple[list[HeardInTurn], _Pulses]:
-    """What was heard in the turns of a log, and all its pulses."""
-    every = _by_tag(pulse_poses)
-    if not every:
-        return [], every
-    poses = _poses_of(every)
-    if _in_place(poses) and not poses.leaves_ground:
-        whole = [_whole_log(tag, every[tag], poses, offset_deg) for tag in sorted(every)]
-        return whole, every
-    return _in_turns(every, poses, {}, offset_deg), every
-
-
-def _whole_log(
-    tag_id: int, pulses: Sequence[PulsePose], poses: PoseColumns, offset_deg: float
-) -> HeardInTurn:
-    """All pulses of a tag as those of one turn."""
-    columns = PulseColumns.of(pulses).turned(offset_deg)
-    yaw = np.unwrap(poses.yaw_deg, period=360.0)
-    place = (float(np.median(columns.latitude_deg)), float(np.median(columns.longitude_deg)))
-    turn = Turn(
-        start_time_ns=int(poses.time_ns[0]),
-        end_time_ns=int(poses.time_ns[-1]),
-        turned_deg=float(yaw[-1] - yaw[0]),
-        stops=0,
-        widest_gap_deg=widest_gap_deg(yaw),
-        latitude_deg=place[0],
-        longitude_deg=place[1],
-    )
-    return HeardInTurn(
-        tag_id=tag_id,
-        turn=turn,
-        inside=np.arange(len(pulses)),
-        latitude_deg=place[0],
-        longitude_deg=place[1],
-        start_time_ns=int(columns.time_ns[0]),
-        middle_time_ns=int(columns.time_ns[0] + columns.time_ns[-1]) // 2,
-        quaternion_wxyz=columns.quaternion_wxyz,
-        snr_db=columns.snr_db,
-        noise_psd=columns.noise_psd,
-        missed_yaw_deg=np.zeros(0),
-    )
-
-
-def _check_poses(pulse_poses: Sequence[PulsePose]) -> None:
-    if pulse_poses and all(one.pose is None for one in pulse_poses):
-        raise UsageError(
-            "no pulse has a pose, so headings are unknown",
-            remedy="Bearings need a log that was recorded with the autopilot connected",
-        )
-
-
-def _in_place(poses: PoseColumns) -> bool:
-    plane = TangentPlane(
-        latitude_deg=float(np.median(poses.latitude_deg)),
-        longitude_deg=float(np.median(poses.longitude_deg)),
-    )
-    off = np.hypot(*plane.to_local(poses.latitude_deg, poses.longitude_deg))
-    return bool(off.max() <= _IN_PLACE_M)
-
-
-def _estimated(
-    heard: Sequence[HeardInTurn],
-    every: _Pulses,
-    method: BearingMethod,
-    antenna: AntennaPattern | str,
-    learn: bool,
-    past: Sequence[HeardInTurn] = (),
-) -> list[TagBearing]:
-    if learn and method == "pattern_ml" and heard:
-        antenna = antenna_as_shown([*heard, *past], antenna)
-    found = []
-    for one in heard:
-        pulses = [every[one.tag_id][number] for number in one.inside]
-        altitudes = [pulse.pose.altitude_amsl_m for pulse in pulses if pulse.pose is not None]
-        found.append(
-            TagBearing(
-                tag_id=one.tag_id,
-                bearing=bearing_of(one, antenna=antenna, method=method, widenings=True),
-                latitude_deg=one.latitude_deg,
-                longitude_deg=one.longitude_deg,
-                altitude_amsl_m=float(np.median(altitudes)),
-                start_time_ns=one.start_time_ns,
-                middle_time_ns=one.middle_time_ns,
-                end_time_ns=max(pulse.pulse.end_time_ns for pulse in pulses),
-            )
-        )
-    return found
+    return antenna_as_shown(turns, antenna)

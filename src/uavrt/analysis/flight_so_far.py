@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.analysis.hindsight import parts_of
 from uavrt.analysis.kept_samples import KeptChannel, channel_of, kept_channels
+from uavrt.analysis.verdict_words import where_in_words
 from uavrt.analysis.whole_flight import (
-    LEAST_PART,
     POSITION_M,
     IntegratedTag,
     antenna_poses,
@@ -167,14 +168,8 @@ def told_in_flight(one: IntegratedTag) -> str:
     chance = chance_in_words(one.train.false_alarm_probability)
     place = one.place
     assert place is not None
-    parts = [part for part in place.cells.parts() if part.probability >= LEAST_PART]
+    parts = parts_of(place)
+    where = where_in_words(place, parts)[0 if place.radius95_m > POSITION_M else -1]
     if len(parts) > 1:
         where = f"in one of {len(parts)} places"
-    elif place.radius95_m > POSITION_M:
-        where = f"at {place.bearing_deg:.0f}° ± {0.5 * place.arc95_deg:.0f}° (95 %)"
-    else:
-        where = (
-            f"at {place.latitude_deg:.5f}, {place.longitude_deg:.5f}, "
-            f"within {place.radius95_m:.0f} m (95 %)"
-        )
     return f"Tag {one.tag.tag_id} found over the flight so far, {where}; {chance}"

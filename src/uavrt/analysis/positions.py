@@ -1,92 +1,65 @@
 """From flights, pulse logs or a bearings.csv to one position for each tag."""
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
-from types import MappingProxyType
 from typing import get_args
 
 import numpy as np
 
-from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, TagBearing, read_bearings_together
-from uavrt.analysis.flight_copies import SAME_PULSES
-from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
-from uavrt.analysis.log_clocks import clock_doubts
-from uavrt.analysis.power_survey import (
-    HeardStrength,
-    TagSignal,
-    power_track,
-    signal_of,
+from uavrt.analysis.bearings import (
+    NO_BEARINGS_FROM_THESE,
+    Recorded,
+    bearings_together,
+    read_recorded,
 )
+from uavrt.analysis.flight_copies import SAME_PULSES
+from uavrt.analysis.log_clocks import clock_doubts
 from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
-from uavrt.analysis.standing import stands, strengths_without_bearing
 from uavrt.errors import UsageError
 from uavrt.localization import (
-    HEIGHT_SIGMA_M,
     MONOPOLE,
     ONE_FLIGHT_S,
-    AntennaPattern,
+    Found,
+    Heard,
     OverGround,
-    PoseColumns,
     Position,
     PositionMethod,
-    PowerTrack,
+    ReadAs,
     Stations,
-    Strengths,
-    located,
-    position_of_bearings,
+    TagPosition,
+    estimate_position,
+    found_of,
+    place,
+    stands,
+    survey,
 )
-from uavrt.localization.position import ADDED_METHODS, HEADING_SIGMA_DEG
-from uavrt.messages import Pose, PulsePose, Tag
-from uavrt.recording import FlightLayout, read_flight, vehicle_of
+from uavrt.localization.position import ADDED_METHODS
+from uavrt.messages import PulsePose
 from uavrt.recording.formats import (
     ORIGINAL_POSES,
-    WITHOUT_HEADINGS,
     BearingRow,
-    PulseLog,
     TargetEstimate,
     cells_of,
     pulse_logs_in,
     read_bearing_file,
     read_lines,
     read_position_file,
-    read_pulse_log,
     read_ucsd_estimates,
     tag_numbers,
     with_commas,
 )
-from uavrt.terrain import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _FIRST_LINES = 100
 """Which tell what a file is; comments may come first."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TagPosition:
-    """A position of a tag, or why there is none."""
-
-    tag_id: int
-    position: Position | None
-    reason: str | None = None
-    """Why there is no position."""
-    frequency_hz: float | None = None
-    """Median of what was heard, where logs with pulses were read."""
-    name: str | None = None
-    """In the list of the flights."""
-
-
 def read_positions(
     *paths: str | os.PathLike[str],
-    method: PositionMethod = "bayes",
-    antenna: AntennaPattern | str | None = None,
-    offset_deg: float = 0.0,
-    height_m: float | None = None,
-    heading_sigma_deg: float = HEADING_SIGMA_DEG,
-    height_sigma_m: float = HEIGHT_SIGMA_M,
-    elevation: Elevation | None = None,
+    how: ReadAs | None = None,
     warn: Callable[[str], None] = lambda text: None,
 ) -> list[TagPosition]:
     """Estimate the positions of tags from all that is known of them.
@@ -97,21 +70,9 @@ def read_positions(
         Flights, pulse logs of any kind, folders of them: their bearings go together, one
         position for each tag, taken to rest. Or one or more bearings.csv. A positions.csv, and
         an estimate CSV of UCSD's tracker, give what is in them.
-    method : str
-        How bearings become positions.
-    antenna : str, optional
-        Pattern of the antenna; without it that of each flight's settings, RA-23K for logs
+    how : ReadAs, optional
+        How they are read. Without an antenna that of each flight's settings, RA-23K for logs
         without, and a monopole for UCSD's pings.
-    offset_deg : float
-        Boresight clockwise from the heading that the pulses carry.
-    height_m : float, optional
-        With a monopole: the drone's height over the tags where the log does not tell it.
-    heading_sigma_deg : float
-        Error that all headings of the flight share, one standard deviation.
-    height_sigma_m : float
-        With a monopole: error that all heights over a tag share, one standard deviation.
-    elevation : Elevation, optional
-        Heights of the ground: hills weaken what is heard, and explain silence.
     warn : callable, optional
         Called with what somebody who works with a log must know.
 
@@ -122,8 +83,9 @@ def read_positions(
     UsageError
         There is no such method; or what was given cannot go together.
     """
-    check_position_method(method)
-    if offset_deg and any(_is_result(path) for path in paths):
+    how = how or ReadAs()
+    check_position_method(how.method)
+    if how.offset_deg and any(_is_result(path) for path in paths):
         raise UsageError(
             "an antenna offset turns bearings as they are estimated; this file has results",
             remedy="Name the flight or the pulse log that it came from",
@@ -132,52 +94,35 @@ def read_positions(
         if _holds_estimates(paths[0]):
             return _stored_estimates(paths[0])
         if _columns_of_named_file(paths[0]) in range(4, 9):
-            return _stored_positions(paths[0], method)
+            return _stored_positions(paths[0], how.method)
     files = [path for path in paths if _columns_of_named_file(path)]
     if files and len(files) < len(paths):
         raise UsageError(
             "a bearings.csv cannot be combined with flights or pulse logs",
             remedy="Name the flights that its bearings came from, or only the bearings.csv",
         )
-    if files and elevation is not None:
+    if files and how.elevation is not None:
         raise UsageError(
             "a bearings.csv does not tell how high the drone was, as the ground needs",
             remedy="Name the flights that its bearings came from, or leave --dem out",
         )
     if files:
         return _positions_of_rows(
-            [row for path in files for row in read_bearing_file(path)],
-            method,
-            heading_sigma_deg,
+            [row for path in files for row in read_bearing_file(path)], how
         )
-    logs = [(path, read_pulse_log(path)) for given in paths for path in pulse_logs_in(given)]
-    for text in dict.fromkeys(text for _, log in logs for text in log.warnings):
+    logs = [read_recorded(path) for given in paths for path in pulse_logs_in(given)]
+    for text in dict.fromkeys(text for one in logs for text in one.log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    for text in clock_doubts(logs):
+    for text in clock_doubts([(one.path, one.log) for one in logs]):
         warn(text)
-    same = same_tags([log for _, log in logs], [tags_of(path) for path, _ in logs])
+    same = same_tags(
+        [one.log for one in logs],
+        [() if one.flight is None else one.flight.info.tags for one in logs],
+    )
     for text in same.warnings:
         warn(text)
-    keyed = [
-        _Log(
-            path=path,
-            log=replace(log, pulse_poses=same.keyed(number, log.pulse_poses)),
-            keys=same.keys[number],
-        )
-        for number, (path, log) in enumerate(logs)
-    ]
-    found = _positions_of_logs(
-        keyed,
-        method=method,
-        antenna=antenna,
-        offset_deg=offset_deg,
-        height_m=height_m,
-        heading_sigma_deg=heading_sigma_deg,
-        height_sigma_m=height_sigma_m,
-        elevation=elevation,
-        warn=warn,
-    )
+    found = _positions_of_logs([*zip(logs, same.keys, strict=True)], how, warn)
     return _as_told(found, same)
 
 
@@ -195,44 +140,42 @@ def _as_told(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """A flight or log."""
+    """A flight or log whose tags have their keys."""
 
-    path: Path
-    log: PulseLog
-    """Its pulses have the keys of their tags."""
+    recorded: Recorded
+    heard: Heard
     keys: Mapping[int, int]
-    """Its numbers of the tags, and the keys."""
 
-    def key(self, tag_id: int) -> int:
-        """Key of a tag by its number in the log."""
-        return self.keys.get(tag_id, tag_id)
+    @property
+    def usable(self) -> bool:
+        """Whether bearings may be taken from its poses."""
+        return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
 def _positions_of_logs(
-    logs: Sequence[_Log],
-    *,
-    method: PositionMethod,
-    antenna: AntennaPattern | str | None,
-    offset_deg: float,
-    height_m: float | None,
-    heading_sigma_deg: float,
-    height_sigma_m: float,
-    elevation: Elevation | None,
+    read: Sequence[tuple[Recorded, Mapping[int, int]]],
+    how: ReadAs,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    poses = sorted(
-        (pose for one in logs for pose in poses_of(one.path)), key=lambda pose: pose.time_ns
-    )
-    pulses = [one for log in logs for one in log.log.pulse_poses]
-    over = None if elevation is None else over_ground(elevation, poses, pulses)
-    if over is not None and len(logs) > 1:
-        over = over.noting(
-            "heights of several flights are counted from the first one's take-off: the flights "
-            "must have begun at one place"
+    logs = [
+        _Log(
+            recorded=one,
+            heard=one.heard(one.antenna if how.antenna is None else "").renamed(keys),
+            keys=keys,
         )
-    whips = [one for one in logs if (antenna or antenna_of(one.path, one.log)) == MONOPOLE]
+        for one, keys in read
+    ]
+    over = None
+    if how.elevation is not None and logs:
+        over = _together(logs).over(how.elevation)
+        if over is not None and len(logs) > 1:
+            over = over.noting(
+                "heights of several flights are counted from the first one's take-off: the "
+                "flights must have begun at one place"
+            )
+    whips = [one for one in logs if (how.antenna or one.heard.antenna) == MONOPOLE]
     turned = [one for one in logs if one not in whips]
-    standing = [one for one in whips if turned and stands(one.log.pulse_poses)]
+    standing = [one for one in whips if turned and stands(one.heard)]
     whips = [one for one in whips if one not in standing]
     if whips and turned:
         warn(
@@ -241,39 +184,29 @@ def _positions_of_logs(
         )
     found: list[TagPosition] = []
     if turned or not whips:
-        found += _positions_of_turns(
-            turned, standing, antenna, method, offset_deg, heading_sigma_deg, over, warn
-        )
+        found += _positions_of_turns(turned, standing, how, over, warn)
     if whips:
-        listed = {
-            one.key(tag.tag_id): replace(tag, tag_id=one.key(tag.tag_id))
-            for one in whips
-            for tag in tags_of(one.path)
-        }
         try:
-            found += positions_of_powers(
-                [one for log in whips for one in log.log.pulse_poses],
-                list(listed.values()),
-                [one for log in whips for one in poses_of(log.path)],
-                method=method,
-                height_m=height_m,
-                height_sigma_m=height_sigma_m,
-                over=over,
-            )[0]
+            found += survey(_together(whips), how, over)[0].values()
         except UsageError as error:
             if not turned:
                 raise
-            found += _without_position(whips, str(error))
+            tags = {tag_id for one in whips for tag_id in one.heard.pulses}
+            found += [
+                TagPosition(tag_id=tag_id, position=None, reason=str(error))
+                for tag_id in sorted(tags)
+            ]
     return found
+
+
+def _together(logs: Sequence[_Log]) -> Heard:
+    return reduce(Heard.and_those, [one.heard for one in logs])
 
 
 def _positions_of_turns(
     logs: Sequence[_Log],
     standing: Sequence[_Log],
-    antenna: AntennaPattern | str | None,
-    method: PositionMethod,
-    offset_deg: float,
-    heading_sigma_deg: float,
+    how: ReadAs,
     over: OverGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
@@ -281,108 +214,21 @@ def _positions_of_turns(
 
     `standing` are logs of whips at one place, which give no bearing.
     """
-    usable = [one for one in logs if ORIGINAL_POSES not in one.log.warnings]
+    usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
-    bearings = [
-        replace(one, tag_id=usable[one.flight].key(one.tag_id))
-        for one in read_bearings_together(
-            [one.path for one in usable], antenna=antenna, offset_deg=offset_deg, warn=warn
-        )
-    ]
-    listeners: dict[int, list[Strengths]] = {}
-    if len(usable) + len(standing) > 1:
-        for number, log in enumerate((*usable, *standing)):
-            own = [one for one in bearings if one.flight == number]
-            for tag_id, one in _strengths_in(log, own, antenna, offset_deg).items():
-                listeners.setdefault(tag_id, []).append(one)
-    found = positions_of_bearings(
-        bearings,
-        method=method,
-        heading_sigma_deg=heading_sigma_deg,
-        over=over,
-        listeners=listeners,
-    )
-    placed = {one.tag_id for one in found}
-    silent = _without_position((*usable, *standing), _NEVER_TURNED)
-    return found + [one for one in silent if one.tag_id not in placed]
-
-
-_NEVER_TURNED = (
-    "it was heard, but in no turn in place; strengths of receivers that do not turn go into a "
-    "position only beside the bearings of others"
-)
-
-
-def _strengths_in(
-    log: _Log,
-    bearings: Sequence[TagBearing],
-    antenna: AntennaPattern | str | None,
-    offset_deg: float,
-) -> dict[int, Strengths]:
-    """Strengths of the tags of which a log gives no bearing."""
-    path = log.path
-    flight = read_flight(path) if FlightLayout(path).database.is_file() else None
-    vehicle = None if flight is None else vehicle_of(flight.notes)
-    if flight is not None:
-        listed = [replace(tag, tag_id=log.key(tag.tag_id)) for tag in flight.info.tags]
-        flight = replace(flight, info=replace(flight.info, tags=tuple(listed)))
-    return strengths_without_bearing(
-        path.name if vehicle is None else f"{path.name} (vehicle {vehicle})",
-        log.log.pulse_poses,
-        bearings,
-        antenna or antenna_of(path, log.log),
-        offset_deg,
-        flight,
-    )
-
-
-def _without_position(logs: Sequence[_Log], reason: str) -> list[TagPosition]:
-    """Every tag that was heard, with the reason why it has no position."""
-    heard = {one.pulse.tag_id for log in logs for one in log.log.pulse_poses}
-    return [TagPosition(tag_id=tag, position=None, reason=reason) for tag in sorted(heard)]
-
-
-def over_ground(
-    elevation: Elevation, poses: Sequence[Pose], pulse_poses: Sequence[PulsePose]
-) -> OverGround | None:
-    """Lay the ground around a flight, of whose poses the pulses' own tell, too.
-
-    Parameters
-    ----------
-    elevation : Elevation
-    poses : sequence of Pose
-        Of the vehicle.
-    pulse_poses : sequence of PulsePose
-        Their frequency is that of the losses.
-
-    Raises
-    ------
-    FormatError
-        A file of heights is damaged.
-    """
-    own = sorted((one.pose for one in pulse_poses if one.pose), key=lambda one: one.time_ns)
-    columns = PoseColumns.of(poses).completed(PoseColumns.of(own))
-    told = [one.altitude_amsl_m - one.altitude_relative_m for one in (*poses[:1], *own[:1])]
-    over = OverGround.of(elevation, columns, takeoff_amsl_m=told[0] if told else None)
-    if over is None or not pulse_poses:
-        return over
-    heard_hz = [one.pulse.frequency_hz for one in pulse_poses]
-    known_hz = [one for one in heard_hz if math.isfinite(one)]
-    return over.at(float(np.median(known_hz))) if known_hz else over
-
-
-def antenna_of(path: str | os.PathLike[str], log: PulseLog) -> str:
-    """Name of the antenna of a flight or log: without headings it is an upright whip.
-
-    Raises
-    ------
-    UsageError
-        The drone's antenna is not known here.
-    """
-    if FlightLayout(Path(path)).database.is_file():
-        return flight_antenna(read_flight(path))
-    return MONOPOLE if log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
+    bearings = bearings_together([one.recorded for one in usable], how, warn)
+    together = []
+    for number, one in enumerate((*usable, *standing)):
+        own = [
+            replace(each, tag_id=one.keys.get(each.tag_id, each.tag_id))
+            for each in bearings
+            if each.flight == number
+        ]
+        # Keys are tags already: their frequencies need not be compared.
+        together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
+    every = Found(heard=frozenset().union(*(each.heard for each in together)))
+    return place([every, *together], how, over)
 
 
 def check_position_method(method: str) -> None:
@@ -420,20 +266,21 @@ def _is_result(path: str | os.PathLike[str]) -> bool:
     return bool(_columns_of_named_file(path)) or _holds_estimates(path)
 
 
-def _positions_of_rows(
-    rows: Sequence[BearingRow],
-    method: PositionMethod,
-    heading_sigma_deg: float,
-) -> list[TagPosition]:
-    return [
-        _positioned(
-            tag_id,
-            _stations_of_rows([row for row in rows if row.tag_id == tag_id]),
-            method,
-            heading_sigma_deg,
-        )
-        for tag_id in sorted({row.tag_id for row in rows})
-    ]
+def _positions_of_rows(rows: Sequence[BearingRow], how: ReadAs) -> list[TagPosition]:
+    found = []
+    for tag_id in sorted({row.tag_id for row in rows}):
+        try:
+            position = estimate_position(
+                _stations_of_rows([row for row in rows if row.tag_id == tag_id]),
+                method=how.method,
+                heading_sigma_deg=how.heading_sigma_deg,
+                follow=True,
+            )
+        except UsageError as error:
+            found.append(TagPosition(tag_id=tag_id, position=None, reason=str(error)))
+        else:
+            found.append(TagPosition(tag_id=tag_id, position=position))
+    return found
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
@@ -470,146 +317,12 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
     """What the original's tools wrote into a positions.csv; of all methods for ``bayes``."""
     found = []
     for row in read_position_file(path):
-        for name, place in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
-            if place is not None and method in ("bayes", name):
+        for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
+            if there is not None and method in ("bayes", name):
                 position = Position(
-                    latitude_deg=place[0], longitude_deg=place[1], method=name, stations=0
+                    latitude_deg=there[0], longitude_deg=there[1], method=name, stations=0
                 )
                 found.append(TagPosition(tag_id=row.tag_id, position=position))
-    return found
-
-
-def tags_of(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
-    """The tags that a flight directory lists; none for a log."""
-    inside = FlightLayout(Path(path)).database.is_file()
-    return read_flight(path).info.tags if inside else ()
-
-
-def poses_of(path: str | os.PathLike[str]) -> tuple[Pose, ...]:
-    """The vehicle's poses in a flight directory; none for a log."""
-    inside = FlightLayout(Path(path)).database.is_file()
-    return read_flight(path).poses if inside else ()
-
-
-def positions_of_powers(
-    pulse_poses: Sequence[PulsePose],
-    tags: Sequence[Tag],
-    poses: Sequence[Pose],
-    *,
-    method: str = "bayes",
-    height_m: float | None = None,
-    height_sigma_m: float = HEIGHT_SIGMA_M,
-    over: OverGround | None = None,
-) -> tuple[list[TagPosition], list[TagSignal]]:
-    """Positions from strength alone, heard with an upright monopole; and the signals.
-
-    Raises
-    ------
-    UsageError
-        The method is not ``bayes``: the others need bearings.
-    """
-    if method not in ("bayes", "track"):
-        raise UsageError(
-            f"{method} needs bearings, but a monopole gives none",
-            remedy="Use the method bayes, or track",
-        )
-    listed = {tag.tag_id: tag for tag in tags}
-    ordered = sorted(pulse_poses, key=lambda one: one.pulse.start_time_ns)
-    way = PoseColumns.of(poses).completed(
-        PoseColumns.of(one.pose for one in ordered if one.pose)
-    )
-    found: list[TagPosition] = []
-    signals: list[TagSignal] = []
-    for tag_id in sorted({one.pulse.tag_id for one in ordered}):
-        position, track = position_of_strength(
-            tag_id,
-            HeardStrength.of([one for one in ordered if one.pulse.tag_id == tag_id]),
-            listed.get(tag_id),
-            way,
-            method=method,
-            height_m=height_m,
-            height_sigma_m=height_sigma_m,
-            over=over,
-        )
-        found.append(position)
-        if track is not None and position.position is not None:
-            signals.append(signal_of(tag_id, track, position.position))
-    return found, signals
-
-
-def position_of_strength(
-    tag_id: int,
-    heard: HeardStrength,
-    tag: Tag | None,
-    poses: PoseColumns,
-    *,
-    method: str = "bayes",
-    height_m: float | None = None,
-    height_sigma_m: float = HEIGHT_SIGMA_M,
-    over: OverGround | None = None,
-) -> tuple[TagPosition, PowerTrack | None]:
-    """Locate one tag from its strength: for command line, report and page alike.
-
-    Parameters
-    ----------
-    tag_id : int
-        Its number.
-    heard : HeardStrength
-        Its pulses with an upright monopole.
-    tag : Tag, optional
-        With it, pulses that must have come count as missed.
-    poses : PoseColumns
-        Of the vehicle.
-    method : {"bayes", "track"}
-        Where it rests, or its way.
-    height_m : float, optional
-        Over the tag, where the poses do not tell their height.
-    height_sigma_m : float
-        Error that all heights share, one standard deviation.
-    over : OverGround, optional
-        The ground of the flight.
-    """
-    hills = None if over is None else over.hills
-    try:
-        track = power_track(heard, tag, poses, height_m=height_m)
-        position = located(
-            None, track, method=method, height_sigma_m=height_sigma_m, hills=hills
-        )
-    except UsageError as error:
-        return TagPosition(tag_id=tag_id, position=None, reason=str(error)), None
-    return TagPosition(tag_id=tag_id, position=position), track
-
-
-def positions_of_bearings(
-    bearings: Sequence[TagBearing],
-    *,
-    method: PositionMethod = "bayes",
-    heading_sigma_deg: float = HEADING_SIGMA_DEG,
-    over: OverGround | None = None,
-    listeners: Mapping[int, Sequence[Strengths]] = MappingProxyType({}),
-) -> list[TagPosition]:
-    """One position for each tag; bearings in which there is no direction are left out.
-
-    `listeners` are what receivers heard of each tag without turning.
-    """
-    found = []
-    for tag_id in sorted({one.tag_id for one in bearings}):
-        own = [one for one in bearings if one.tag_id == tag_id]
-        try:
-            position = position_of_bearings(
-                [one.latitude_deg for one in own],
-                [one.longitude_deg for one in own],
-                [one.middle_time_ns for one in own],
-                [one.bearing for one in own],
-                method=method,
-                heading_sigma_deg=heading_sigma_deg,
-                over=over,
-                listeners=listeners.get(tag_id, ()),
-            )
-            found.append(TagPosition(tag_id=tag_id, position=position))
-        except UsageError as error:
-            # One tag with a single bearing must not keep the others from the list.
-            found.append(TagPosition(tag_id=tag_id, position=None, reason=str(error)))
     return found
 
 
@@ -634,33 +347,20 @@ def _middle_s(row: BearingRow) -> float | None:
     return 0.5 * (row.start_time_s + row.end_time_s)
 
 
-def _positioned(
-    tag_id: int,
-    stations: Stations,
-    method: PositionMethod,
-    heading_sigma_deg: float,
-) -> TagPosition:
-    try:
-        position = located(stations, method=method, heading_sigma_deg=heading_sigma_deg)
-    except UsageError as error:
-        return TagPosition(tag_id=tag_id, position=None, reason=str(error))
-    return TagPosition(tag_id=tag_id, position=position)
-
-
-def _without_copies(
-    logs: Sequence[tuple[Path, PulseLog]], warn: Callable[[str], None]
-) -> list[tuple[Path, PulseLog]]:
+def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
     """Leave out what another log holds, too: a flight received and fetched is heard once.
 
     Two drones that hear one pulse are at two places.
     """
-    heard = [set(map(_place_and_time, log.pulse_poses)) for _, log in logs]
+    heard = [set(map(_place_and_time, one.log.pulse_poses)) for one in logs]
     kept: list[int] = []
     for number in sorted(range(len(logs)), key=lambda one: len(heard[one]), reverse=True):
         own = heard[number]
         for other in kept:
             if own and len(own & heard[other]) >= SAME_PULSES * len(own):
-                text = f"{logs[number][0]} is a copy of {logs[other][0]}, of the same flight"
+                text = (
+                    f"{logs[number].path} is a copy of {logs[other].path}, of the same flight"
+                )
                 warn(f"{text}: left out")
                 break
         else:

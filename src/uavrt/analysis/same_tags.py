@@ -11,15 +11,12 @@ from itertools import count, pairwise
 
 import numpy as np
 
+from uavrt.localization import LEAST_TAG_HZ, OTHER_TAG_HZ
 from uavrt.messages import PulsePose, Tag
 from uavrt.recording.formats import NUMBERED_BY_FREQUENCY, PulseLog
 
 _SAME_HZ = 2_000.0
-"""What two receivers tell of one tag's frequency differs by less …"""
-OTHER_TAG_HZ = 10_000.0
-"""… and a crystal drifts by less; logs with six digits round to as much."""
-LEAST_TAG_HZ = 1e6
-"""Less is no frequency of a tag: some logs tell megahertz, cut to a whole number."""
+"""What two receivers measure of one tag's frequency differs by less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,44 +2,35 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavrt.analysis.bearings import (
     NO_BEARINGS_FROM_THESE,
-    TagBearing,
-    bearings_of_flight,
-    bearings_of_pulses,
-    heard_in_turns,
-    learnt_antenna,
+    Recorded,
     past_turns,
+    read_recorded,
     taught_in_words,
 )
 from uavrt.analysis.facts import Facts, facts_of
-from uavrt.analysis.flown_with import flight_antenna
 from uavrt.analysis.map_files import MapFile
-from uavrt.analysis.positions import (
-    TagPosition,
-    antenna_of,
-    over_ground,
-    positions_of_bearings,
-    positions_of_powers,
-)
-from uavrt.analysis.power_survey import TagSignal
+from uavrt.analysis.power_survey import TagSignal, signal_of
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import (
-    HEIGHT_SIGMA_M,
     MONOPOLE,
     AntennaPattern,
+    Estimated,
+    Found,
     HeardInTurn,
-    OverGround,
-    antenna_as_shown,
+    ReadAs,
+    TagBearing,
+    TagPosition,
+    estimate,
+    heard_in_turns,
 )
-from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import (
     Beep,
     FlightInfo,
@@ -54,12 +45,10 @@ from uavrt.messages import (
 from uavrt.recording import (
     Flight,
     FlightFold,
-    FlightLayout,
     IntegratedVerdict,
     Mark,
     places_of,
     read_beeps,
-    read_flight,
     read_folds,
     read_health,
     read_integrated,
@@ -67,32 +56,11 @@ from uavrt.recording import (
     read_search_reports,
     vehicle_of,
 )
-from uavrt.recording.formats import ORIGINAL_POSES, LogKind, read_pulse_log
-from uavrt.terrain import Elevation
+from uavrt.recording.formats import ORIGINAL_POSES, LogKind
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
     from uavrt.analysis.silence import SilentMap
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
-    """What somebody says of a flight who wants it read."""
-
-    antenna: str | None
-    height_m: float | None
-    offset_deg: float
-    heading_sigma_deg: float
-    height_sigma_m: float
-    elevation: Elevation | None
-
-    def over(
-        self, poses: Sequence[Pose], pulse_poses: Sequence[PulsePose]
-    ) -> OverGround | None:
-        """The ground of a flight, where heights of it were given."""
-        if self.elevation is None:
-            return None
-        return over_ground(self.elevation, poses, pulse_poses)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,8 +71,8 @@ class Survey:
     kind: LogKind
     antenna: str
     """Name of the pattern that the bearings were estimated with."""
-    pattern: Callable[[], AntennaPattern | None] = lambda: None
-    """Learns the same as the turns have shown it, at the first call; None where they do not."""
+    pattern: AntennaPattern | None = None
+    """The same as the turns have shown it; None without a turn."""
     offset_deg: float = 0.0
     """Boresight clockwise from the heading that the pulses carry."""
     pulse_poses: tuple[PulsePose, ...]
@@ -216,16 +184,7 @@ class Survey:
         return (min(times), max(times)) if times else None
 
 
-def read_survey(
-    path: str | os.PathLike[str],
-    *,
-    antenna: str | None = None,
-    height_m: float | None = None,
-    offset_deg: float = 0.0,
-    heading_sigma_deg: float = HEADING_SIGMA_DEG,
-    height_sigma_m: float = HEIGHT_SIGMA_M,
-    elevation: Elevation | None = None,
-) -> Survey:
+def read_survey(path: str | os.PathLike[str], how: ReadAs | None = None) -> Survey:
     """Read a flight directory or a pulse log of any kind; estimate bearings and positions.
 
     What cannot be estimated is missing from the result, and a warning says why.
@@ -234,19 +193,9 @@ def read_survey(
     ----------
     path : path
         The flight or log.
-    antenna : str, optional
-        Name of its pattern; without it that of the flight's settings, RA-23K for a log
+    how : ReadAs, optional
+        How it is read. Without an antenna that of the flight's settings, RA-23K for a log
         without, and a monopole for UCSD's pings.
-    height_m : float, optional
-        With a monopole: the drone's height over the tags where the log does not tell it.
-    offset_deg : float
-        Boresight clockwise from the heading that the pulses carry.
-    heading_sigma_deg : float
-        Error that all headings of the flight share, one standard deviation.
-    height_sigma_m : float
-        With a monopole: error that all heights over a tag share, one standard deviation.
-    elevation : Elevation, optional
-        Heights of the ground: hills weaken what is heard, and explain silence.
 
     Raises
     ------
@@ -255,137 +204,64 @@ def read_survey(
     UsageError
         There is no such antenna, or the report.toml beside it is damaged.
     """
-    place = Path(path)
-    asked = _Asked(
-        antenna=antenna,
-        height_m=height_m,
-        offset_deg=offset_deg,
-        heading_sigma_deg=heading_sigma_deg,
-        height_sigma_m=height_sigma_m,
-        elevation=elevation,
-    )
-    survey = _read(place, asked)
-    return replace(survey, facts=facts_of(place.resolve()))
-
-
-def _read(place: Path, asked: _Asked) -> Survey:
-    if FlightLayout(place).database.is_file():
-        return _of_flight(place, read_flight(place), asked)
-    log = read_pulse_log(place)
-    antenna = asked.antenna or antenna_of(place, log)
-    pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
+    how, recorded = how or ReadAs(), read_recorded(path)
+    antenna = how.antenna or recorded.antenna
+    flight, log = recorded.flight, recorded.log
     warnings = list(log.warnings)
-    over = asked.over((), pulses)
-    if antenna == MONOPOLE and ORIGINAL_POSES not in warnings:
-        positions, signals = positions_of_powers(
-            *(pulses, (), ()),
-            height_m=asked.height_m,
-            height_sigma_m=asked.height_sigma_m,
-            over=over,
-        )
-        warnings += _reasons(positions)
-        return Survey(
-            name=place.name,
-            kind=log.kind,
-            antenna=antenna,
-            pulse_poses=pulses,
-            track=_on_earth(one.pose for one in pulses),
-            positions=tuple(positions),
-            signals=tuple(signals),
-            warnings=tuple(warnings),
-        )
-    bearings: list[TagBearing] = []
+    estimated = Estimated(found=Found(), positions=())
     if ORIGINAL_POSES in warnings:
         warnings.append(NO_BEARINGS_FROM_THESE)
     else:
-        bearings = _attempted(
-            lambda: bearings_of_pulses(
-                _placed(pulses), antenna=antenna, offset_deg=asked.offset_deg
-            ),
-            warnings,
-        )
-    positions = positions_of_bearings(
-        bearings, heading_sigma_deg=asked.heading_sigma_deg, over=over
-    )
-    return Survey(
-        name=place.name,
-        kind=log.kind,
-        antenna=antenna,
-        pulse_poses=pulses,
-        track=_on_earth(one.pose for one in pulses),
-        pattern=_shown(lambda: learnt_antenna(place, antenna, asked.offset_deg)),
-        offset_deg=asked.offset_deg,
-        bearings=tuple(bearings),
-        positions=tuple(positions),
-        warnings=tuple(warnings),
-    )
-
-
-def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
-    """Keep the first pose of each step of time; the last one stays too."""
-    first = [
-        next(group)
-        for _, group in groupby(track, lambda p: p.time_ns // (step_s * NANOSECONDS_PER_SECOND))
-    ]
-    if track and first[-1] is not track[-1]:
-        first.append(track[-1])
-    return first
-
-
-def _reasons(positions: Iterable[TagPosition]) -> list[str]:
-    """Why tags have no position by their strength, for those who can help it."""
-    return [
-        f"Tag {one.tag_id} has no position: {one.reason}."
-        for one in positions
-        if one.position is None
-    ]
-
-
-def _past_turns(flight: Flight, antenna: str, offset_deg: float) -> list[list[HeardInTurn]]:
-    """What past flights teach of the antenna; nothing where no pulse has a pose."""
-    try:
-        return past_turns(flight, antenna, offset_deg)
-    except UsageError:
-        return []
-
-
-def _taught_bearings(
-    flight: Flight,
-    past: list[list[HeardInTurn]],
-    antenna: str,
-    offset_deg: float,
-    warnings: list[str],
-) -> list[TagBearing]:
-    """A flight's bearings by the pattern that past flights teach, too."""
-    own, _ = heard_in_turns(flight, offset_deg)
-    if (text := taught_in_words([own, *past])) is not None:
-        warnings.append(f"{text[0].upper()}{text[1:]}.")
-    turns = [one for earlier in past for one in earlier]
-    return bearings_of_flight(flight, antenna=antenna, offset_deg=offset_deg, past=turns)
-
-
-def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
-    antenna = asked.antenna or flight_antenna(flight)
-    over = asked.over(flight.poses, flight.pulse_poses)
-    past = _past_turns(flight, antenna, asked.offset_deg) if antenna != MONOPOLE else []
-    warnings: list[str] = []
-    bearings: list[TagBearing] = []
-    signals: list[TagSignal] = []
+        try:
+            estimated = _estimated(recorded, replace(how, antenna=antenna), warnings)
+        except UsageError as error:
+            if "there is no antenna" in error.message:
+                raise
+            warnings.append(f"No bearings: {error}.")
     if antenna == MONOPOLE:
-        positions, signals = positions_of_powers(
-            *(flight.pulse_poses, flight.info.tags, flight.poses),
-            height_m=asked.height_m,
-            height_sigma_m=asked.height_sigma_m,
-            over=over,
-        )
-    else:
-        bearings = _attempted(
-            lambda: _taught_bearings(flight, past, antenna, asked.offset_deg, warnings),
-            warnings,
-        )
-        positions = positions_of_bearings(
-            bearings, heading_sigma_deg=asked.heading_sigma_deg, over=over
-        )
+        warnings += [
+            f"Tag {one.tag_id} has no position: {one.reason}."
+            for one in estimated.positions
+            if one.position is None
+        ]
+    pulses = tuple(sorted(log.pulse_poses, key=lambda one: one.pulse.start_time_ns))
+    own = tuple(one.pose for one in pulses if one.pose is not None)
+    placed = {one.tag_id: one.position for one in estimated.positions}
+    survey = Survey(
+        name=recorded.path.resolve().name if flight else recorded.path.name,
+        kind=log.kind,
+        antenna=antenna if isinstance(antenna, str) else antenna.name,
+        pattern=estimated.found.pattern,
+        offset_deg=how.offset_deg,
+        pulse_poses=pulses,
+        track=_on_earth(own if flight is None else flight.poses or own),
+        bearings=tuple(estimated.found.bearings),
+        positions=estimated.positions,
+        signals=tuple(
+            signal_of(tag_id, track, placed[tag_id])
+            for tag_id, track in estimated.tracks.items()
+        ),
+        warnings=tuple(warnings),
+        facts=facts_of(recorded.path.resolve()),
+    )
+    return survey if flight is None else _with_records(survey, recorded.path, flight)
+
+
+def _estimated(recorded: Recorded, how: ReadAs, warnings: list[str]) -> Estimated:
+    """Estimate by the pattern that past flights teach, too."""
+    heard = recorded.heard(recorded.antenna)
+    past: list[list[HeardInTurn]] = []
+    if how.antenna is not None and how.antenna != MONOPOLE and recorded.flight is not None:
+        past = past_turns(recorded.flight, how.antenna, how.offset_deg)
+        own = heard_in_turns(heard, how.offset_deg)
+        if (text := taught_in_words([own, *past])) is not None:
+            warnings.append(f"{text[0].upper()}{text[1:]}.")
+    return estimate(heard, how, past=[one for turns in past for one in turns])
+
+
+def _with_records(survey: Survey, directory: Path, flight: Flight) -> Survey:
+    """Add what else a flight directory holds."""
+    warnings = list(survey.warnings)
     without = sum(one.pose is None for one in flight.pulse_poses)
     if without:
         warnings.append(f"{without} of {len(flight.pulse_poses)} pulses have no pose.")
@@ -397,26 +273,8 @@ def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
         folds = read_folds(directory)
     except FormatError as error:
         warnings.append(f"Nothing of what was integrated: {error}.")
-    track = flight.poses or tuple(one.pose for one in flight.pulse_poses if one.pose)
-    return Survey(
-        name=directory.resolve().name,
-        kind="flight",
-        antenna=antenna,
-        pattern=_shown(
-            lambda: antenna_as_shown(
-                [
-                    *heard_in_turns(flight, asked.offset_deg)[0],
-                    *(one for turns in past for one in turns),
-                ],
-                antenna,
-            ),
-        ),
-        offset_deg=asked.offset_deg,
-        pulse_poses=flight.pulse_poses,
-        track=_on_earth(track),
-        bearings=tuple(bearings),
-        positions=tuple(positions),
-        signals=tuple(signals),
+    return replace(
+        survey,
         warnings=tuple(warnings),
         info=flight.info,
         health=read_health(directory),
@@ -431,34 +289,15 @@ def _of_flight(directory: Path, flight: Flight, asked: _Asked) -> Survey:
     )
 
 
-def _attempted(
-    estimate: Callable[[], list[TagBearing]], warnings: list[str]
-) -> list[TagBearing]:
-    """Bearings, or none and a warning."""
-    try:
-        return estimate()
-    except UsageError as error:
-        if "there is no antenna" in error.message:
-            raise
-        warnings.append(f"No bearings: {error}.")
-        return []
-
-
-def _shown(learn: Callable[[], AntennaPattern]) -> Callable[[], AntennaPattern | None]:
-    """Learn the antenna as the bearings took it, when somebody wants to see it, and once."""
-
-    @cache
-    def shown() -> AntennaPattern | None:
-        try:
-            return learn()
-        except UsageError:
-            return None
-
-    return shown
-
-
-def _placed(pulses: Iterable[PulsePose]) -> list[PulsePose]:
-    return [one for one in pulses if one.pose is not None]
+def thinned(track: Sequence[Pose], step_s: float = 1.0) -> list[Pose]:
+    """Keep the first pose of each step of time; the last one stays too."""
+    first = [
+        next(group)
+        for _, group in groupby(track, lambda p: p.time_ns // (step_s * NANOSECONDS_PER_SECOND))
+    ]
+    if track and first[-1] is not track[-1]:
+        first.append(track[-1])
+    return first
 
 
 def _on_earth(poses: Iterable[Pose | None]) -> tuple[Pose, ...]:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.listening import limits_of, with_poses
-from uavrt.analysis.positions import over_ground
 from uavrt.config import AntennaSettings
 from uavrt.dsp import FrontEnd
 from uavrt.errors import ConfigError, FormatError, RecordingError
@@ -35,7 +34,7 @@ from uavrt.integration import (
     slot_energies,
     train_pulses,
 )
-from uavrt.localization import AntennaPattern, PoseColumns
+from uavrt.localization import AntennaPattern, OverGround, PoseColumns
 from uavrt.messages import Tag
 from uavrt.planning import LEAST_PULSES
 from uavrt.pose import Mounting
@@ -354,7 +353,7 @@ def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | Non
     """The ground under a flight, counted from where it took off; None is level."""
     if elevation is None:
         return None
-    over = over_ground(elevation, flight.poses, ())
+    over = OverGround.of(elevation, PoseColumns.of(flight.poses))
     return None if over is None else over.hills
 
 

@@ -7,14 +7,22 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from uavrt.analysis import Survey, TagBearing, TagPosition
+from uavrt.analysis import Survey
 from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.localization import Bearing, Caution, Ellipse, Position, TrackPoint
+from uavrt.localization import (
+    Bearing,
+    Caution,
+    Ellipse,
+    Position,
+    TagBearing,
+    TagPosition,
+    TrackPoint,
+)
 from uavrt.messages import FlightInfo, Pose, PulsePose
 from uavrt.recording import FlightLayout, fields_of, read_flight
 

@@ -8,26 +8,37 @@ from pathlib import Path
 
 from uavrt.analysis import (
     USUAL_ANTENNA,
-    TagBearing,
-    TagPosition,
-    bearings_of_flight,
-    bearings_of_pulses,
+    bearing_record,
     flight_antenna,
-    over_ground,
+    heard_in_flight,
     past_turns,
-    positions_of_bearings,
-    positions_of_powers,
+    position_record,
 )
 from uavrt.analysis.measure import antenna_named, posed_in
 from uavrt.analysis.tracks import attach_poses, estimate_offset, read_track
 from uavrt.attitude import yaw_deg
 from uavrt.batch.tables import BearingOfTag, PoseRow, PositionOfTag, read_pulses
 from uavrt.errors import UavrtError
-from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, PositionMethod, pattern_named
+from uavrt.localization import (
+    HEIGHT_SIGMA_M,
+    MONOPOLE,
+    Heard,
+    HeardInTurn,
+    PositionMethod,
+    ReadAs,
+    TagBearing,
+    TagPosition,
+    bearings_of,
+    estimate,
+    pattern_named,
+)
 from uavrt.localization.position import HEADING_SIGMA_DEG
 from uavrt.messages import Pulse, PulsePose, Tag
 from uavrt.recording import Flight, FlightLayout, IntegratedVerdict, read_flight
 from uavrt.terrain import Elevation, open_elevation
+
+_OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
+"""Columns of a moving tag's way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +58,18 @@ class PlacingSettings:
     """Elevation file or folder of them; None takes the ground as level."""
     sea: bool = False
     """Take ground that no file covers for water."""
+
+    def read_as(self, antenna: str) -> ReadAs:
+        """For the estimator."""
+        return ReadAs(
+            antenna=antenna,
+            offset_deg=self.offset_deg,
+            height_m=self.height_m,
+            heading_sigma_deg=self.heading_sigma_deg,
+            height_sigma_m=self.height_sigma_m,
+            elevation=_elevation(self.dem, self.sea),
+            method=self.method,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,40 +261,21 @@ def _attached(
 
 def _located(
     task: FlightTask, flight: Flight | None, posed: Sequence[PulsePose], antenna: str
-) -> tuple[list[TagBearing], list[TagPosition]]:
+) -> tuple[Sequence[TagBearing], Sequence[TagPosition]]:
     """Estimate as `uavrt localize` does."""
-    how = task.settings
-    elevation = _elevation(how.dem, how.sea) if "localize" in task.steps else None
-    poses = () if flight is None else flight.poses
-    over = None if elevation is None else over_ground(elevation, poses, posed)
-    if antenna == MONOPOLE:
-        if "localize" not in task.steps:
-            return [], []
-        positions, _ = positions_of_powers(
-            posed,
-            () if flight is None else flight.info.tags,
-            poses,
-            method=how.method,
-            height_m=how.height_m,
-            height_sigma_m=how.height_sigma_m,
-            over=over,
-        )
-        return [], positions
-    if flight is not None:
-        past = past_turns(flight, antenna, how.offset_deg)
-        bearings = bearings_of_flight(
-            flight,
-            antenna=antenna,
-            offset_deg=how.offset_deg,
-            past=[one for turns in past for one in turns],
-        )
-    else:
-        bearings = bearings_of_pulses(posed, antenna=antenna, offset_deg=how.offset_deg)
-    if "localize" not in task.steps:
-        return bearings, []
-    return bearings, positions_of_bearings(
-        bearings, method=how.method, heading_sigma_deg=how.heading_sigma_deg, over=over
-    )
+    localize = "localize" in task.steps
+    if antenna == MONOPOLE and not localize:
+        return [], []
+    heard = Heard.of_records(posed) if flight is None else heard_in_flight(flight, posed)
+    past: list[HeardInTurn] = []
+    if flight is not None and antenna != MONOPOLE:
+        for turns in past_turns(flight, antenna, task.settings.offset_deg):
+            past += turns
+    how = task.settings.read_as(antenna)
+    if not localize:
+        return bearings_of(heard, how, past), []
+    found = estimate(heard, how, past=past)
+    return found.found.bearings, found.positions
 
 
 def _antenna(task: FlightTask, flight: Flight | None) -> str:
@@ -315,39 +319,20 @@ def _pose_rows(task: FlightTask, posed: Sequence[PulsePose]) -> list[PoseRow]:
 
 
 def _bearing_row(one: TagBearing) -> BearingOfTag:
-    found = one.bearing
-    low_deg, high_deg = found.interval90_deg or (None, None)
-    return BearingOfTag(
-        tag_id=one.tag_id,
-        start_time_ns=one.start_time_ns,
-        middle_time_ns=one.middle_time_ns,
-        end_time_ns=one.end_time_ns,
-        latitude_deg=one.latitude_deg,
-        longitude_deg=one.longitude_deg,
-        altitude_amsl_m=one.altitude_amsl_m,
-        bearing_deg=found.bearing_deg,
-        sigma_deg=found.sigma_deg,
-        interval90_from_deg=low_deg,
-        interval90_to_deg=high_deg,
-        method=found.method,
-        pulses=found.pulses,
-        accepted=found.accepted,
-        ambiguous=found.ambiguous,
-        second_lobe_probability=found.second_lobe_probability,
-        evidence=found.evidence,
-        reduced_chi2=found.reduced_chi2,
-        multipath_suspected=found.multipath_suspected,
-        level_db=found.level_db,
-        fading_db=found.fading_db,
-        confidence=found.confidence,
-    )
+    record = bearing_record(one)
+    low_deg, high_deg = one.bearing.interval90_deg or (None, None)
+    record |= {
+        "interval90_from_deg": low_deg,
+        "interval90_to_deg": high_deg,
+        "altitude_amsl_m": one.altitude_amsl_m,
+    }
+    return BearingOfTag(**{name: record[name] for name in BearingOfTag.__dataclass_fields__})
 
 
 def _position_row(
     one: TagPosition, bearings: Sequence[TagBearing], posed: Sequence[PulsePose]
 ) -> PositionOfTag | None:
-    found = one.position
-    if found is None:
+    if one.position is None:
         return None
     spans = [
         (each.start_time_ns, each.end_time_ns)
@@ -358,30 +343,14 @@ def _position_row(
         for each in posed
         if each.pulse.tag_id == one.tag_id
     ]
-    ellipse = found.ellipse95
-    return PositionOfTag(
-        tag_id=one.tag_id,
-        start_time_ns=min(begin for begin, _ in spans),
-        end_time_ns=max(end for _, end in spans),
-        latitude_deg=found.latitude_deg,
-        longitude_deg=found.longitude_deg,
-        method=found.method,
-        radius50_m=found.radius50_m,
-        radius95_m=found.radius95_m,
-        semi_major95_m=None if ellipse is None else ellipse.semi_major_m,
-        semi_minor95_m=None if ellipse is None else ellipse.semi_minor_m,
-        orientation_deg=None if ellipse is None else ellipse.orientation_deg,
-        bearings=found.stations,
-        powers=found.pulses,
-        at_edge=found.at_edge,
-        heading_error_deg=found.heading_error_deg,
-        heading_error_sigma_deg=found.heading_error_sigma_deg,
-        remarks="; ".join(found.remarks),
-        cautions=", ".join(each.name for each in found.cautions),
-        cautions_in_words="\n".join(each.text for each in found.cautions),
-        track_time_ns=tuple(each.time_ns for each in found.track),
-        track_latitude_deg=tuple(each.latitude_deg for each in found.track),
-        track_longitude_deg=tuple(each.longitude_deg for each in found.track),
-        track_radius50_m=tuple(each.radius50_m for each in found.track),
-        track_radius95_m=tuple(each.radius95_m for each in found.track),
-    )
+    record = position_record(one)
+    cautions, way = record["cautions"], record["track"]
+    record |= {
+        "start_time_ns": min(begin for begin, _ in spans),
+        "end_time_ns": max(end for _, end in spans),
+        "remarks": "; ".join(record["remarks"]),
+        "cautions": ", ".join(each["name"] for each in cautions),
+        "cautions_in_words": "\n".join(each["text"] for each in cautions),
+        **{f"track_{name}": tuple(each[name] for each in way) for name in _OF_WAY},
+    }
+    return PositionOfTag(**{name: record[name] for name in PositionOfTag.__dataclass_fields__})

@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -11,7 +11,7 @@ from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees
 
 if TYPE_CHECKING:
-    from uavrt.analysis import TagBearing
+    from uavrt.localization import TagBearing
 
 
 def bearing(
@@ -51,74 +51,37 @@ def bearing(
         Print a list of objects.
     """
     require_content([pulses])
-    from uavrt.analysis import read_bearings
+    from uavrt.analysis import bearing_record, bearings_together, read_recorded
     from uavrt.analysis.measure import antenna_named, switched_bearings, write_antenna
-    from uavrt.recording.formats import read_pulse_log
+    from uavrt.localization import ReadAs
 
-    log = read_pulse_log(pulses)
-    for warning in log.warnings:
+    recorded = read_recorded(pulses)
+    for warning in recorded.log.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     antenna = None if antenna is None else antenna_named(antenna)
     if learn is not None:
-        from uavrt.analysis import learnt_antenna, pattern_of
+        from uavrt.analysis import learnt_antenna
 
-        antenna = antenna or pattern_of(pulses)
-        pattern = learnt_antenna(pulses, antenna, antenna_offset)
+        antenna = antenna or recorded.turning()
+        pattern = learnt_antenna(recorded, antenna, antenna_offset)
         write_antenna(pattern, learn, f"{antenna} as {pulses.resolve().name} showed it")
         antenna = antenna_named(str(learn))
     if recording is not None:
-        found = switched_bearings(recording, log.pulse_poses, offset_deg=antenna_offset)
+        found = switched_bearings(
+            recording, recorded.log.pulse_poses, offset_deg=antenna_offset
+        )
     else:
-        found = read_bearings(
-            pulses,
-            method=method,  # type: ignore[arg-type]
-            antenna=antenna,
-            offset_deg=antenna_offset,
-            warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
+        how = ReadAs(bearing_method=method, antenna=antenna, offset_deg=antenna_offset)
+        found = bearings_together(
+            [recorded], how, lambda text: print(f"uavrt: {text}", file=sys.stderr)
         )
     if as_json:
-        print(json.dumps([_record(one) for one in found], indent=2))
+        print(json.dumps([bearing_record(one) for one in found], indent=2))
         return
     for one in found:
         print(_sentence(one))
     if not found:
         print(f"{pulses}: no turn in place with pulses")
-
-
-def _record(one: "TagBearing") -> dict[str, Any]:
-    found = one.bearing
-    return {
-        "tag_id": one.tag_id,
-        "bearing_deg": found.bearing_deg,
-        "sigma_deg": found.sigma_deg,
-        "interval90_deg": None if found.interval90_deg is None else [*found.interval90_deg],
-        "method": found.method,
-        "pulses": found.pulses,
-        "latitude_deg": one.latitude_deg,
-        "longitude_deg": one.longitude_deg,
-        "altitude_amsl_m": one.altitude_amsl_m,
-        "start_time_ns": one.start_time_ns,
-        "end_time_ns": one.end_time_ns,
-        "accepted": found.accepted,
-        "ambiguous": found.ambiguous,
-        "second_lobe_probability": found.second_lobe_probability,
-        "evidence": found.evidence,
-        "reduced_chi2": found.reduced_chi2,
-        "multipath_suspected": found.multipath_suspected,
-        "paths_deg": None if found.paths_deg is None else [*found.paths_deg],
-        "level_db": found.level_db,
-        "fading_db": found.fading_db,
-        "confidence": found.confidence,
-        "widenings": [
-            {
-                "prior": each.prior,
-                "by_deg": each.by_deg,
-                "arc90_without_deg": each.arc90_without_deg,
-            }
-            for each in found.widenings
-        ],
-        "remarks": [*found.remarks],
-    }
 
 
 def _sentence(one: "TagBearing") -> str:
@@ -128,10 +91,4 @@ def _sentence(one: "TagBearing") -> str:
         low, high = found.interval90_deg
         text += f", 90 % within {low:.1f}° to {high:.1f}°"
     text += f", {found.pulses} pulses at {one.latitude_deg:.6f}, {one.longitude_deg:.6f}"
-    if not found.accepted:
-        text += "; there is no clear direction"
-    elif found.multipath_suspected:
-        text += "; a reflection is likely, or another antenna than said"
-    elif found.ambiguous:
-        text += "; another direction is nearly as good"
-    return "\n  ".join([text, *found.remarks])
+    return "; ".join([text, *found.remarks])

@@ -86,6 +86,7 @@ def export(
     from uavrt.analysis import read_survey
     from uavrt.analysis.export import EXPORT_FORMATS, export_survey
     from uavrt.analysis.measure import antenna_named
+    from uavrt.localization import ReadAs
 
     chosen = [form for form in EXPORT_FORMATS if not formats or form in formats]
     if unknown := sorted(set(formats or ()) - set(EXPORT_FORMATS)):
@@ -93,8 +94,7 @@ def export(
             f"there is no format {', '.join(unknown)}",
             remedy=f"Choose from {', '.join(EXPORT_FORMATS)}",
         )
-    survey = read_survey(
-        flight,
+    how = ReadAs(
         antenna=None if antenna is None else antenna_named(antenna),
         height_m=height,
         offset_deg=antenna_offset,
@@ -102,6 +102,7 @@ def export(
         height_sigma_m=height_error,
         elevation=elevation_of(dem, sea=sea),
     )
+    survey = read_survey(flight, how)
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     beside = flight if flight.is_dir() else flight.parent

@@ -10,10 +10,6 @@ if TYPE_CHECKING:
     from uavrt.integration import OtherTrain, PlaceBelief
 
 
-ALL_ROUND_DEG = 330.0
-"""An arc of so much is no direction."""
-
-
 def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
     """Say in words what the flight says of a tag, and of where it is not."""
     from uavrt.analysis import chance_in_words
@@ -33,7 +29,7 @@ def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
         f"tag {one.tag.tag_id}: found over the whole flight, {chance}{alone}",
         f"{slots_in_words(one)}, {pulses.offset_hz:+.0f} Hz from its frequency, "
         f"the strongest {place.level_db:.1f} dB",
-        *where(place),
+        *_where(place),
     ]
     if one.train.drift:
         lines.append(
@@ -57,31 +53,10 @@ def slots_in_words(one: "IntegratedTag") -> str:
     )
 
 
-def where(place: "PlaceBelief", flown: str = "the flight") -> list[str]:
-    """Say where a tag is: in one place, in one of several, or in which direction."""
-    from uavrt.analysis import LEAST_PART, POSITION_M
+def _where(place: "PlaceBelief", flown: str = "the flight") -> list[str]:
+    from uavrt.analysis import parts_of, where_in_words
 
-    parts = [one for one in place.cells.parts() if one.probability >= LEAST_PART]
-    if len(parts) > 1:
-        told = "; ".join(
-            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
-            f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"
-            for one in parts
-        )
-        return [f"in one of {len(parts)} places that {flown} cannot tell apart: {told}"]
-    if place.arc95_deg > ALL_ROUND_DEG and place.radius95_m > POSITION_M:
-        return [f"neither place nor direction are known: {flown} tells them too roughly"]
-    direction = (
-        f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
-        f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"
-    )
-    if place.radius95_m > POSITION_M:
-        return [direction, "no position: only its direction is known"]
-    return [
-        direction,
-        f"at {place.latitude_deg:.5f}, {place.longitude_deg:.5f}, within "
-        f"{place.radius50_m:.0f} m (50 %), {place.radius95_m:.0f} m (95 %)",
-    ]
+    return where_in_words(place, parts_of(place), flown)
 
 
 def _antenna(one: "IntegratedTag") -> str:
@@ -132,7 +107,7 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
     else:
         lines = [f"tag {one.tag.tag_id}: found in one of {count} flights alone, {chance}"]
     if one.place is not None:
-        lines += where(one.place, "the flights")
+        lines += _where(one.place, "the flights")
     for alone, flight, name, own in zip(one.alone, one.flights, one.names, silent, strict=True):
         by_itself = f"by itself: {chance_in_words(alone)}"
         if not flight.found:
@@ -145,7 +120,7 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
             f"{flight.pulses.offset_hz:+.0f} Hz from its frequency; {by_itself}"
         )
         if one.place is None and flight.place is not None:
-            lines += [f"  {text}" for text in where(flight.place)]
+            lines += [f"  {text}" for text in _where(flight.place)]
     lines += [_antenna(flight) for flight in one.flights]
     lines += [text for flight in one.flights for text in flight.limitations]
     return "\n  ".join(dict.fromkeys(lines))

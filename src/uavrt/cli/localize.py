@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -13,12 +13,11 @@ from uavrt.cli.elevation import elevation_of
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
 from uavrt.cli.words import counted
-from uavrt.clock import iso_utc, told_utc
+from uavrt.clock import told_utc
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
-    from uavrt.analysis import TagPosition
-    from uavrt.localization import Position
+    from uavrt.localization import Position, TagPosition
 
 _TIMES_TOLD = 12
 """Of a way, in words; --json has all."""
@@ -76,9 +75,10 @@ def localize(
     as_json
         Print a list of objects.
     """
-    from uavrt.analysis import read_positions
+    from uavrt.analysis import position_record, read_positions
     from uavrt.analysis.measure import antenna_named
     from uavrt.config import read_tags
+    from uavrt.localization import ReadAs
 
     if not flights:
         raise ConfigError("no flight was named", remedy="Name a flight or a log")
@@ -86,14 +86,16 @@ def localize(
     names = {} if tags is None else {tag.tag_id: tag.name for tag in read_tags(tags)}
     found = read_positions(
         *flights,
-        method=method,  # type: ignore[arg-type]
-        antenna=None if antenna is None else antenna_named(antenna),
-        offset_deg=antenna_offset,
-        height_m=height,
+        how=ReadAs(
+            method=method,
+            antenna=None if antenna is None else antenna_named(antenna),
+            offset_deg=antenna_offset,
+            height_m=height,
+            heading_sigma_deg=heading_error,
+            height_sigma_m=height_error,
+            elevation=elevation_of(dem, sea=sea),
+        ),
         warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
-        heading_sigma_deg=heading_error,
-        height_sigma_m=height_error,
-        elevation=elevation_of(dem, sea=sea),
     )
     found = [replace(one, name=names.get(one.tag_id) or one.name) for one in found]
     several = _of_several_frequencies(found)
@@ -101,7 +103,7 @@ def localize(
         for one in found:
             if one.position is None:
                 print(f"uavrt: {_sentence(one, several)}", file=sys.stderr)
-        print(json.dumps([_record(one) for one in found if one.position], indent=2))
+        print(json.dumps([position_record(one) for one in found if one.position], indent=2))
         return
     for one in found:
         print(_sentence(one, several))
@@ -116,54 +118,10 @@ def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
     return frozenset(one for one in numbers if numbers.count(one) > 1)
 
 
-def _record(one: "TagPosition") -> dict[str, Any]:
-    found = one.position
-    assert found is not None
-    ellipse = found.ellipse95
-    return {
-        "tag_id": one.tag_id,
-        "name": one.name,
-        "frequency_hz": one.frequency_hz,
-        "method": found.method,
-        "latitude_deg": found.latitude_deg,
-        "longitude_deg": found.longitude_deg,
-        "radius50_m": found.radius50_m,
-        "radius95_m": found.radius95_m,
-        "semi_major95_m": None if ellipse is None else ellipse.semi_major_m,
-        "semi_minor95_m": None if ellipse is None else ellipse.semi_minor_m,
-        "orientation_deg": None if ellipse is None else ellipse.orientation_deg,
-        "bearings": found.stations,
-        "powers": found.pulses,
-        "outlier_probabilities": found.outlier_probabilities,
-        "at_edge": found.at_edge,
-        "heading_error_deg": found.heading_error_deg,
-        "heading_error_sigma_deg": found.heading_error_sigma_deg,
-        "cautions": [{"name": each.name, "text": each.text} for each in found.cautions],
-        "widenings": [
-            {
-                "prior": each.prior,
-                "by_m": each.by_m,
-                "radius95_without_m": each.radius95_without_m,
-            }
-            for each in found.widenings
-        ],
-        "remarks": [*_remarks(found)],
-        "track": [
-            {
-                "time": iso_utc(each.time_ns),
-                "time_ns": each.time_ns,
-                "latitude_deg": each.latitude_deg,
-                "longitude_deg": each.longitude_deg,
-                "radius50_m": each.radius50_m,
-                "radius95_m": each.radius95_m,
-            }
-            for each in found.track
-        ],
-    }
-
-
 def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
     """What is known of a tag; with its frequency where its number stands for several."""
+    from uavrt.analysis.measure import remarks_of
+
     found = one.position
     tag = f"tag {one.tag_id} ({one.name})" if one.name else f"tag {one.tag_id}"
     if one.tag_id in several and one.frequency_hz is not None:
@@ -181,15 +139,7 @@ def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
         text += f", {found.method} as it stands in the file"
     if found.at_edge:
         text += "; it may be farther out"
-    return "\n  ".join([text, *_remarks(found), *_way(found)])
-
-
-def _remarks(found: "Position") -> list[str]:
-    """What an operator must know beside the circles."""
-    from uavrt.analysis.measure import straight_walk
-
-    straight = straight_walk(found)
-    return [*([] if straight is None else [straight]), *found.remarks]
+    return "\n  ".join([text, *remarks_of(found), *_way(found)])
 
 
 def _way(found: "Position") -> list[str]:

@@ -89,10 +89,10 @@ def report(
     from uavrt.analysis import maps_in, read_survey
     from uavrt.analysis.measure import antenna_named
     from uavrt.analysis.report import write_report
+    from uavrt.localization import ReadAs
 
     elevation = elevation_of(dem, sea=sea)
-    survey = read_survey(
-        flight,
+    how = ReadAs(
         antenna=None if antenna is None else antenna_named(antenna),
         height_m=height,
         offset_deg=antenna_offset,
@@ -100,6 +100,7 @@ def report(
         height_sigma_m=height_error,
         elevation=elevation,
     )
+    survey = read_survey(flight, how)
     beside = flight.absolute().parent / "maps"
     maps = maps_in(beside) if background is None else (_named_map(background),)
     survey = replace(survey, maps=maps)

@@ -95,6 +95,8 @@ ESTIMATE_SHARE = 8.0
 """Estimates run again after eight times as long as they took: at most 11 % of a core …"""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
 """… and with several vehicles after so many times as long for each: 5 % in all."""
+ESTIMATES_SHOWN_S = 2.0
+"""Of many tags some come with each estimate: the page receives them at this interval."""
 
 FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 
@@ -189,6 +191,7 @@ class GroundSession:
         self._estimate_due = False
         self._estimate_at_s = 0.0
         self._estimate_fault = ""
+        self._shown_s = 0.0
         self._one_at_a_time = asyncio.Lock() if estimating is None else estimating
         self.vehicle: VehicleWatch | None = None
         self._serving: asyncio.Task[None] | None = None
@@ -765,7 +768,10 @@ class GroundSession:
                 for companion in self.companions:
                     companion.estimate_soon()
             self.estimates, self._estimate_fault = found, ""
-            self.hub.send("estimates", {"flight_id": flight_id, **found.record()})
+            self._estimate_due |= found.more
+            if not found.more or monotonic_s() >= self._shown_s + ESTIMATES_SHOWN_S:
+                self._shown_s = monotonic_s()
+                self.hub.send("estimates", {"flight_id": flight_id, **found.record()})
 
     def note(self, severity: int, text: str, *, source: str = "ground") -> None:
         """Write a line of the log and show it."""

@@ -1,29 +1,34 @@
-"""From a flight's poses and pulses, in columns, to turns, bearings and positions.
+"""The one estimator: from what was heard to turns, bearings, strengths and positions.
 
-The one way that the drone, the page, the report and the command line take, so that they tell
-the same of the same flight.
+The drone, the page, the report, batch and the command line call it, so that all say the same
+of one flight.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+import math
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.localization.antenna import AntennaPattern, pattern_named
+from uavrt.localization.angles import widest_gap_deg
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.localization.bearing import (
-    CLIMB_M,
     Turn,
     TurnPulses,
     estimate_bearing,
     find_turns,
     learn_pattern,
 )
-from uavrt.localization.headings import Headings
+from uavrt.localization.headings import Headings, yaws_deg
+from uavrt.localization.heard import Heard, OverGround, PoseColumns, PulseColumns, Rhythm
+from uavrt.localization.listeners import strengths_of
 from uavrt.localization.position import (
     HEADING_SIGMA_DEG,
+    LEAST_EXTENT_M,
     PowerTrack,
     Stations,
     Strengths,
@@ -31,8 +36,8 @@ from uavrt.localization.position import (
 )
 from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
 from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
-from uavrt.messages import Pose, PulsePose, Tag
-from uavrt.terrain import Elevation, HillLosses
+from uavrt.tangent_plane import plane_around
+from uavrt.terrain import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 OWN_HEADING_SIGMA_DEG = 1.0
@@ -47,245 +52,181 @@ EDGE_NS = NANOSECONDS_PER_SECOND
 """Pulses this long before and after a turn belong to it: the same place, the first heading."""
 ONE_FLIGHT_S = 7200.0
 """Bearings over a longer time are of several flights: the tag is taken to rest."""
+OTHER_TAG_HZ = 10_000.0
+"""A crystal drifts by less, and logs with six digits round to as much: farther apart, one
+number is two tags."""
+LEAST_TURNS = 3
+"""Fewer do not teach a pattern."""
+NEVER_TURNED = (
+    "it was heard, but in no turn in place; strengths of receivers that do not turn go into a "
+    "position only beside the bearings of others"
+)
 _GOES_ON_NS = 10_000_000_000
 """A turn whose end is this near to the last pose may go on."""
 _WHOLE_DEG = 270.0
-POSE_STEP_NS = 180_000_000
-"""Poses closer than this tell nothing new of a turn."""
-LEAST_TURNS = 3
-"""Fewer do not teach a pattern."""
 _LEAST_TO_LEARN = 12
-POSE_GAP_NS = 2_000_000_000
-"""Telemetry comes several times a second; this far from it, a pulse's own pose tells more."""
 _MOST_TURNS = 24
 """More turns teach little, and cost."""
-APART_M = 20.0
-"""Heights of a flight and of the elevation files that differ by more do not count alike."""
-_ON_GROUND_M = 5.0
-"""Poses that begin higher do not tell where the take-off was."""
+_TICK_NS = 256
+"""Times are kept to it; see `Heard.of`."""
+_LEAST_HEIGHT_M = 2.0
+"""The antenna over the tag: a drone that stands still hears with its feet."""
+_SURVEY_ALONE = "a survey by strength has a position of its own"
 
 _Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PoseColumns:
-    """Where the vehicle was, in order of time."""
-
-    time_ns: NDArray[np.int64]
-    latitude_deg: _Floats
-    longitude_deg: _Floats
-    height_m: _Floats
-    """(n,) above the take-off; NaN where nobody knows."""
-    quaternion_wxyz: _Floats
-    """(n, 4)."""
-    altitude_amsl_m: _Floats | None = None
-    """(n,) above sea level, NaN where nobody knows; tells what is flown where `height_m` does
-    not."""
-    on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times of what the autopilot says was not flown; empty where it tells
-    nothing."""
-
-    @classmethod
-    def of(
-        cls, poses: Iterable[Pose], on_ground_ns: tuple[tuple[int, int], ...] = ()
-    ) -> "PoseColumns":
-        """Put poses into columns, each time once, in order."""
-        by_time = {pose.time_ns: pose for pose in poses}
-        ordered = [by_time[time] for time in sorted(by_time)]
-        return cls(
-            time_ns=np.array([pose.time_ns for pose in ordered], np.int64),
-            latitude_deg=np.array([pose.latitude_deg for pose in ordered]),
-            longitude_deg=np.array([pose.longitude_deg for pose in ordered]),
-            height_m=np.array([pose.altitude_relative_m for pose in ordered], np.float64),
-            quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in ordered]).reshape(-1, 4),
-            altitude_amsl_m=np.array([pose.altitude_amsl_m for pose in ordered], np.float64),
-            on_ground_ns=on_ground_ns,
-        )
-
-    def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add poses of others, such as the pulses' own, at times of which these tell nothing.
-
-        Telemetry that a silent radio has lost never comes; the pulses of that time do. Both
-        may be out of order; each time stands once.
-        """
-        alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
-        time_ns = np.concatenate([self.time_ns, others.time_ns[alone]])
-        _, kept = np.unique(time_ns, return_index=True)
-
-        def joined(own: _Floats, theirs: _Floats) -> _Floats:
-            return np.asarray(np.concatenate([own, theirs[alone]])[kept])
-
-        return PoseColumns(
-            time_ns=time_ns[kept],
-            latitude_deg=joined(self.latitude_deg, others.latitude_deg),
-            longitude_deg=joined(self.longitude_deg, others.longitude_deg),
-            height_m=joined(self.height_m, others.height_m),
-            quaternion_wxyz=joined(self.quaternion_wxyz, others.quaternion_wxyz),
-            altitude_amsl_m=joined(self.amsl_m, others.amsl_m),
-            on_ground_ns=self.on_ground_ns + others.on_ground_ns,
-        )
-
-    @property
-    def amsl_m(self) -> _Floats:
-        """(n,) altitudes; NaN where nobody knows."""
-        nowhere = np.full(len(self.time_ns), np.nan)
-        return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
-
-    @property
-    def flown_m(self) -> _Floats:
-        """(n,) heights that tell flight from ground: above the take-off, else the lowest."""
-        amsl = self.amsl_m
-        if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
-            return self.height_m
-        return np.asarray(amsl - np.nanmin(amsl))
-
-    @property
-    def on_ground(self) -> NDArray[np.bool_]:
-        """(n,) what the autopilot says was not flown."""
-        found = np.zeros(len(self.time_ns), bool)
-        for first, last in self.on_ground_ns:
-            found |= (self.time_ns >= first) & (self.time_ns <= last)
-        return found
-
-    @property
-    def leaves_ground(self) -> bool:
-        """Whether some of it was flown, and some of it not, as heights or autopilot tell."""
-        on_ground = self.on_ground
-        flown = self.flown_m[np.isfinite(self.flown_m)]
-        climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
-        return climbed or bool(on_ground.any() and not on_ground.all())
-
-    @property
-    def yaw_deg(self) -> _Floats:
-        """(n,) headings."""
-        return Headings.from_quaternions(self.quaternion_wxyz).yaw_deg
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PulseColumns:
-    """One tag's pulses that have a pose and a power, in order of time."""
-
-    time_ns: NDArray[np.int64]
-    """(n,) beginnings."""
-    latitude_deg: _Floats
-    longitude_deg: _Floats
-    quaternion_wxyz: _Floats
-    """(n, 4) of the antenna."""
-    snr_db: _Floats
-    noise_psd: _Floats
-    """(n,) NaN where nobody knows."""
-    rate: NDArray[np.int64]
-    """(n,) which of the tag's intervals, from 1."""
-
-    @classmethod
-    def of(cls, pulses: Sequence[PulsePose]) -> "PulseColumns":
-        """Put one tag's pulses with poses, in order of time, into columns."""
-        poses = [one.pose for one in pulses if one.pose is not None]
-        return cls(
-            time_ns=np.array([one.pulse.start_time_ns for one in pulses], np.int64),
-            latitude_deg=np.array([pose.latitude_deg for pose in poses]),
-            longitude_deg=np.array([pose.longitude_deg for pose in poses]),
-            quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in poses]).reshape(-1, 4),
-            snr_db=np.array([one.pulse.snr_db for one in pulses]),
-            noise_psd=np.array([one.pulse.noise_psd for one in pulses], np.float64),
-            rate=np.array([one.pulse.rate for one in pulses], np.int64),
-        )
-
-    def turned(self, offset_deg: float) -> "PulseColumns":
-        """The same with the antenna turned clockwise about its own down axis."""
-        if offset_deg == 0.0:
-            return self
-        w, x, y, z = self.quaternion_wxyz.T
-        c, s = np.cos(np.radians(offset_deg) / 2.0), np.sin(np.radians(offset_deg) / 2.0)
-        parts = [w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s]
-        return replace(self, quaternion_wxyz=np.stack(parts, axis=1))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OverGround:
-    """A flight over ground that is known."""
-
-    hills: HillLosses
-    poses: PoseColumns
-
-    @classmethod
-    def of(
-        cls, elevation: Elevation, poses: PoseColumns, *, takeoff_amsl_m: float | None = None
-    ) -> "OverGround | None":
-        """Lay the ground around a flight; None where no pose tells of the place.
-
-        Heights of a flight count from its take-off, taken to be beneath the first pose.
-
-        Parameters
-        ----------
-        elevation : Elevation
-        poses : PoseColumns
-        takeoff_amsl_m : float, optional
-            What the flight itself says of the take-off's height.
-
-        Raises
-        ------
-        FormatError
-            A file of heights is damaged.
-        """
-        known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
-        if not len(known):
-            return None
-        first = int(known[0])
-        hills = HillLosses(
-            elevation,
-            latitude_deg=float(poses.latitude_deg[first]),
-            longitude_deg=float(poses.longitude_deg[first]),
-        )
-        said = list(elevation.cautions)
-        height_m = float(poses.height_m[first])
-        if height_m > _ON_GROUND_M:
-            said.append(
-                f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
-                "the ground beneath that place"
-            )
-        if takeoff_amsl_m is not None:
-            said += apart_in_words(hills.start_amsl_m, takeoff_amsl_m)
-        return cls(hills=hills.noting(*said), poses=poses)
-
-    def noting(self, *limitations: str) -> "OverGround":
-        """The same with more that an operator must know."""
-        return replace(self, hills=self.hills.noting(*limitations))
-
-    def at(self, frequency_hz: float) -> "OverGround":
-        """The same for a tag."""
-        return replace(self, hills=self.hills.at(frequency_hz))
-
-    def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
-        """Heights above the take-off at some times."""
-        told = np.isfinite(self.poses.height_m)
-        known_ns = self.poses.time_ns[told].astype(np.float64)
-        wanted_ns = np.asarray(time_ns, np.float64)
-        return np.asarray(np.interp(wanted_ns, known_ns, self.poses.height_m[told]))
-
-
-def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """What to tell where elevation files and flight disagree on the take-off's height."""
-    if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
-        return ()
-    return (
-        f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "
-        f"{said_m:.0f} m: another datum, or another place; heights are counted from the "
-        "elevation files' take-off on",
-    )
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rhythm:
-    """When a tag's pulses must come."""
+class ReadAs:
+    """How a flight or log is read."""
 
-    intervals_s: tuple[float, ...]
-    uncertainty_s: float
+    antenna: AntennaPattern | str | None = None
+    """Pattern, or its name; None: what the flight was set up with."""
+    offset_deg: float = 0.0
+    """Boresight clockwise from the heading that the pulses carry."""
+    height_m: float | None = None
+    """With a monopole: over the tags, where the poses have no height."""
+    heading_sigma_deg: float = HEADING_SIGMA_DEG
+    """Error that all headings of a flight share, one standard deviation."""
+    height_sigma_m: float = HEIGHT_SIGMA_M
+    """With a monopole: error that all heights over a tag share, one standard deviation."""
+    elevation: Elevation | None = None
+    """Heights of the ground, which weaken what is heard; None takes it as level."""
+    bearing_method: BearingMethod | str = "pattern_ml"
+    method: PositionMethod | str = "bayes"
+    learn: bool = True
+    """Correct the pattern by what whole turns show of it (``pattern_ml``)."""
 
-    @classmethod
-    def of(cls, tag: Tag) -> "Rhythm":
-        """When a listed tag's pulses must come."""
-        return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagBearing:
+    """A bearing to a tag, with place and time."""
+
+    tag_id: int
+    bearing: Bearing
+    latitude_deg: float
+    """Median over the pulses, as are the other two."""
+    longitude_deg: float
+    altitude_amsl_m: float
+    start_time_ns: int
+    """Not after the first pulse."""
+    middle_time_ns: int
+    """Between the first pulse and the last: when a tag that moves was there."""
+    end_time_ns: int
+    """Not before the last pulse began."""
+    heard: int = 0
+    """Pulses that were heard."""
+    turn: Turn | None = None
+    """None where the turn is not known any more."""
+    number: int = 0
+    """Which of the flight's turns, from 0."""
+    from_drone: bool = False
+    flight: int = 0
+    """Which of the flights or logs that were read together, from 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagPosition:
+    """A position of a tag, or why there is none."""
+
+    tag_id: int
+    position: Position | None
+    reason: str | None = None
+    """Why there is no position."""
+    frequency_hz: float | None = None
+    """Median of what was heard, where logs with pulses were read."""
+    name: str | None = None
+    """In the list of the flights."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What one receiver tells of its tags, for its own positions and those of others."""
+
+    bearings: Sequence[TagBearing] = ()
+    """In order of time and tag."""
+    strengths: Mapping[int, Strengths] = field(default_factory=dict)
+    """Of tags that were heard and of which there is no bearing."""
+    heard: frozenset[int] = frozenset()
+    """Tags of which something was heard."""
+    frequencies_hz: Mapping[int, float] = field(default_factory=dict)
+    """Of tags heard or listed: the same number may mean another animal elsewhere."""
+    pattern: AntennaPattern | None = None
+    """The antenna as the turns have shown it; None without a turn."""
+
+    def bearings_of(self, tag_id: int) -> list[TagBearing]:
+        """Those of one tag."""
+        return [one for one in self.bearings if one.tag_id == tag_id]
+
+    def knows(self, tag_id: int) -> bool:
+        """Whether it tells something of a tag, and does not only list it."""
+        return tag_id in self.strengths or bool(self.bearings_of(tag_id))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimated:
+    """All that follows from a flight."""
+
+    found: Found
+    positions: tuple[TagPosition, ...]
+    tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
+    """Of a survey by strength: what each position rests on."""
+
+
+class Cache:
+    """Keeps what the last estimate was made of, for a caller that estimates again and again."""
+
+    def __init__(self) -> None:
+        self.more = False
+        """Whether the last estimate left something for the next one."""
+        self._before: dict[Hashable, Any] = {}
+        self._now: dict[Hashable, Any] = {}
+        self._left: dict[str, int] = {}
+        self._last: dict[Hashable, Any] = {}
+        self._made: dict[Hashable, int] = {}
+
+    def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
+        """Begin an estimate; what the last one did not use is dropped.
+
+        Parameters
+        ----------
+        at_once : mapping of str to int
+            How many of each kind are made at most; the others keep their last value, and those
+            that have waited longest come first the next time. A kind that is missing has no
+            limit.
+        """
+        self._before, self._now = self._now, {}
+        self._left, self.more = dict(at_once), False
+
+    def get(self, key: tuple[Hashable, ...], make: Callable[[], T]) -> T:
+        """Get what was made under a key, or make it."""
+        if key not in self._now:
+            self._now[key] = self._before[key] if key in self._before else make()
+        found: T = self._now[key]
+        return found
+
+    def latest(self, key: tuple[str, Hashable, Hashable], make: Callable[[], T]) -> T | None:
+        """Get or make the value of a kind and a subject under a state of it.
+
+        Where no more are made in this estimate, the subject's last value; None if unknown.
+        """
+        kind, subject, _ = key
+        if key not in self._now and key not in self._before:
+            if self._left.get(kind, 1) <= 0:
+                self.more = True
+                last: T | None = self._last.get((kind, subject))
+                return last
+            if kind in self._left:
+                self._left[kind] -= 1
+            self._made[kind, subject] = max(self._made.values(), default=0) + 1
+        found = self._last[kind, subject] = self.get(key, make)
+        return found
+
+    def waiting(self, kind: str, subjects: Sequence[Hashable]) -> list[int]:
+        """Numbers of subjects, those first whose value was made longest ago."""
+        made = [self._made.get((kind, one), 0) for one in subjects]
+        return sorted(range(len(subjects)), key=made.__getitem__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -294,18 +235,9 @@ class HeardInTurn:
 
     tag_id: int
     turn: Turn
-    inside: NDArray[np.intp]
-    """Which of the tag's pulses."""
-    latitude_deg: float
-    """Median over the pulses."""
-    longitude_deg: float
-    start_time_ns: int
-    middle_time_ns: int
-    """Between the first pulse and the last: when a tag that moves was there."""
-    quaternion_wxyz: _Floats
-    """(n, 4) of the antenna."""
-    snr_db: _Floats
-    noise_psd: _Floats
+    number: int
+    """Which of the flight's turns, from 0."""
+    pulses: PulseColumns
     missed_yaw_deg: _Floats
     """(m,) headings at pulses that must have come and were not heard."""
 
@@ -314,30 +246,34 @@ class HeardInTurn:
         """Whether the turn has gone all the way round, or nearly."""
         return abs(self.turn.turned_deg) >= _WHOLE_DEG
 
+    @property
+    def snr_db(self) -> _Floats:
+        """(n,) of the pulses."""
+        return self.pulses.snr_db
 
-def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) which times are farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
-    if not len(known_ns):
-        return np.ones(len(times_ns), bool)
-    after = np.searchsorted(known_ns, times_ns)
-    before_ns = times_ns - known_ns[np.maximum(after - 1, 0)]
-    after_ns = known_ns[np.minimum(after, len(known_ns) - 1)] - times_ns
-    return np.asarray(np.minimum(np.abs(before_ns), np.abs(after_ns)) > POSE_GAP_NS)
+    @property
+    def subject(self) -> tuple[int, int]:
+        """Which tag and turn: the latter by its first pulse, as it grows while none comes."""
+        return self.tag_id, int(self.pulses.time_ns[0])
+
+    @property
+    def name(self) -> Hashable:
+        """What its bearing is made of."""
+        first = self.pulses.quaternion_wxyz[0].tobytes()  # turned by an offset, or not
+        return self.subject, len(self.snr_db), self.missed_yaw_deg.tobytes(), first
 
 
 def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:
     """Find the turns of a flight, and the one that goes on, if any."""
     if len(poses.time_ns) < 4 or poses.on_ground.all():
         return []  # what flew before is not among these poses any more
-    slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS
-    _, kept = np.unique(slots, return_index=True)
     every = find_turns(
-        poses.time_ns[kept],
-        poses.yaw_deg[kept],
-        poses.latitude_deg[kept],
-        poses.longitude_deg[kept],
-        height_m=poses.flown_m[kept],
-        on_ground=poses.on_ground[kept],
+        poses.time_ns,
+        poses.yaw_deg,
+        poses.latitude_deg,
+        poses.longitude_deg,
+        height_m=poses.flown_m,
+        on_ground=poses.on_ground,
         least_turn_deg=LEAST_TURN_DEG,
     )
     last_ns = int(poses.time_ns[-1])
@@ -348,67 +284,75 @@ def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[
     ]
 
 
-def heard_in(
-    tag_id: int,
-    turn: Turn,
-    pulses: PulseColumns,
-    poses: PoseColumns,
-    rhythm: Rhythm | None = None,
-) -> HeardInTurn | None:
-    """Collect a tag's pulses in a turn; None for fewer than three."""
-    times = pulses.time_ns
-    first, last = np.searchsorted(
-        times, [turn.start_time_ns - EDGE_NS, turn.end_time_ns + EDGE_NS + 1]
+def heard_in_turns(heard: Heard, offset_deg: float = 0.0) -> list[HeardInTurn]:
+    """What was heard of each tag in each turn in place, in order of time and tag.
+
+    Three pulses at least. The antenna is turned by an offset clockwise from the heading that
+    the pulses carry.
+    """
+    pulses = {tag_id: own.turned(offset_deg) for tag_id, own in sorted(heard.pulses.items())}
+    rhythms = {tag.tag_id: Rhythm.of(tag) for tag in heard.tags}
+    yaw_deg = np.unwrap(heard.poses.yaw_deg, period=360.0)
+    if heard.one_turn:
+        return [_whole_log(tag_id, own, heard.poses) for tag_id, own in pulses.items()]
+    found = []
+    for number, turn in enumerate(turns_in(heard.poses)):
+        edges = [turn.start_time_ns - EDGE_NS, turn.end_time_ns + EDGE_NS + 1]
+        for tag_id, own in pulses.items():
+            first, last = map(int, np.searchsorted(own.time_ns, edges))
+            if last - first >= LEAST_PULSES:
+                near = own.chosen(slice(max(0, first - 1), last + 1))
+                missed = _missed_yaws_deg(
+                    near, heard.poses.time_ns, yaw_deg, turn, rhythms.get(tag_id)
+                )
+                found.append(
+                    HeardInTurn(
+                        tag_id=tag_id,
+                        turn=turn,
+                        number=number,
+                        pulses=own.chosen(slice(first, last)),
+                        missed_yaw_deg=missed,
+                    )
+                )
+    return found
+
+
+def _whole_log(tag_id: int, pulses: PulseColumns, poses: PoseColumns) -> HeardInTurn:
+    """All pulses of a tag as those of one turn."""
+    yaw = np.unwrap(poses.yaw_deg, period=360.0)
+    turn = Turn(
+        start_time_ns=int(poses.time_ns[0]),
+        end_time_ns=int(poses.time_ns[-1]),
+        turned_deg=float(yaw[-1] - yaw[0]),
+        stops=0,
+        widest_gap_deg=widest_gap_deg(yaw),
+        latitude_deg=float(np.median(pulses.latitude_deg)),
+        longitude_deg=float(np.median(pulses.longitude_deg)),
     )
-    if last - first < LEAST_PULSES:
-        return None
-    part = slice(int(first), int(last))
     return HeardInTurn(
-        tag_id=tag_id,
-        turn=turn,
-        inside=np.arange(part.start, part.stop),
-        latitude_deg=float(np.median(pulses.latitude_deg[part])),
-        longitude_deg=float(np.median(pulses.longitude_deg[part])),
-        start_time_ns=int(times[part.start]),
-        middle_time_ns=int(times[part.start] + times[part.stop - 1]) // 2,
-        quaternion_wxyz=pulses.quaternion_wxyz[part],
-        snr_db=pulses.snr_db[part],
-        noise_psd=pulses.noise_psd[part],
-        missed_yaw_deg=missed_yaws_deg(pulses, poses, turn, rhythm),
+        tag_id=tag_id, turn=turn, number=0, pulses=pulses, missed_yaw_deg=np.zeros(0)
     )
 
 
-def missed_yaws_deg(
-    pulses: PulseColumns, poses: PoseColumns, turn: Turn, rhythm: Rhythm | None
+def _missed_yaws_deg(
+    pulses: PulseColumns,
+    pose_ns: NDArray[np.int64],
+    yaw_deg: _Floats,
+    turn: Turn,
+    rhythm: Rhythm | None,
 ) -> _Floats:
     """Headings of the antenna at pulses that must have come during a turn and were not heard.
 
-    Between two heard pulses whose distance is a multiple of the tag's interval. The heading is
-    the vehicle's, plus what the antenna's differed from it at the heard pulses.
+    The heading is the vehicle's, plus what the antenna's differed from it at the pulses heard
+    about then.
     """
-    if rhythm is None or not len(poses.time_ns):
-        return np.zeros(0)
-    times: list[float] = []
-    # From the last pulse before the turn to the first after it; the others tell nothing of it.
-    first = max(0, int(np.searchsorted(pulses.time_ns, turn.start_time_ns)) - 1)
-    last = int(np.searchsorted(pulses.time_ns, turn.end_time_ns, side="right")) + 1
-    near = zip(pulses.time_ns[first:last], pulses.rate[first:last], strict=True)
-    for (before, rate), (after, _) in pairwise(near):
-        number = min(max(int(rate), 1), len(rhythm.intervals_s))
-        interval_ns = rhythm.intervals_s[number - 1] * NANOSECONDS_PER_SECOND
-        gap_ns = int(after) - int(before)
-        count = round(gap_ns / interval_ns)
-        tolerance_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
-        if count > 1 and abs(gap_ns - count * interval_ns) <= tolerance_ns:
-            times += [int(before) + gap_ns * step / count for step in range(1, count)]
+    times = pulses.missed_ns(rhythm)
     inside = [time for time in times if turn.start_time_ns <= time <= turn.end_time_ns]
     if not inside:
         return np.zeros(0)
-    yaw = np.unwrap(poses.yaw_deg, period=360.0)
-    antenna = Headings.from_quaternions(pulses.quaternion_wxyz).yaw_deg
-    vehicle = np.interp(pulses.time_ns, poses.time_ns, yaw)
-    offset = np.angle(np.mean(np.exp(1j * np.radians(antenna - vehicle))), deg=True)
-    return np.asarray(np.remainder(np.interp(inside, poses.time_ns, yaw) + offset, 360.0))
+    off_deg = yaws_deg(pulses.quaternion_wxyz) - np.interp(pulses.time_ns, pose_ns, yaw_deg)
+    offset = np.angle(np.mean(np.exp(1j * np.radians(off_deg))), deg=True)
+    return np.asarray(np.remainder(np.interp(inside, pose_ns, yaw_deg) + offset, 360.0))
 
 
 def bearing_of(
@@ -416,7 +360,6 @@ def bearing_of(
     *,
     antenna: AntennaPattern | str,
     method: BearingMethod | str = "pattern_ml",
-    widenings: bool = False,
 ) -> Bearing:
     """Estimate the bearing of a tag in a turn.
 
@@ -428,9 +371,6 @@ def bearing_of(
         The pattern.
     method : str
         How pulses become a bearing.
-    widenings : bool
-        Tell also what each error that the pulses may share adds to the arc, and thereby to the
-        circles of positions from it.
 
     Raises
     ------
@@ -440,7 +380,7 @@ def bearing_of(
     half = np.radians(heard.missed_yaw_deg) / 2.0
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
-    noise = heard.noise_psd
+    noise = heard.pulses.noise_psd
     known = bool(np.all(np.isfinite(noise) & (noise > 0.0)))
     fill = np.full(len(half), np.median(noise) if known else 1.0)
     return estimate_bearing(
@@ -448,11 +388,10 @@ def bearing_of(
         np.concatenate([heard.snr_db, np.full(len(half), np.nan)]),
         method=method,
         antenna=antenna,
-        quaternion_wxyz=np.concatenate([heard.quaternion_wxyz, missed]),
+        quaternion_wxyz=np.concatenate([heard.pulses.quaternion_wxyz, missed]),
         noise_psd=np.concatenate([noise, fill]) if known else None,
         threshold_db=MISS_THRESHOLD_DB,
         heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
-        widenings=widenings,
     )
 
 
@@ -473,7 +412,10 @@ def antenna_as_shown(
     turns = [
         TurnPulses(
             yaw_deg=np.concatenate(
-                [Headings.from_quaternions(one.quaternion_wxyz).yaw_deg, one.missed_yaw_deg]
+                [
+                    Headings.from_quaternions(one.pulses.quaternion_wxyz).yaw_deg,
+                    one.missed_yaw_deg,
+                ]
             ),
             matched_power=np.concatenate(
                 [1.0 + 10.0 ** (one.snr_db / 10.0), np.full(len(one.missed_yaw_deg), np.nan)]
@@ -484,79 +426,486 @@ def antenna_as_shown(
     return learn_pattern(turns, pattern, threshold_db=MISS_THRESHOLD_DB)
 
 
-def position_of_bearings(
-    latitude_deg: Sequence[float],
-    longitude_deg: Sequence[float],
-    time_ns: Sequence[int],
-    bearings: Sequence[Bearing],
+def antenna_of(heard: Heard, how: ReadAs) -> AntennaPattern | str:
+    """The antenna that was asked for, else the one that it was heard with."""
+    return heard.antenna if how.antenna is None else how.antenna
+
+
+def learnt_pattern(
+    heard: Heard,
+    how: ReadAs,
+    turns: Sequence[HeardInTurn],
+    past: Sequence[HeardInTurn] = (),
+    cache: Cache | None = None,
+) -> AntennaPattern:
+    """The antenna as the turns of a flight have shown it, and those of `past` ones.
+
+    A turn that goes on teaches when it is over: each of its pulses would change all bearings.
+    """
+    antenna = antenna_of(heard, how)
+    if not (how.learn and how.bearing_method == "pattern_ml" and turns):
+        return pattern_named(antenna)
+    over_ns = math.inf
+    if heard.goes_on and len(heard.poses.time_ns):
+        over_ns = int(heard.poses.time_ns[-1]) - 2 * EDGE_NS
+    shown = [*(one for one in turns if one.turn.end_time_ns < over_ns), *past]
+    key = ("pattern", antenna, tuple(one.name for one in teaching(shown)))
+    return (cache or Cache()).get(key, lambda: antenna_as_shown(shown, antenna))
+
+
+def bearings_of(
+    heard: Heard,
+    how: ReadAs | None = None,
+    past: Sequence[HeardInTurn] = (),
+    cache: Cache | None = None,
+) -> list[TagBearing]:
+    """One bearing for each tag and each turn in place, in order of time and tag.
+
+    Pulses that a known interval says must have come, and that were not heard, count as misses.
+
+    Parameters
+    ----------
+    heard : Heard
+    how : ReadAs, optional
+    past : sequence of HeardInTurn
+        Turns of other flights, which teach the pattern too.
+    cache : Cache, optional
+        Of a caller that asks again.
+
+    Raises
+    ------
+    UsageError
+        Method or antenna is unknown, or the method cannot use the pulses.
+    """
+    return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
+
+
+def _bearings(
+    heard: Heard, how: ReadAs, past: Sequence[HeardInTurn], cache: Cache
+) -> tuple[list[TagBearing], AntennaPattern | None]:
+    turns = heard_in_turns(heard, how.offset_deg)
+    if not turns:
+        return [], None
+    pattern = learnt_pattern(heard, how, turns, past, cache)
+    found: dict[int, TagBearing | None] = {}
+    for number in cache.waiting("bearing", [one.subject for one in turns]):
+        found[number] = _tag_bearing(turns[number], pattern, how.bearing_method, cache)
+    ordered = [found[number] for number in range(len(turns))]
+    return [one for one in ordered if one is not None], pattern
+
+
+def _tag_bearing(
+    one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
+) -> TagBearing | None:
+    own = one.pulses
+    first_ns, last_ns = int(own.time_ns[0]), int(own.time_ns[-1])
+    bearing = cache.latest(
+        ("bearing", one.subject, (one.name, pattern, method)),
+        lambda: bearing_of(one, antenna=pattern, method=method),
+    )
+    if bearing is None:
+        return None
+    return cache.get(
+        ("tag bearing", one.name, one.turn, one.number, id(bearing)),
+        lambda: TagBearing(
+            tag_id=one.tag_id,
+            bearing=bearing,
+            latitude_deg=float(np.median(own.latitude_deg)),
+            longitude_deg=float(np.median(own.longitude_deg)),
+            altitude_amsl_m=float(np.median(own.altitude_amsl_m)),
+            start_time_ns=first_ns - _TICK_NS // 2,
+            middle_time_ns=(first_ns + last_ns) // 2,
+            end_time_ns=last_ns + _TICK_NS // 2,
+            heard=len(own.snr_db),
+            turn=one.turn,
+            number=one.number,
+        ),
+    )
+
+
+def find(
+    heard: Heard,
+    how: ReadAs | None = None,
+    past: Sequence[HeardInTurn] = (),
+    theirs: Sequence[TagBearing] = (),
+    cache: Cache | None = None,
+) -> Found:
+    """Take bearings, and strengths of tags without one.
+
+    A bearing of `theirs`, which came from the drone, stands where it knows of more pulses of
+    its turn than have arrived. See `bearings_of`.
+    """
+    how, cache = how or ReadAs(), cache or Cache()
+    if antenna_of(heard, how) == MONOPOLE:
+        return found_of(heard, how, [], cache)
+    own, pattern = _bearings(heard, how, past, cache)
+    found = found_of(heard, how, _with_theirs(own, theirs), cache)
+    return replace(found, pattern=pattern)
+
+
+def found_of(
+    heard: Heard, how: ReadAs, bearings: Sequence[TagBearing], cache: Cache | None = None
+) -> Found:
+    """Add to a receiver's bearings the strengths of the tags without one."""
+    cache = cache or Cache()
+    turned = {
+        one.tag_id
+        for one in bearings
+        if one.bearing.accepted
+        or (one.tag_id in heard.pulses and _turns(heard.pulses[one.tag_id]))
+    }
+    return Found(
+        bearings=bearings,
+        strengths={
+            tag_id: _strengths(heard, how, tag_id, cache)
+            for tag_id in sorted(heard.pulses.keys() - turned)
+        },
+        heard=frozenset(heard.pulses),
+        frequencies_hz=heard.frequencies_hz,
+    )
+
+
+def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strengths:
+    own, antenna = heard.pulses[tag_id], antenna_of(heard, how)
+    offset_deg = 0.0 if antenna == MONOPOLE else how.offset_deg
+    key = (
+        *("strengths", tag_id, len(own.time_ns), antenna, offset_deg, heard.name),
+        heard.poses.on_ground_ns,
+    )
+    return cache.get(
+        key,
+        lambda: strengths_of(
+            heard.name, own.turned(offset_deg), heard.poses, antenna, heard.rhythm(tag_id)
+        ),
+    )
+
+
+def _turns(pulses: PulseColumns) -> bool:
+    """Whether a bearing without a clear direction comes of a turn, not of one heading."""
+    yaw = np.unwrap(yaws_deg(pulses.quaternion_wxyz), period=360.0)
+    return float(np.ptp(yaw)) >= LEAST_TURN_DEG
+
+
+def _with_theirs(own: Sequence[TagBearing], theirs: Sequence[TagBearing]) -> list[TagBearing]:
+    """Put the drone's bearings in place of ours that know less, in order of time."""
+    found = list(own)
+    turns = 1 + max((one.number for one in own), default=-1)
+    for one in theirs:
+        ours = [each for each in found if each.tag_id == one.tag_id and _overlap(each, one)]
+        if any(each.heard >= one.heard for each in ours):
+            continue
+        found = [each for each in found if each not in ours]
+        found.append(replace(one, number=ours[0].number if ours else turns))
+    return sorted(found, key=lambda one: (_begins(one), one.tag_id)) if theirs else found
+
+
+def _overlap(one: TagBearing, other: TagBearing) -> bool:
+    if one.turn is None or other.turn is None:
+        return False
+    begin_ns = max(one.turn.start_time_ns, other.turn.start_time_ns)
+    return begin_ns <= min(one.turn.end_time_ns, other.turn.end_time_ns)
+
+
+def _begins(one: TagBearing) -> int:
+    return one.start_time_ns if one.turn is None else one.turn.start_time_ns
+
+
+def estimate(
+    heard: Heard,
+    how: ReadAs | None = None,
     *,
-    method: PositionMethod | str = "bayes",
-    heading_sigma_deg: float = HEADING_SIGMA_DEG,
+    past: Sequence[HeardInTurn] = (),
+    theirs: Sequence[TagBearing] = (),
+    others: Sequence[Found] = (),
+    cache: Cache | None = None,
+    at_once: Mapping[str, int] = MappingProxyType({}),
+) -> Estimated:
+    """Estimate all bearings and positions of a flight or log.
+
+    Parameters
+    ----------
+    heard : Heard
+        What was heard.
+    how : ReadAs, optional
+        How to read it.
+    past : sequence of HeardInTurn
+        Turns of past flights, which teach the antenna's pattern too.
+    theirs : sequence of TagBearing
+        Bearings that the drone itself estimated.
+    others : sequence of Found
+        What other receivers tell of the tags; it goes into the positions where a number means
+        a tag of the same frequency.
+    cache : Cache, optional
+        Of a caller that estimates again: what has not changed is kept.
+    at_once : mapping of str to int
+        How many of each ``"bearing"`` and ``"position"`` are worked out anew at most; see
+        `Cache.begin`.
+
+    Raises
+    ------
+    UsageError
+        A method or the antenna is unknown, or the method cannot use what was heard.
+    """
+    how, cache = how or ReadAs(), cache or Cache()
+    cache.begin(at_once)
+    over = _over(heard, how, cache)
+    found = find(heard, how, past, theirs, cache)
+    alone: dict[int, TagPosition] = {}
+    tracks: dict[int, PowerTrack] = {}
+    if antenna_of(heard, how) == MONOPOLE:
+        alone, tracks = survey(heard, how, over, cache)
+        strengths = {
+            tag_id: replace(own, unused=_SURVEY_ALONE)
+            if tag_id in alone and alone[tag_id].position
+            else own
+            for tag_id, own in found.strengths.items()
+        }
+        found = replace(found, strengths=strengths)
+    positions = {one.tag_id: one for one in place([found, *others], how, over, cache)}
+    for tag_id, one in alone.items():
+        if (
+            one.position is not None
+            or tag_id not in positions
+            or not positions[tag_id].position
+        ):
+            positions[tag_id] = one
+    return Estimated(
+        found=found,
+        positions=tuple(positions[tag_id] for tag_id in sorted(positions)),
+        tracks=tracks,
+    )
+
+
+def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
+    """The ground; what was computed of it stays while the take-off does."""
+    if how.elevation is None or not len(heard.poses.time_ns):
+        return None
+    key = ("ground", id(how.elevation), int(heard.poses.time_ns[0]))
+    over = heard.over(how.elevation)
+    kept = cache.get(key, lambda: over)
+    if over is None or kept is None:
+        return over
+    return replace(over, hills=kept.hills.at(over.hills.frequency_hz))
+
+
+def place(
+    found: Sequence[Found],
+    how: ReadAs | None = None,
+    over: OverGround | None = None,
+    cache: Cache | None = None,
+) -> list[TagPosition]:
+    """One position for each tag of which there are bearings, or that the first receiver heard.
+
+    Bearings without a direction are left out; what receivers heard without turning goes in.
+    """
+    how, cache = how or ReadAs(), cache or Cache()
+    tags = {one.tag_id for each in found for one in each.bearings}
+    every = sorted(tags.union(*(each.heard for each in found[:1])))
+    placed: dict[int, TagPosition | None] = {}
+    for number in cache.waiting("position", every):
+        tag_id = every[number]
+        placed[tag_id] = _placed(tag_id, _of_tag(tag_id, found), how, over, cache)
+    return [one for tag_id in every if (one := placed[tag_id]) is not None]
+
+
+def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
+    """Those to whom the number means the same tag as to the first that knows its frequency."""
+    knows = [*found[:1], *(each for each in found[1:] if each.knows(tag_id))]
+    hz = [each.frequencies_hz[tag_id] for each in knows if tag_id in each.frequencies_hz]
+    if not hz:
+        return list(found)
+    return [
+        each
+        for each in found
+        if abs(each.frequencies_hz.get(tag_id, hz[0]) - hz[0]) <= OTHER_TAG_HZ
+    ]
+
+
+def _placed(
+    tag_id: int, found: Sequence[Found], how: ReadAs, over: OverGround | None, cache: Cache
+) -> TagPosition | None:
+    bearings = [one for each in found for one in each.bearings_of(tag_id)]
+    if not bearings:
+        return TagPosition(tag_id=tag_id, position=None, reason=NEVER_TURNED)
+    bearings.sort(key=_begins)
+    listeners = [each.strengths[tag_id] for each in found if tag_id in each.strengths]
+    state = (
+        *(how.method, how.heading_sigma_deg),
+        tuple(
+            (one.middle_time_ns, one.bearing.bearing_deg, one.bearing.sigma_deg)
+            for one in bearings
+        ),
+        None if over is None else (over.hills.name, over.hills.limitations),
+        tuple((one.told, one.level_db.tobytes()) for one in listeners),
+    )
+
+    def made() -> TagPosition:
+        try:
+            position = position_of_bearings(bearings, how, over=over, listeners=listeners)
+        except UsageError as error:
+            # One tag with a single bearing must not keep the others from the list.
+            return TagPosition(tag_id=tag_id, position=None, reason=str(error))
+        return TagPosition(tag_id=tag_id, position=position)
+
+    return cache.latest(("position", tag_id, state), made)
+
+
+def position_of_bearings(
+    bearings: Sequence[TagBearing],
+    how: ReadAs,
+    *,
     over: OverGround | None = None,
     listeners: Sequence[Strengths] = (),
 ) -> Position:
-    """Estimate where a tag is from the bearings of a flight; those without a direction go out.
+    """Estimate where a tag is from its bearings; those without a direction go out.
 
-    What each shared error adds to the radius is told, too. With the ground, levels are compared
-    by what hills take from them. What receivers heard that never turned goes in as strengths,
-    to the method ``bayes``; the position says what became of each.
+    With the ground, levels are compared by what hills take from them. What receivers heard that
+    never turned goes in as strengths, to the method ``bayes``; the position says what became of
+    each. A tag whose bearings contradict a place that rests is followed.
 
     Raises
     ------
     UsageError
         None has a direction, or the method comes to no position.
     """
-    used = [number for number, one in enumerate(bearings) if one.accepted]
+    used = [one for one in bearings if one.bearing.accepted]
     if not used:
         raise UsageError(
             "none of its bearings points in a clear direction", remedy="Fly nearer"
         )
-    times_s = [(time_ns[number] - min(time_ns)) / NANOSECONDS_PER_SECOND for number in used]
+    origin_ns = min(one.middle_time_ns for one in bearings)
+    times_s = [(one.middle_time_ns - origin_ns) / NANOSECONDS_PER_SECOND for one in used]
     stations = Stations.of(
-        [latitude_deg[number] for number in used],
-        [longitude_deg[number] for number in used],
-        [bearings[number] for number in used],
+        [one.latitude_deg for one in used],
+        [one.longitude_deg for one in used],
+        [one.bearing for one in used],
         times_s if max(times_s) - min(times_s) <= ONE_FLIGHT_S else None,
-        min(time_ns),
+        origin_ns,
     )
     stations = replace(stations, listeners=tuple(listeners))
-    hills = None
     if over is not None:
-        height_m = over.heights_m([time_ns[number] for number in used])
-        stations, hills = replace(stations, height_m=height_m), over.hills
-    found = located(stations, method=method, heading_sigma_deg=heading_sigma_deg, hills=hills)
-    if method in ("bayes", "track") or not listeners:
+        height_m = over.heights_m([one.middle_time_ns for one in used])
+        stations = replace(stations, height_m=height_m)
+    found = estimate_position(
+        stations,
+        method=how.method,
+        heading_sigma_deg=how.heading_sigma_deg,
+        follow=True,
+        hills=None if over is None else over.hills,
+    )
+    if how.method in ("bayes", "track") or not listeners:
         return found
-    left_out = f"the method {method} takes bearings alone"
+    left_out = f"the method {how.method} takes bearings alone"
     return replace(found, listeners=tuple(one.because(left_out) for one in listeners))
 
 
-def located(
-    stations: Stations | None = None,
-    powers: PowerTrack | None = None,
-    *,
-    method: PositionMethod | str = "bayes",
-    heading_sigma_deg: float = HEADING_SIGMA_DEG,
-    height_sigma_m: float = HEIGHT_SIGMA_M,
-    hills: HillLosses | None = None,
-) -> Position:
-    """Estimate where a tag is, from a flight's bearings or from its powers.
-
-    What each shared error adds to the radius is told; a tag whose bearings or powers contradict
-    a place that rests is followed. Where the ground is known, hills weaken what is heard.
+def survey(
+    heard: Heard, how: ReadAs, over: OverGround | None = None, cache: Cache | None = None
+) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
+    """Positions from strength alone, heard with an upright monopole, and their tracks.
 
     Raises
     ------
     UsageError
-        The method comes to no position.
+        The method needs bearings.
     """
-    return estimate_position(
-        stations,
-        powers,
-        method=method,
-        heading_sigma_deg=heading_sigma_deg,
-        height_sigma_m=height_sigma_m,
-        widenings=True,
-        follow=True,
-        hills=hills,
+    cache = cache or Cache()
+    if how.method not in ("bayes", "track"):
+        raise UsageError(
+            f"{how.method} needs bearings, but a monopole gives none",
+            remedy="Use the method bayes, or track",
+        )
+    positions: dict[int, TagPosition] = {}
+    tracks: dict[int, PowerTrack] = {}
+    every = sorted(heard.pulses)
+    for number in cache.waiting("position", [(tag_id, "survey") for tag_id in every]):
+        tag_id, own = every[number], heard.pulses[every[number]]
+        state = (
+            *("survey", len(own.time_ns), int(own.time_ns[-1]), heard.rhythm(tag_id)),
+            *(how.method, how.height_m, how.height_sigma_m),
+            None if over is None else (over.hills.name, over.hills.limitations),
+        )
+
+        def made(tag_id: int = tag_id) -> tuple[TagPosition, PowerTrack | None]:
+            try:
+                track = power_track(heard, tag_id, how.height_m)
+                position = estimate_position(
+                    None,
+                    track,
+                    method=how.method,
+                    height_sigma_m=how.height_sigma_m,
+                    follow=True,
+                    hills=None if over is None else over.hills,
+                )
+            except UsageError as error:
+                return TagPosition(tag_id=tag_id, position=None, reason=str(error)), None
+            return TagPosition(tag_id=tag_id, position=position), track
+
+        found = cache.latest(("position", (tag_id, "survey"), state), made)
+        if found is not None:
+            positions[tag_id] = found[0]
+            tracks |= {} if found[1] is None else {tag_id: found[1]}
+    return positions, tracks
+
+
+def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
+    """Collect a tag's pulses along the flight, missed ones of a listed tag included.
+
+    Parameters
+    ----------
+    heard : Heard
+    tag_id : int
+    height_m : float, optional
+        Over the tag, where the poses have no height above the start.
+
+    Raises
+    ------
+    UsageError
+        Fewer than three pulses were heard at a known place, or no height is known.
+    """
+    own, poses = heard.pulses[tag_id], heard.poses
+    if len(own.time_ns) < 3:
+        raise UsageError(
+            f"heard {len(own.time_ns)} times at a known place",
+            remedy="At least three pulses are needed",
+        )
+    columns = [own.latitude_deg, own.longitude_deg, own.height_m, own.snr_db]
+    missed = np.rint(own.missed_ns(heard.rhythm(tag_id))).astype(np.int64)
+    times_ns = own.time_ns
+    if len(missed) and len(poses.time_ns) > 1:
+        known = poses.latitude_deg, np.unwrap(poses.longitude_deg, period=360.0), poses.height_m
+        there = [np.interp(missed, poses.time_ns, values) for values in known]
+        added = [*there, np.full(len(missed), np.nan)]
+        columns = [np.append(one, more) for one, more in zip(columns, added, strict=True)]
+        times_ns = np.append(times_ns, missed)
+    order = np.argsort(times_ns, kind="stable")
+    latitude, longitude, height, snr = (column[order] for column in columns)
+    times_ns = times_ns[order]
+    times_s = (times_ns - times_ns[0]) / NANOSECONDS_PER_SECOND
+    if height_m is not None:
+        height = np.where(np.isfinite(height), height, height_m)
+    if not np.isfinite(height).all():
+        raise UsageError(
+            "the log contains no heights above the ground",
+            remedy="Give the drone's height above the tags: --height 40",
+        )
+    return PowerTrack(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=np.maximum(height, _LEAST_HEIGHT_M),
+        snr_db=snr,
+        threshold_db=MISS_THRESHOLD_DB,
+        time_s=times_s if times_s[-1] <= ONE_FLIGHT_S else None,
+        origin_ns=int(times_ns[0]),
     )
+
+
+def stands(heard: Heard) -> bool:
+    """Whether all was heard at one place, which makes no survey by strength."""
+    own = heard.pulses.values()
+    if not own:
+        return False
+    latitude = np.concatenate([one.latitude_deg for one in own])
+    longitude = np.concatenate([one.longitude_deg for one in own])
+    away_m = np.hypot(*plane_around(latitude, longitude).to_local(latitude, longitude))
+    return float(np.quantile(away_m, 0.95)) < LEAST_EXTENT_M

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
-from uavrt.localization.flight_estimates import PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.headings import yaws_deg
+from uavrt.localization.heard import PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.position import Strengths
 from uavrt.tangent_plane import plane_around
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180

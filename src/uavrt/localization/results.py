@@ -1,13 +1,10 @@
 """Results of the estimators."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-from uavrt.units import wrap_degrees_360
 
 BearingMethod = Literal[
     "pattern_ml",
@@ -65,37 +62,6 @@ class Bearing:
     """What the method itself calls confidence: tau of PCA, Pearson's correlation …"""
     posterior: NDArray[np.float64] | None = None
     """(360,) probability of the whole degrees 0, 1 … 359; sums to 1. What trackers consume."""
-    without: tuple["WithoutPrior", ...] = ()
-    """The bearing without each prior of what its pulses may share; empty unless asked for."""
-
-    @property
-    def arc90_deg(self) -> float | None:
-        """Width of `interval90_deg`; None when the method has no statistics."""
-        if self.interval90_deg is None:
-            return None
-        low, high = self.interval90_deg
-        return wrap_degrees_360(high - low)
-
-    @property
-    def widenings(self) -> tuple["ArcWidening", ...]:
-        """What each prior does to the arc of 90 %, the most first."""
-        own = self.arc90_deg
-        found = [
-            ArcWidening(
-                prior=one.prior, text=one.text, arc90_without_deg=less, by_deg=own - less
-            )
-            for one in self.without
-            if own is not None and (less := one.bearing.arc90_deg) is not None
-        ]
-        return tuple(sorted(found, key=lambda one: -one.by_deg))
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Remarks for the operator: why the arc is so wide."""
-        if self.arc90_deg is None or not self.widenings:
-            return ()
-        changes = [(one.text, one.by_deg, one.arc90_without_deg) for one in self.widenings]
-        return (_told(f"90 % arc {self.arc90_deg:.1f}°", changes, "{:.1f}°", _TOLD_DEG),)
 
     @property
     def accepted(self) -> bool:
@@ -110,33 +76,14 @@ class Bearing:
             second is not None and second >= BIMODAL_PROBABILITY
         )
 
-
-FADING_TEXT = "fading that may last"
-FOREIGN_TEXT = "pulses that may be of others"
-"""The priors of what pulses share, for the operator: of a turn as of a survey."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WithoutPrior:
-    """What a turn would say, were one error that its pulses may share impossible."""
-
-    prior: Literal["fading", "foreign"]
-    text: str
-    """The prior, for the operator."""
-    bearing: Bearing
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ArcWidening:
-    """What the prior of one shared error does to the arc of 90 %."""
-
-    prior: Literal["fading", "foreign"]
-    text: str
-    """The prior, for the operator."""
-    arc90_without_deg: float
-    """The arc's width, were this impossible."""
-    by_deg: float
-    """How much wider the arc is with the prior; negative where it is narrower."""
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What an operator must know beside the arc; empty where the direction is clear."""
+        if not self.accepted:
+            return ("there is no clear direction",)
+        if self.multipath_suspected:
+            return ("a reflection is likely, or another antenna than said",)
+        return ("another direction is nearly as good",) if self.ambiguous else ()
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]
@@ -187,25 +134,6 @@ class Caution:
     """For the operator."""
 
 
-SharedError = Literal["heading", "compass", "walk", "height", "fading", "foreign", "exponent"]
-"""What all bearings of a flight may have wrong: headings that err a little, as is usual; a
-compass that is far off; an animal that walks. And what all powers may: the height that is
-told; fading that lasts; pulses of someone else; how strength falls with distance."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Widening:
-    """What the prior of one shared error does to the radius of 95 %."""
-
-    prior: SharedError
-    text: str
-    """The prior, for the operator."""
-    radius95_without_m: float
-    """The radius, were this impossible."""
-    by_m: float
-    """How much wider the radius is with the prior; negative where it is narrower."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackPoint:
     """Where a tag that moves was at a time, by all that the flight tells."""
@@ -248,8 +176,6 @@ class Position:
     """What all headings of the flight seem to err by, clockwise; None when nothing tells."""
     heading_error_sigma_deg: float | None = None
     cautions: tuple[Caution, ...] = ()
-    widenings: tuple[Widening, ...] = ()
-    """What each prior does to `radius95_m`, the most first; empty unless asked for."""
     track: tuple[TrackPoint, ...] = ()
     """Where the tag went, in order of time; empty where nothing contradicts that it rests."""
     listeners: tuple[str, ...] = ()
@@ -257,46 +183,5 @@ class Position:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks for the operator: the cautions, and why the circles are so wide."""
-        told = [one.text for one in self.cautions]
-        if self.radius95_m is not None and self.widenings:
-            changes = [(one.text, one.by_m, one.radius95_without_m) for one in self.widenings]
-            least_m = max(_TOLD_M, _TOLD_SHARE * self.radius95_m)
-            radius = f"95 % radius {self.radius95_m:.0f} m"
-            told.append(_told(radius, changes, "{:.0f} m", least_m))
-        return (*told, *self.listeners)
-
-
-_TOLD_M = 0.5
-_TOLD_SHARE = 0.01
-"""Of a radius; less than both is rounded to nothing."""
-_TOLD_DEG = 0.05
-
-
-def _told(
-    what: str, changes: Sequence[tuple[str, float, float]], form: str, least: float
-) -> str:
-    """Describe what each prior does to an arc or a radius.
-
-    Parameters
-    ----------
-    what : str
-        The arc or radius, with its size.
-    changes : sequence of (str, float, float)
-        Each prior, by how much it widens, and the size without it; the most first.
-    form : str
-        How a size is written.
-    least : float
-        What widens or narrows by less is not told.
-    """
-    wider = [one for one in changes if one[1] >= least]
-    parts = [f"{form.format(by)} of it allow for {text}" for text, by, _ in wider[:1]]
-    parts += [f"{form.format(by)} for {text}" for text, by, _ in wider[1:]]
-    parts += [
-        f"without {text} it would be {form.format(less)}"
-        for text, by, less in changes
-        if by <= -least
-    ]
-    if not parts:
-        parts.append(f"{' or '.join(text for text, _, _ in changes)} adds nothing to it")
-    return f"{what}: " + ", ".join(parts)
+        """Remarks for the operator: the cautions, and what became of other receivers."""
+        return (*(one.text for one in self.cautions), *self.listeners)

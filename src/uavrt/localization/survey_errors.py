@@ -8,7 +8,7 @@ out, and counted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,18 +74,6 @@ _CHUNK = 400
 _Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SurveyErrors:
-    """What may be wrong with a survey's powers."""
-
-    height_sigma_m: float = HEIGHT_SIGMA_M
-    """0: the heights are true."""
-    lasting_fading: bool = True
-    """Fading may last from pulse to pulse."""
-    foreign_pulses: bool = True
-    """Some pulses may be someone else's."""
-
-
 class SurveyEvidence:
     """Log-likelihood of places, given powers along a track of uncertain height.
 
@@ -97,7 +85,7 @@ class SurveyEvidence:
         Heights as they are told, powers, antenna.
     propagation : Propagation
         Prior of the path loss exponent.
-    errors : SurveyErrors
+    height_sigma_m : float
         What may be wrong.
     over_hills : OverHills, optional
         What the ground takes from the pulses; None is level.
@@ -109,12 +97,12 @@ class SurveyEvidence:
         north_m: _Floats,
         track: PowerTrack,
         propagation: Propagation,
-        errors: SurveyErrors,
+        height_sigma_m: float,
         over_hills: OverHills | None = None,
     ) -> None:
         self._over_hills = over_hills
         self._east_m, self._north_m, self._track = east_m, north_m, track
-        self._propagation, self._errors = propagation, errors
+        self._propagation, self._height_sigma_m = propagation, height_sigma_m
         self.kept = np.ones(len(track.snr_db), bool)
         """(n,) what is not left out as someone else's."""
         self.height_shift_m = 0.0
@@ -129,12 +117,11 @@ class SurveyEvidence:
         readings = [self.kept]
         if int(heard.sum()) >= _LEAST_PULSES:
             place, spread_m, shift_m = self._roughly(heard)
-            if errors.foreign_pulses:
-                readings = self._readings(heard, place, spread_m, shift_m)
-                self.kept = readings[0]
+            readings = self._readings(heard, place, spread_m, shift_m)
+            self.kept = readings[0]
             # What is made of misses compares places, but not heights: a flight whose heights
             # were true, with half of its pulses missed, was taken for one 30 m lower.
-            if errors.height_sigma_m > 0.0 and np.mean(heard) >= _HEARD_SHARE:
+            if height_sigma_m > 0.0 and np.mean(heard) >= _HEARD_SHARE:
                 shifts_m = self._weigh_heights(place, spread_m)
                 self._log_prior = self._log_prior_of(shifts_m)
         self._read = [
@@ -195,15 +182,12 @@ class SurveyEvidence:
             self._north_m[kept],
             replace(track, height_m=height_m),
             self._propagation,
-            lasting=self._errors.lasting_fading,
             correlation=self._correlation,
             over_hills=None if over is None else over.chosen(kept),
         )
 
     def _lasting(self) -> float:
         """Correlation of neighbouring pulses' fading, where pulses were missed."""
-        if not self._errors.lasting_fading:
-            return 0.0
         north, east = (one.ravel() for one in np.meshgrid(*reversed(self._coarsely())))
         return self._evidence(0.0).correlation_at_best(east, north)
 
@@ -224,7 +208,7 @@ class SurveyEvidence:
 
     def _shifts(self) -> tuple[float, ...]:
         """Heights to weigh, none of them under the ground."""
-        if self._errors.height_sigma_m <= 0.0:
+        if self._height_sigma_m <= 0.0:
             return (0.0,)
         lowest = float(np.median(self._track.height_m)) - _LEAST_HEIGHT_M
         return tuple(one for one in _SHIFTS_M if one > -lowest)
@@ -365,7 +349,7 @@ class SurveyEvidence:
         return np.asarray(weight / weight.sum())
 
     def _log_prior_of(self, shifts_m: _Floats) -> _Floats:
-        sigma = self._errors.height_sigma_m
+        sigma = self._height_sigma_m
         usual = (1.0 - _FAR_WRONG_SHARE) * _normal(shifts_m, sigma)
         far_wrong = _FAR_WRONG_SHARE * _normal(shifts_m, _FAR_WRONG_SIGMAS * sigma)
         return np.asarray(np.log(usual + far_wrong))

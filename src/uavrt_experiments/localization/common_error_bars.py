@@ -145,8 +145,6 @@ def turn(
     bearing_deg: float,
     distance_m: float,
     errors: Errors,
-    *,
-    widenings: bool = False,
 ) -> Bearing:
     """A turn of 60 pulses, 20 dB at 400 m, fading of 2 dB."""
     count = 60
@@ -164,7 +162,6 @@ def turn(
         None,
         matched_power=power,
         heading_sigma_deg=_OWN_HEADING_DEG,
-        widenings=widenings,
     )
 
 

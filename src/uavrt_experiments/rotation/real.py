@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavrt.analysis import Survey, read_survey
 from uavrt.attitude import yaw_deg
 from uavrt.errors import UsageError
-from uavrt.localization import Bearing
+from uavrt.localization import Bearing, ReadAs
 from uavrt.recording.formats import ORIGINAL_POSES
 from uavrt.units import NANOSECONDS_PER_SECOND
 from uavrt_experiments.rotation.reading import Reading, doubled, read_turn, wrapped
@@ -105,7 +105,7 @@ def real_rotations(
     UsageError
         No pulse has a pose.
     """
-    survey = read_survey(path, antenna=antenna)
+    survey = read_survey(path, ReadAs(antenna=antenna))
     spans = [(one.tag_id, one.start_time_ns, one.end_time_ns) for one in survey.bearings]
     whole = survey.span_ns
     if not spans and whole is not None:

@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 from uavrt.analysis import read_positions
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.localization import TangentPlane
+from uavrt.localization import ReadAs, TangentPlane
 from uavrt.messages import PulsePose
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
@@ -131,7 +131,7 @@ def test_with_a_monopole_the_page_says_where_the_tag_is_as_the_command_line_does
     page.locator(f'tr[data-flight="{flight_id}"] .open-flight').click()
     expect(page.locator("#walk-sure")).to_contain_text("(95\u202f%)")
     expect(page.locator(".fix")).to_have_count(1)
-    (told,) = read_positions(tmp_path / "ground" / flight_id, antenna="monopole")
+    (told,) = read_positions(tmp_path / "ground" / flight_id, how=ReadAs(antenna="monopole"))
     assert told.position is not None
     latitude, longitude = map(float, page.locator("#walk-place").inner_text().split(","))
     assert latitude == pytest.approx(told.position.latitude_deg, abs=6e-6)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.analysis.bearings import learnt_antenna
+from uavrt.analysis.bearings import learnt_antenna, read_recorded
 from uavrt.analysis.measure.antenna_files import antenna_named, read_antenna, write_antenna
 from uavrt.cli.app import app
 from uavrt.errors import ConfigError, FormatError, UsageError
@@ -95,7 +95,7 @@ def test_a_flight_teaches_the_antenna_as_it_is_on_the_airframe(
 
 def test_too_few_turns_teach_nothing(write_flight: WriteFlight, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="0 turns"):
-        learnt_antenna(write_flight(heard=0), "RA-23K")
+        learnt_antenna(read_recorded(write_flight(heard=0)), "RA-23K")
     (tmp_path / "Pulse.csv").write_text("")
     with pytest.raises(UsageError, match="0 turns"):
-        learnt_antenna(tmp_path / "Pulse.csv", "RA-23K")
+        learnt_antenna(read_recorded(tmp_path / "Pulse.csv"), "RA-23K")

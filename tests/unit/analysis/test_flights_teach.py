@@ -10,14 +10,14 @@ import pytest
 from some import some
 from tests.unit.analysis.test_tags_of_several_logs import as_log
 
-from uavrt.analysis.bearings import TagBearing, read_bearings, read_bearings_together
+from uavrt.analysis.bearings import read_bearings
 from uavrt.analysis.positions import read_positions
 from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.clock import flight_stamp
 from uavrt.config import Settings
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.localization import PATTERNS, ReadAs, TagBearing, TangentPlane
 from uavrt.localization.angles import difference_deg
 from uavrt.messages import Pose, Poses, PulsePose
 from uavrt.recording import (
@@ -117,7 +117,7 @@ def test_three_logs_of_two_turns_teach_each_other_a_weaker_back(tmp_path: Path) 
         for n in range(3)
     ]
     told: list[str] = []
-    found = read_bearings_together(logs, warn=told.append)
+    found = read_bearings(*logs, warn=told.append)
     assert not clear(read_bearings(logs[0]), 2)  # two turns alone teach nothing
     assert clear(found, 6)
     assert told == ["the antenna's pattern is as 6 turns of 3 flights have shown it"]
@@ -183,7 +183,7 @@ def test_batch_and_page_are_taught_by_past_flights_as_the_command_line_is(
     ).bearings
     for one, arc in zip(page, told, strict=True):
         assert not one["multipath_suspected"]
-        assert one["interval90_deg"] == pytest.approx(arc, abs=0.02)
+        assert one["interval90_deg"] == [*some(arc)]
     alone = Estimator().estimate(columns, antenna, (), listed).bearings
     assert [one["interval90_deg"] for one in alone] != [one["interval90_deg"] for one in page]
 
@@ -212,11 +212,7 @@ def test_every_tag_of_a_mixed_set_has_a_position_or_a_reason(
     pings = as_pings(tmp_path / "pings.csv")
     told: list[str] = []
     found = read_positions(
-        turned,
-        pings,
-        method=method,  # type: ignore[arg-type]
-        height_m=40.0,
-        warn=told.append,
+        turned, pings, how=ReadAs(method=method, height_m=40.0), warn=told.append
     )
     assert [one.tag_id for one in found] == [1, 2]
     assert some(found[1].position).stations == 6

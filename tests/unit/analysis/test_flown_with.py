@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 from some import some
 
-from uavrt.analysis import TagBearing, read_bearings, read_positions, read_survey
+from uavrt.analysis import read_bearings, read_positions, read_survey
 from uavrt.analysis.flown_with import flight_antenna, flight_settings
 from uavrt.config import Settings
 from uavrt.errors import UsageError
+from uavrt.localization import ReadAs, TagBearing
 from uavrt.recording import read_flight
 
 WriteFlight = Callable[..., Path]
@@ -32,12 +33,15 @@ def flight(write_flight: WriteFlight) -> Path:
 
 def test_bearings_positions_and_reports_take_the_drones_own_antenna(flight: Path) -> None:
     found = told(read_bearings(flight))
-    assert found == told(read_bearings(flight, antenna="RA-2A"))
-    assert found != told(read_bearings(flight, antenna="RA-23K"))
+    assert found == told(read_bearings(flight, how=ReadAs(antenna="RA-2A")))
+    assert found != told(read_bearings(flight, how=ReadAs(antenna="RA-23K")))
     survey = read_survey(flight)
     assert survey.antenna == "RA-2A"
     assert told(survey.bearings) == found
-    (own,), (named,) = read_positions(flight), read_positions(flight, antenna="RA-2A")
+    (own,), (named,) = (
+        read_positions(flight),
+        read_positions(flight, how=ReadAs(antenna="RA-2A")),
+    )
     assert own.position is not None
     assert own.position.latitude_deg == some(named.position).latitude_deg
     (shown,) = survey.positions
@@ -49,7 +53,10 @@ def test_a_flight_with_a_whip_is_a_survey_of_strength(write_flight: WriteFlight)
     survey = read_survey(flight)
     assert (survey.antenna, survey.bearings) == ("monopole", ())
     assert survey.signals
-    (own,), (named,) = read_positions(flight), read_positions(flight, antenna="monopole")
+    (own,), (named,) = (
+        read_positions(flight),
+        read_positions(flight, how=ReadAs(antenna="monopole")),
+    )
     assert some(own.position).latitude_deg == some(named.position).latitude_deg
     with pytest.raises(UsageError, match="an upright whip, which tells no directions"):
         read_bearings(flight)
@@ -65,7 +72,7 @@ def test_an_antenna_that_is_not_known_here_is_told_with_what_to_do(
         ) as caught:
             read(flight)
         assert "--antenna" in (caught.value.remedy or "")
-    assert read_survey(flight, antenna="RA-23K").antenna == "RA-23K"
+    assert read_survey(flight, ReadAs(antenna="RA-23K")).antenna == "RA-23K"
 
 
 def test_the_antenna_of_another_versions_settings_is_read(flight: Path) -> None:

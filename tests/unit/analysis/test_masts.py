@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from some import some
 
-from uavrt.analysis.positions import TagPosition, read_positions
+from uavrt.analysis.positions import read_positions
 from uavrt.clock import Clock
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -20,8 +20,10 @@ from uavrt.localization import (
     PATTERNS,
     PoseColumns,
     PulseColumns,
+    ReadAs,
     Stations,
     Strengths,
+    TagPosition,
     TangentPlane,
     estimate_position,
     strengths_of,
@@ -197,7 +199,7 @@ def test_the_page_joins_a_masts_strengths_as_the_command_line_does(
         mast.columns, AntennaChoice(), tags=[TAG], name=vehicle_note(7, "mast")
     )
     (position,) = page(drone, own).positions
-    assert own.found == {}
+    assert own.found.bearings == []
     assert position["radius95_m"] == pytest.approx(
         radius_m(read_positions(mast.path, drone.path)), rel=0.01
     )
@@ -242,7 +244,7 @@ def test_a_method_that_takes_bearings_alone_says_that_it_left_a_mast_out(
             if step % 6 == 0:
                 keeper.add_pulse(heard(pose, snr_db(place, 1.2 * step)))
         flights.append(_kept(keeper, tmp_path / str(number)).path)
-    (one,) = read_positions(mast.path, *flights, method=method)  # type: ignore[arg-type]
+    (one,) = read_positions(mast.path, *flights, how=ReadAs(method=method))
     assert (
         f"not used: the method {method} takes bearings alone" in some(one.position).remarks[-1]
     )
@@ -258,7 +260,7 @@ def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) ->
         (tiles / f"{name}.hgt").write_bytes(heights.tobytes())
     elevation = open_elevation(tiles)
     mast = of_mast(tmp_path / "mast", Mast())
-    both = read_positions(drone.path, mast.path, elevation=elevation)
+    both = read_positions(drone.path, mast.path, how=ReadAs(elevation=elevation))
     (told,) = some(both[0].position).listeners
     assert told.endswith("not used: what hills take from them is not reckoned with")
 
@@ -272,9 +274,12 @@ def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:
         time_ns=times,
         latitude_deg=place[0],
         longitude_deg=place[1],
+        height_m=np.zeros(20),
         quaternion_wxyz=still,
         snr_db=np.full(20, 20.0),
         noise_psd=np.full(20, 1e-9),
+        frequency_hz=np.full(20, 148.7e6),
+        altitude_amsl_m=np.full(20, 500.0),
         rate=np.ones(20, np.int64),
     )
     poses = PoseColumns(

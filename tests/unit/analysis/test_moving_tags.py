@@ -26,7 +26,7 @@ from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc, told_utc
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.localization import Position, TangentPlane
+from uavrt.localization import Position, ReadAs, TangentPlane
 from uavrt.recording.formats import write_bearing_file
 from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
 
@@ -135,7 +135,7 @@ def test_bearings_of_a_file_from_several_days_tell_no_walk(
     assert walker.position is not None
     assert walker.position.track == ()
     assert "walk" not in {one.name for one in walker.position.cautions}
-    (followed,) = read_positions(path, method="track")
+    (followed,) = read_positions(path, how=ReadAs(method="track"))
     assert followed.position is None
     assert "of one flight" in (followed.reason or "")
 

@@ -15,15 +15,23 @@ import numpy as np
 import pytest
 from some import some
 
+from uavrt.analysis.bearings import heard_in_flight
 from uavrt.analysis.export import export_survey
 from uavrt.analysis.positions import read_positions
-from uavrt.analysis.power_survey import HeardStrength, power_track, signal_of
+from uavrt.analysis.power_survey import signal_of
 from uavrt.analysis.report import html_page, pdf_document, words
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.cli.app import app
 from uavrt.errors import UsageError
-from uavrt.localization import PoseColumns, PowerTrack, TangentPlane, monopole_gain_db
-from uavrt.localization.flight_estimates import located
+from uavrt.localization import (
+    PowerTrack,
+    ReadAs,
+    TangentPlane,
+    estimate,
+    estimate_position,
+    monopole_gain_db,
+    power_track,
+)
 from uavrt.recording import read_flight
 from uavrt.simulation import Flight, Leg, Scenario
 from uavrt.simulation.antenna import Antenna
@@ -67,7 +75,7 @@ def flight(write_flight: WriteFlight) -> Path:
 
 @pytest.fixture(scope="module")
 def survey(flight: Path) -> Survey:
-    return read_survey(flight, antenna="monopole")
+    return read_survey(flight, ReadAs(antenna="monopole"))
 
 
 def miss_m(latitude_deg: float, longitude_deg: float) -> float:
@@ -96,20 +104,19 @@ def test_the_tag_is_found_and_the_strongest_signal_is_on_its_ring(survey: Survey
 
 def test_pulses_that_must_have_come_count_as_missed(flight: Path) -> None:
     read = read_flight(flight)
-    (tag,) = read.info.tags
-    way = PoseColumns.of(read.poses)
-    every = power_track(HeardStrength.of(read.pulse_poses), tag, way)
+    every = power_track(heard_in_flight(read), 2)
     thinned = [one for number, one in enumerate(read.pulse_poses) if number % 3]
-    track = power_track(HeardStrength.of(thinned), tag, way)
+    heard = heard_in_flight(read, thinned)
+    track = power_track(heard, 2)
     missed = np.isnan(track.snr_db)
     assert not np.isnan(every.snr_db).any()
     # The first and the last are not between two that were heard.
     assert missed.sum() == pytest.approx(len(every.snr_db) / 3, abs=2)
     assert np.allclose(track.latitude_deg, every.latitude_deg[-len(track.snr_db) :], atol=1e-5)
-    without = power_track(HeardStrength.of(thinned), None, way)
+    without = power_track(replace(heard, tags=()), 2)
     assert len(without.snr_db) == len(thinned)
     with pytest.raises(UsageError, match="2 times"):
-        power_track(HeardStrength.of(thinned[:2]), tag, way)
+        power_track(heard_in_flight(read, thinned[:2]), 2)
 
 
 def test_the_report_names_the_strongest_signal_and_does_not_take_it_for_the_tag(
@@ -172,7 +179,7 @@ def test_a_survey_at_two_heights_has_a_map_of_each_and_one_from_the_side(
     survey: Survey, tmp_path: Path
 ) -> None:
     track = two_heights()
-    position = located(None, track)
+    position = estimate_position(None, track, follow=True)
     assert miss_m(position.latitude_deg, position.longitude_deg) < 10.0
     signal = signal_of(2, track, position)
     low, high = signal.layers
@@ -225,18 +232,16 @@ def test_the_command_line_finds_the_tag_by_strength(
     assert found["powers"] > 200
     assert miss_m(found["latitude_deg"], found["longitude_deg"]) < 25.0
     with pytest.raises(UsageError, match="needs bearings"):
-        read_positions(flight, method="mle", antenna="monopole")
+        read_positions(flight, how=ReadAs(method="mle", antenna="monopole"))
 
 
 def test_a_tag_that_was_hardly_heard_says_so(flight: Path) -> None:
     read = read_flight(flight)
-    short = replace(read, pulse_poses=read.pulse_poses[:2])
-    from uavrt.analysis.positions import positions_of_powers
-
-    positions, signals = positions_of_powers(short.pulse_poses, short.info.tags, short.poses)
-    assert signals == []
-    assert positions[0].position is None
-    assert "2 times" in (positions[0].reason or "")
+    heard = heard_in_flight(read, read.pulse_poses[:2], antenna="monopole")
+    found = estimate(heard)
+    assert found.tracks == {}
+    assert found.positions[0].position is None
+    assert "2 times" in (found.positions[0].reason or "")
 
 
 def test_a_ping_csv_of_ucsd_gives_a_position_once_the_height_is_told(
@@ -281,7 +286,7 @@ def test_a_ping_csv_of_ucsd_gives_a_position_once_the_height_is_told(
         app(command[:-1])
     assert "--height" in capsys.readouterr().out
     # The same in report and export, and without being told of UCSD's whip.
-    reported = read_survey(pings, height_m=40.0)
+    reported = read_survey(pings, ReadAs(height_m=40.0))
     assert some(reported.positions[0].position).latitude_deg == found["latitude_deg"]
     with pytest.raises(SystemExit):
         app(["export", str(pings), "--height", "40", "--format", "csv", "-o", str(tmp_path)])

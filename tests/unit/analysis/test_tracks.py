@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.analysis.bearings import bearings_of_pulses
 from uavrt.analysis.tracks import (
     VehicleTrack,
     attach_poses,
@@ -30,7 +29,7 @@ from uavrt.analysis.tracks.points import MAGNETIC
 from uavrt.attitude import euler_deg, from_euler_deg, yaw_deg
 from uavrt.clock import iso_utc
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.localization import PATTERNS, Heard, TangentPlane, bearings_of
 from uavrt.localization.angles import difference_deg
 from uavrt.mavlink import FrameWriter, Message, dialect
 from uavrt.messages import AttitudeSample, Pose, PositionSample, PulsePose
@@ -336,8 +335,8 @@ def test_the_clocks_offset_is_found_from_what_is_common(
     assert abs(found.offset_s - offset_s) < 3.0 * found.sigma_s
     # A turn of 360° in 50 s, the slow beginning and end apart.
     assert 7.2 * found.sigma_s < some(found.heading_sigma_deg) < 10.0 * found.sigma_s
-    (first, *_) = bearings_of_pulses(attach_poses(pulses, late, found.offset_s))
-    (truth, *_) = bearings_of_pulses(flight.pulse_poses)
+    (first, *_) = bearings_of(Heard.of_records(attach_poses(pulses, late, found.offset_s)))
+    (truth, *_) = bearings_of(Heard.of_records(flight.pulse_poses))
     assert abs(difference_deg(first.bearing.bearing_deg, truth.bearing.bearing_deg)) < 6.0
 
 

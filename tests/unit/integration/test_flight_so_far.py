@@ -124,7 +124,9 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     assert abs(miss_deg) < 15.0
     assert not found[9].found
     text = told_in_flight(mine)
-    assert text.startswith(f"Tag {weak.tag.tag_id} found over the flight so far, at ")
+    assert text.startswith(
+        f"Tag {weak.tag.tag_id} found over the flight so far, from the middle "
+    )
     assert len(text) <= 200
 
 

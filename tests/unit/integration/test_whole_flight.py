@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
 
+from uavrt.analysis import parts_of, where_in_words
 from uavrt.analysis.fold_pictures import write_fold_pictures
 from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words, integrate_flight
 from uavrt.cli.app import app
-from uavrt.cli.integrated_words import where
 from uavrt.errors import UavrtError
 from uavrt.integration import (
     HeardTrain,
@@ -159,7 +159,7 @@ def test_after_a_straight_pass_both_places_are_named() -> None:
     places, chosen = looked_at(world.course)
     pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
     place = place_belief([HeardTrain.among(energies, pulses, places, rates=1)])
-    told = where(place)
+    told = where_in_words(place, parts_of(place))
     assert "one of 2 places" in told[0]
     first, second = place.cells.parts()[:2]
     assert first.probability + second.probability > 0.85

@@ -22,7 +22,6 @@ def found(
     around: bool = True,
     gross: int | None = None,
     heading_sigma_deg: float = 1.5,
-    widenings: bool = False,
 ) -> tuple[Position, float]:
     """The position from a flight's bearings, and how far it is off."""
     turns = rng.uniform(0, 2 * np.pi) + np.arange(count) * (
@@ -47,19 +46,13 @@ def found(
         sigma_deg=np.full(count, SIGMA_DEG),
         time_s=time_s,
     )
-    position = estimate_position(
-        stations, heading_sigma_deg=heading_sigma_deg, widenings=widenings
-    )
+    position = estimate_position(stations, heading_sigma_deg=heading_sigma_deg)
     x, y = PLANE.to_local(position.latitude_deg, position.longitude_deg)
     return position, float(np.hypot(x - track[0, -1], y - track[1, -1]))
 
 
 def names(position: Position) -> set[str]:
     return {one.name for one in position.cautions}
-
-
-def widened_m(position: Position, prior: str) -> float:
-    return sum(one.by_m for one in position.widenings if one.prior == prior)
 
 
 def held(position: Position, miss_m: float) -> bool:
@@ -127,40 +120,6 @@ def test_headings_that_are_known_leave_the_circle_smaller() -> None:
     assert some(known.radius95_m) < some(usual.radius95_m)
     assert known.heading_error_deg is None
     assert 0.0 < some(usual.heading_error_sigma_deg) < 1.5
-
-
-def test_it_is_told_on_demand_how_much_each_shared_error_widens_the_circle() -> None:
-    usual, _ = found(np.random.default_rng(66), around=False, widenings=True)
-    known, _ = found(
-        np.random.default_rng(66), around=False, heading_sigma_deg=0.0, widenings=True
-    )
-    unasked, _ = found(np.random.default_rng(66), around=False)
-    assert unasked.widenings == ()
-    assert {one.prior for one in usual.widenings} == {"heading", "compass", "walk"}
-    assert {one.prior for one in known.widenings} == {"walk"}
-    assert widened_m(usual, "heading") > 1.0
-    for one in usual.widenings:
-        assert usual.radius95_m == pytest.approx(one.radius95_without_m + one.by_m)
-    assert "the common heading error of 1.5°" in usual.remarks[-1]
-
-
-def test_what_is_not_weighed_widens_nothing() -> None:
-    position, _ = found(np.random.default_rng(65), count=3, widenings=True)
-    assert {one.prior for one in position.widenings} == {"heading"}
-
-
-def test_a_heading_error_does_not_widen_the_circle_of_stations_all_around() -> None:
-    position, _ = found(np.random.default_rng(66), widenings=True)
-    assert abs(widened_m(position, "heading")) < 1.0
-    assert "heading" not in position.remarks[-1] or "adds nothing" in position.remarks[-1]
-
-
-def test_a_tag_that_may_have_walked_has_its_circle_widened_by_that() -> None:
-    rng = np.random.default_rng(62)
-    positions = [found(rng, walk_m_s=0.2, widenings=True)[0] for _ in range(4)]
-    assert np.mean([widened_m(one, "walk") for one in positions]) > 2.0
-    widest = max(positions, key=lambda one: widened_m(one, "walk"))
-    assert "m of it allow for an animal that may walk (0.5 m/s)" in widest.remarks[-1]
 
 
 def at(

@@ -223,16 +223,3 @@ def test_directions_behind_the_walkers_way_are_those_of_its_bearings() -> None:
         x, y = PLANE.to_local(nearest.latitude_deg, nearest.longitude_deg)
         towards = float(np.degrees(np.arctan2(x - east[number], y - north[number])))
         assert abs(difference_deg(towards, given.bearing_deg[number])) < 15.0
-
-
-def test_a_walker_of_a_survey_is_told_with_what_each_error_does_to_the_circle() -> None:
-    rng = np.random.default_rng(44)
-    track, _ = flown_over(rng, 1.0)
-    found = estimate_position(None, track, follow=True, widenings=True)
-    assert found.method == "track"
-    assert found.radius95_m is not None
-    told = {one.prior: one for one in found.widenings}
-    assert set(told) == {"walk", "height", "fading", "foreign", "exponent"}
-    for one in told.values():
-        assert one.radius95_without_m + one.by_m == pytest.approx(found.radius95_m)
-    assert "95 % radius" in found.remarks[-1]

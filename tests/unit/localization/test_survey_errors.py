@@ -106,19 +106,6 @@ def test_a_height_that_is_far_off_is_told() -> None:
     assert all("less than the told one" in text for text in texts)
 
 
-def test_it_is_told_what_each_error_of_a_survey_does_to_the_circle() -> None:
-    track, _ = flown(np.random.default_rng(75), correlation=0.7)
-    found = estimate_position(None, track, widenings=True)
-    by_m = {one.prior: one.by_m for one in found.widenings}
-    assert set(by_m) == {"height", "fading", "foreign", "exponent"}
-    assert by_m["fading"] > 5.0
-    sure = estimate_position(None, track, height_sigma_m=0.0, widenings=True)
-    assert {one.prior for one in sure.widenings} == {"fading", "foreign", "exponent"}
-    assert "strength that falls with an exponent of 2.5 ± 0.7" in sure.remarks[-1] or any(
-        abs(one.by_m) < 1.0 for one in sure.widenings if one.prior == "exponent"
-    )
-
-
 def test_a_told_height_that_is_20_m_off_leaves_the_circle_or_is_warned_of() -> None:
     rng = np.random.default_rng(78)
     surveys = [flown_wrong(rng, case) for case in CASES[:2] * 5]

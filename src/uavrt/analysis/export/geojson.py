@@ -17,6 +17,7 @@ from uavrt.analysis.measure import (
     wedge,
 )
 from uavrt.analysis.power_survey import HeightBand, TagSignal
+from uavrt.analysis.records import bearing_record, known, position_record
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
 from uavrt.localization import Position, StrongestSignal
@@ -24,6 +25,8 @@ from uavrt.recording import Ring
 
 _PLACES = 8
 """Decimals of a degree: 1 mm."""
+_OF_BEARING = ("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambiguous")
+_OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 
 
 def geojson_text(survey: Survey) -> str:
@@ -33,11 +36,6 @@ def geojson_text(survey: Survey) -> str:
     for one in features:
         one["properties"]["vehicle"] = survey.vehicle
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
-
-
-def known(value: float | None) -> float | None:
-    """Pass a finite number, else None: JSON has no NaN."""
-    return value if value is not None and math.isfinite(value) else None
 
 
 def pulse_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
@@ -63,21 +61,11 @@ def bearing_properties(survey: Survey) -> list[dict[str, Any]]:
     """Attributes of each bearing, in the survey's order."""
     found = []
     for one in survey.bearings:
-        bearing = one.bearing
-        low, high = bearing.interval90_deg or (None, None)
-        properties = {
-            "tag_id": one.tag_id,
-            "time": iso_utc(one.start_time_ns),
-            "bearing_deg": known(bearing.bearing_deg),
-            "sigma_deg": known(bearing.sigma_deg),
-            "interval90_from_deg": known(low),
-            "interval90_to_deg": known(high),
-            "method": bearing.method,
-            "pulses": bearing.pulses,
-            "accepted": bearing.accepted,
-            "ambiguous": bearing.ambiguous,
-        }
-        found.append(properties)
+        record = bearing_record(one)
+        low, high = record["interval90_deg"] or (None, None)
+        arc = {"interval90_from_deg": low, "interval90_to_deg": high}
+        properties = {"tag_id": one.tag_id, "time": iso_utc(one.start_time_ns), **arc}
+        found.append(properties | {name: record[name] for name in _OF_BEARING})
     return found
 
 
@@ -87,18 +75,14 @@ def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
     for one in survey.positions:
         if one.position is None:
             continue
-        position = one.position
+        position, record = one.position, position_record(one)
         tag = survey.tag(one.tag_id)
         time_ns = survey.position_time_ns(one.tag_id)
         properties = {
             "tag_id": one.tag_id,
             "time": None if time_ns is None else iso_utc(time_ns),
             "name": None if tag is None else tag.name,
-            "method": position.method,
-            "radius50_m": known(position.radius50_m),
-            "radius95_m": known(position.radius95_m),
-            "bearings": position.stations,
-            "powers": position.pulses,
+            **{name: record[name] for name in _OF_POSITION},
             "may_be_farther_out": position.at_edge,
             **cautions_of(position),
         }

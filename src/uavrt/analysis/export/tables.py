@@ -6,12 +6,10 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.export.geojson import cautions_of
-from uavrt.analysis.positions import positions_of_bearings
 from uavrt.analysis.survey import Survey
 from uavrt.clock import iso_utc
-from uavrt.localization import Position, PositionMethod
+from uavrt.localization import Found, Position, PositionMethod, ReadAs, TagBearing, place
 from uavrt.recording import PulseWriter, TableWriter
 from uavrt.recording.formats import BearingRow, PositionRow, write_tagtracker
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -80,7 +78,7 @@ def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:
-        found = positions_of_bearings(survey.bearings, method=method)
+        found = place([Found(bearings=survey.bearings)], ReadAs(method=method))
         places[method] = {
             one.tag_id: None
             if one.position is None

@@ -4,10 +4,14 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from uavrt.analysis.bearings import TagBearing
-from uavrt.analysis.positions import TagPosition
 from uavrt.clock import told_utc
-from uavrt.localization import Position, TangentPlane, region_outlines
+from uavrt.localization import (
+    Position,
+    TagBearing,
+    TagPosition,
+    TangentPlane,
+    region_outlines,
+)
 from uavrt.units import wrap_degrees_360
 
 Point = tuple[float, float]
@@ -80,16 +84,18 @@ def way_of(position: Position | None) -> list[Point]:
     return [(one.longitude_deg, one.latitude_deg) for one in track]
 
 
-def straight_walk(position: Position) -> str | None:
-    """What a walking tag's one place means beside its way, which may bend.
+def remarks_of(position: Position) -> tuple[str, ...]:
+    """What an operator must know beside a position's circles.
 
-    None where the two are the same: by strength, or where the way itself was asked for.
+    A walking tag's one place says for which time it stands, unless the way itself is the
+    answer: by strength, or where it was asked for.
     """
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
-        return None
+        return position.remarks
     time = told_utc(position.track[-1].time_ns)
-    return f"this is where it was at {time} if it walked straight on; its way may bend"
+    straight = f"this is where it was at {time} if it walked straight on; its way may bend"
+    return (*position.remarks, straight)
 
 
 def region_lines(found: TagPosition | None, share: int) -> list[list[Point]]:

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.bearings import TagBearing
 from uavrt.dsp import BlockTimes
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization import (
@@ -22,6 +21,7 @@ from uavrt.localization import (
     Headings,
     SwitchedPulse,
     SwitchSchedule,
+    TagBearing,
     TangentPlane,
     circle_steering,
     measure_switched_pulse,

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.bearings import TagBearing
 from uavrt.analysis.report.style import INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey
 from uavrt.attitude import yaw_deg
-from uavrt.localization import pattern_named
+from uavrt.localization import TagBearing, pattern_named
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 if TYPE_CHECKING:
@@ -56,19 +55,7 @@ def draw_roses(
 
 def _gain_db(survey: Survey, off_deg: _Floats) -> _Floats:
     """Gain of the antenna [dB] as the bearings took it: corrected by what the turns showed."""
-    return (survey.pattern() or pattern_named(survey.antenna)).gain_db(off_deg)
-
-
-def verdict(one: TagBearing) -> str:
-    """Describe briefly what to think of a bearing."""
-    bearing = one.bearing
-    if not bearing.accepted:
-        return "no clear direction"
-    if bearing.multipath_suspected:
-        return "reflection likely"
-    if bearing.ambiguous:
-        return "ambiguous"
-    return "clear"
+    return (survey.pattern or pattern_named(survey.antenna)).gain_db(off_deg)
 
 
 def _rose(
@@ -104,7 +91,7 @@ def _rose(
     text = f"{bearing.bearing_deg:.0f}°"
     if bearing.sigma_deg is not None:
         text += f" ± {bearing.sigma_deg:.0f}°"
-    axes.set_title(f"{text}\n{verdict(one)}, {len(snr)} pulses", loc="center", fontsize=8.5)
+    axes.set_title(f"{text}\n{len(snr)} pulses", loc="center", fontsize=8.5)
 
 
 def _residuals(

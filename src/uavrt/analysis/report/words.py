@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import uavrt
-from uavrt.analysis.measure import straight_walk
-from uavrt.analysis.report.roses import verdict
+from uavrt.analysis.measure import remarks_of
 from uavrt.analysis.silence import around_in_words
 from uavrt.analysis.survey import Survey
-from uavrt.analysis.whole_flight import POSITION_M, chance_in_words
+from uavrt.analysis.verdict_words import where_in_words
+from uavrt.analysis.whole_flight import chance_in_words
 from uavrt.clock import told_utc
 from uavrt.localization import Position, TangentPlane
 from uavrt.messages import STATION_COUNTER, Pulse, SearchReport, Tag
@@ -123,7 +123,7 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
     chance = chance_in_words(verdict.false_alarm_probability, verdict.flights)
     many = verdict.flights > 1
     over = f"over {verdict.flights} flights together" if many else "over the whole flight"
-    middle = "all flights" if many else "the flight"
+    middle = "the flights" if many else "the flight"
     if not verdict.found:
         said = [f"In hindsight, {over}: not found ({chance})."]
         if verdict.silent is not None:
@@ -135,27 +135,10 @@ def hindsight(survey: Survey, tag_id: int) -> list[str]:
         f"{_count(verdict.pulses, _what(survey, tag_id))} "
         f"in slots {verdict.interval_s:.4f} s apart"
     ]
-    if verdict.places > 1:
-        each = "; ".join(
-            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
-            f"{one.radius95_m:.0f}\u00a0m ({100.0 * one.probability:.0f}\u00a0%)"
-            for one in verdict.parts
-        )
-        parts.append(
-            f"in one of {verdict.places} places that the flight cannot tell apart"
-            + (f": {each}" if each else " (`uavrt integrate` lists them)")
-        )
-        return ["; ".join(parts) + ".", *_remarks(verdict)]
-    if verdict.bearing_deg is not None and verdict.arc95_deg is not None:
-        parts.append(
-            f"from the middle of {middle} at {verdict.bearing_deg:.0f}°, "
-            f"± {0.5 * verdict.arc95_deg:.0f}° with 95\u00a0%"
-        )
-    if verdict.radius95_m is not None and verdict.radius95_m <= POSITION_M:
-        parts.append(
-            f"at {verdict.latitude_deg:.5f}, {verdict.longitude_deg:.5f}, within "
-            f"{verdict.radius95_m:.0f}\u00a0m with 95\u00a0%"
-        )
+    if verdict.places > 1 and not verdict.parts:
+        parts.append(f"in one of {verdict.places} places (`uavrt integrate` lists them)")
+    else:
+        parts += where_in_words(verdict, verdict.parts, middle)
     return ["; ".join(parts) + ".", *_remarks(verdict)]
 
 
@@ -236,7 +219,7 @@ def bearing_table(survey: Survey) -> Table:
                 f"{one.bearing.bearing_deg:.0f}°",
                 "–" if interval is None else f"{interval[0]:.0f}° to {interval[1]:.0f}°",
                 str(one.bearing.pulses),
-                "; ".join([verdict(one), *one.bearing.remarks]),
+                "; ".join(one.bearing.remarks) or "clear",
             ]
         )
     return header, rows
@@ -359,9 +342,7 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
         parts.append("it may be farther out")
     if position.stations == 1:
         parts.append("one bearing tells the direction, hardly the distance")
-    if straight := straight_walk(position):
-        parts.append(straight)
-    parts += position.remarks
+    parts += remarks_of(position)
     parts += _way(survey, position)
     return Finding(
         tag_id=tag_id,
@@ -384,14 +365,12 @@ def _way(survey: Survey, position: Position) -> list[str]:
     return [f"its track is dotted on the map: at {', at '.join(told)}"]
 
 
-def _caveat(survey: Survey, tag_id: int) -> str | None:
+def _caveat(survey: Survey, tag_id: int) -> str:
     """Caveats of a position that come from its bearings."""
     bearings = survey.bearings_of(tag_id)
-    doubts = Counter(text for one in bearings if (text := verdict(one)) != "clear")
-    if not doubts:
-        return None
-    told = ", ".join(f"{text} in {count}" for text, count in doubts.items())
-    return f"of its {_count(len(bearings), 'bearing')}: {told}"
+    doubts = Counter(text for one in bearings for text in one.bearing.remarks)
+    many = _count(len(bearings), "bearing")
+    return "; ".join(f"in {count} of its {many} {text}" for text, count in doubts.items())
 
 
 def _why_no_position(survey: Survey, tag_id: int) -> str:

@@ -125,6 +125,8 @@ class FlightKeeper:
         self._poses = array("d")
         self._told = ToldStates()
         self._last_pose_ns = 0
+        self._takeoff: tuple[float, float] = math.inf, math.nan
+        """Time of the first pose [ns], and the height above sea level that it counts from."""
         self.flight_id: str | None = None
         self.start_time_ns = 0
         self.ended = True
@@ -220,6 +222,8 @@ class FlightKeeper:
         """Take the pulses and poses of a resumed flight in, for the estimates."""
         self._pulses = array("d", columns.pulses.T.ravel().tolist())
         self._poses = array("d", columns.poses.T.ravel().tolist())
+        first_ns = min(columns.poses[0].tolist(), default=math.inf)
+        self._takeoff = first_ns, columns.takeoff_amsl_m
 
     @property
     def stored(self) -> bool:
@@ -313,6 +317,8 @@ class FlightKeeper:
         if 0 <= pose.time_ns - self._last_pose_ns < POSE_STEP_NS:
             return
         self._last_pose_ns = pose.time_ns
+        if pose.time_ns < self._takeoff[0]:
+            self._takeoff = pose.time_ns, pose.altitude_amsl_m - pose.altitude_relative_m
         self._record(lambda flight: flight.write_poses(Poses(poses=(pose,))))
         self._poses.extend(
             (
@@ -368,6 +374,8 @@ class FlightKeeper:
             pulses=pulses.reshape(-1, PULSE_WIDTH).T.copy(),
             poses=poses.reshape(-1, POSE_WIDTH).T.copy(),
             on_ground_ns=self._told.spans(),
+            takeoff_amsl_m=self._takeoff[1],
+            goes_on=not self.ended,
         )
 
     def commit(self) -> None:
@@ -421,3 +429,4 @@ class FlightKeeper:
         self._pulses, self._poses = array("d"), array("d")
         self._told = ToldStates()
         self._last_pose_ns = 0
+        self._takeoff = math.inf, math.nan

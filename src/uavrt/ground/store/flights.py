@@ -7,7 +7,7 @@ import math
 import os
 import sqlite3
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +26,8 @@ from uavrt.ground.store.known_flights import (
     stamp_of,
 )
 from uavrt.ground.store.prepared_columns import PreparedColumns
-from uavrt.messages import DetectionStatus, Pulse, PulsePose
+from uavrt.localization import Heard, PoseColumns, PulseColumns
+from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.recording import (
     DAMAGED,
     GROUND_NOTE,
@@ -120,6 +121,11 @@ _SELECT_POSES = (
     f"SELECT time_ns, {', '.join(PLACE_COLUMNS)} FROM poses "
     "WHERE latitude_deg IS NOT NULL ORDER BY time_ns"
 )
+_SELECT_TAKEOFF = (
+    "SELECT altitude_amsl_m - altitude_relative_m FROM poses "
+    "WHERE latitude_deg IS NOT NULL ORDER BY time_ns LIMIT 1"
+)
+_FIRST_OF_QUATERNION = PULSE_COLUMNS.index("quaternion_w")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,6 +138,41 @@ class Columns:
     """(8, m): time_ns, latitude, longitude, relative altitude, quaternion w x y z."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
     """First and last times of what the autopilot says was not flown."""
+    takeoff_amsl_m: float = math.nan
+    """Height above sea level from which the poses' heights count, by the first of them."""
+    goes_on: bool = False
+    """More may come."""
+
+    def heard(self, tags: Sequence[Tag], name: str = "this vehicle") -> Heard:
+        """The same for the estimator."""
+        pulses, poses, rate = self.pulses, self.poses, np.nan_to_num(self["rate"], nan=1.0)
+        return Heard.of(
+            self["tag_id"].astype(np.int64),
+            PulseColumns(
+                time_ns=self["start_time_ns"].astype(np.int64),
+                latitude_deg=self["latitude_deg"],
+                longitude_deg=self["longitude_deg"],
+                height_m=self["altitude_relative_m"],
+                quaternion_wxyz=pulses[_FIRST_OF_QUATERNION : _FIRST_OF_QUATERNION + 4].T,
+                snr_db=self["snr_db"],
+                noise_psd=self["noise_psd"],
+                frequency_hz=self["frequency_hz"],
+                rate=rate.astype(np.int64),
+                altitude_amsl_m=self["altitude_relative_m"] + self.takeoff_amsl_m,
+            ),
+            PoseColumns(
+                time_ns=poses[0].astype(np.int64),
+                latitude_deg=poses[1],
+                longitude_deg=poses[2],
+                height_m=poses[3],
+                quaternion_wxyz=poses[4:8].T,
+                altitude_amsl_m=poses[3] + self.takeoff_amsl_m,
+                on_ground_ns=self.on_ground_ns,
+            ),
+            tags=tags,
+            name=name,
+            goes_on=self.goes_on,
+        )
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """One column of the pulses."""
@@ -319,15 +360,15 @@ class FlightLibrary:
         UsageError, FormatError
             There is no such flight, or it is damaged.
         """
+        with self._database(flight_id) as database:
+            spans = told_in(database).spans()
+            first = database.execute(_SELECT_TAKEOFF).fetchone()
         return Columns(
             pulses=self.pulses(flight_id),
             poses=self.poses(flight_id),
-            on_ground_ns=self._on_ground(flight_id),
+            on_ground_ns=spans,
+            takeoff_amsl_m=math.nan if first is None or first[0] is None else float(first[0]),
         )
-
-    def _on_ground(self, flight_id: str) -> tuple[tuple[int, int], ...]:
-        with self._database(flight_id) as database:
-            return told_in(database).spans()
 
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
         """Read the pulses alone, (len(PULSE_COLUMNS), n)."""

@@ -53,7 +53,6 @@ def estimate_bearing(
     folds: int = 1,
     fading_db: float | None = None,
     heading_sigma_deg: float = 0.0,
-    widenings: bool = False,
 ) -> Bearing:
     """Estimate the bearing of a tag from pulses heard while the antenna turned.
 
@@ -90,9 +89,6 @@ def estimate_bearing(
         Standard deviation of the fading; learnt when not given.
     heading_sigma_deg : float
         Error that all headings share; widens the posterior.
-    widenings : bool
-        Tell also, with ``pattern_ml``, how many degrees of the arc allow for fading that lasts
-        and for pulses of others; it takes twice as long.
 
     Returns
     -------
@@ -140,7 +136,6 @@ def estimate_bearing(
         folds=folds,
         fading_db=fading_db,
         heading_sigma_deg=heading_sigma_deg,
-        widenings=widenings,
     )
 
 

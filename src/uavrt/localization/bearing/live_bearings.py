@@ -1,34 +1,27 @@
 """Bearings of turns in progress, from pulses and poses as they arrive.
 
-The same estimator as afterwards, asked again when a turn has a new pulse: from the third pulse
-on, with a wide interval while little of the turn is done. The ground station does the same with
-what reaches it; this is the stage that the drone runs when its table has the `estimator`.
+The one estimator, called again when a turn has a new pulse: from the third pulse on, with a
+wide interval while little of the turn is done. The ground station does the same with what
+reaches it; this is the stage that the drone runs when its table has the `estimator`.
 """
 
-from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern, pattern_named
-from uavrt.localization.flight_estimates import (
-    EDGE_NS,
-    POSE_STEP_NS,
-    HeardInTurn,
-    PoseColumns,
-    PulseColumns,
-    Rhythm,
-    antenna_as_shown,
-    bearing_of,
-    heard_in,
-    turns_in,
-)
+from uavrt.localization.bearing.turns import Turn
+from uavrt.localization.flight_estimates import Cache, ReadAs, TagBearing, bearings_of
+from uavrt.localization.heard import POSE_STEP_NS, Heard
+from uavrt.localization.results import ACCEPTED_EVIDENCE, Bearing
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
 from uavrt.on_ground import ToldStates
 
 _KEPT_NS = 900_000_000_000
-"""A turn is over after a quarter of an hour at most; older poses and pulses are let go."""
+"""A turn is over after a quarter of an hour at most; older poses and pulses are dropped."""
+_LEVEL_SIGMA_DB = 1.0
+"""Of a bearing that came from the drone, whose message does not hold it."""
 
 
 class LiveBearings:
@@ -50,28 +43,25 @@ class LiveBearings:
     def __init__(
         self, antenna: AntennaPattern | str = "RA-23K", tags: Sequence[Tag] = ()
     ) -> None:
-        self._pattern = pattern_named(antenna)
+        self._how = ReadAs(antenna=pattern_named(antenna))
         self.begin(tags)
 
     def begin(self, tags: Sequence[Tag] = ()) -> None:
         """Begin a new flight."""
-        self._rhythms = {tag.tag_id: Rhythm.of(tag) for tag in tags}
+        self._tags = tuple(tags)
         self._first_ns: int | None = None
         self._poses: list[Pose] = []
         self._told = ToldStates()
-        self._pulses: dict[int, list[PulsePose]] = defaultdict(list)
-        self._columns: dict[int, PulseColumns] = {}
-        self._taught: tuple[tuple[int, int], ...] = ()
-        self._shown = self._pattern
-        self._lessons = 0
-        self._given: dict[tuple[int, int], tuple[int, int, int]] = {}
+        self._pulses: list[PulsePose] = []
+        self._cache = Cache()
+        self._given: dict[tuple[int, int], Bearing] = {}
 
     def add_poses(self, poses: Iterable[Pose]) -> None:
         """Add poses of the vehicle, in order of time."""
         for pose in poses:
             if self._first_ns is None:
                 self._first_ns = pose.time_ns
-            # As `turns_in` thins them, so that the drone finds the turns that others find.
+            # As `Heard` thins them, so that the drone finds the turns that others find.
             slot = (pose.time_ns - self._first_ns) // POSE_STEP_NS
             if not self._poses or slot > (
                 (self._poses[-1].time_ns - self._first_ns) // POSE_STEP_NS
@@ -80,11 +70,7 @@ class LiveBearings:
         if self._poses and self._poses[0].time_ns < self._poses[-1].time_ns - 2 * _KEPT_NS:
             after_ns = self._poses[-1].time_ns - _KEPT_NS
             self._poses = [one for one in self._poses if one.time_ns >= after_ns]
-            for tag_id, pulses in self._pulses.items():
-                self._pulses[tag_id] = [
-                    one for one in pulses if one.pulse.start_time_ns >= after_ns
-                ]
-            self._columns.clear()
+            self._pulses = [one for one in self._pulses if one.pulse.start_time_ns >= after_ns]
 
     def add_state(self, time_ns: int, armed: float | None, landed: float | None) -> None:
         """Add what the autopilot says of arming and landing; 0 is no, None unknown.
@@ -94,84 +80,94 @@ class LiveBearings:
         self._told.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:
-        """Add a pulse; without a pose or a power it tells no direction."""
-        if one.pose is not None and np.isfinite(one.pulse.snr_db):
-            self._pulses[one.pulse.tag_id].append(one)
-            self._columns.pop(one.pulse.tag_id, None)
+        """Add a pulse; one without a pose has no direction."""
+        if one.pose is not None:
+            self._pulses.append(one)
 
     def changed(self) -> list[LiveBearing]:
-        """Estimate what is new since the last call; a few milliseconds for each.
+        """Estimate what is new since the last call; some milliseconds for each.
 
         New are pulses in a turn, also those that were missed there; and what a turn that is
         over shows of the antenna, by which all bearings are corrected.
         """
-        heard = self._heard()
-        self._learn(heard)
-        found = []
-        for one in heard:
-            key = (one.tag_id, one.turn.start_time_ns)
-            state = (len(one.snr_db), len(one.missed_yaw_deg), self._lessons)
-            if self._given.get(key) == state:
-                continue
-            self._given[key] = state
-            bearing = self._bearing(one)
-            if bearing is not None:
-                found.append(bearing)
-        return found
-
-    def _heard(self) -> list[HeardInTurn]:
-        """What was heard of each tag in each turn, in order of time and tag."""
         if not self._pulses:
             return []
-        poses = PoseColumns.of(self._poses, self._told.spans())
-        return [
-            heard
-            for turn in turns_in(poses)
-            for tag_id in sorted(self._pulses)
-            if (
-                heard := heard_in(
-                    tag_id, turn, self._pulses_of(tag_id), poses, self._rhythms.get(tag_id)
-                )
-            )
-        ]
-
-    def _pulses_of(self, tag_id: int) -> PulseColumns:
-        if tag_id not in self._columns:
-            self._pulses[tag_id].sort(key=lambda one: one.pulse.start_time_ns)
-            self._columns[tag_id] = PulseColumns.of(self._pulses[tag_id])
-        return self._columns[tag_id]
-
-    def _learn(self, heard: Sequence[HeardInTurn]) -> None:
-        """Correct the pattern when one more turn is over; not with each of its pulses."""
-        over_ns = self._poses[-1].time_ns - 2 * EDGE_NS if self._poses else 0
-        over = [one for one in heard if one.turn.end_time_ns < over_ns]
-        taught = tuple((one.tag_id, one.turn.start_time_ns) for one in over)
-        if taught != self._taught:
-            self._taught = taught
-            shown = antenna_as_shown(over, self._pattern)
-            self._lessons += shown is not self._shown
-            self._shown = shown
-
-    def _bearing(self, heard: HeardInTurn) -> LiveBearing | None:
-        try:
-            found = bearing_of(heard, antenna=self._shown)
-        except UsageError:
-            return None
-        assert found.sigma_deg is not None
-        assert found.interval90_deg is not None
-        return LiveBearing(
-            tag_id=heard.tag_id,
-            start_time_ns=heard.turn.start_time_ns,
-            end_time_ns=heard.turn.end_time_ns,
-            turned_deg=heard.turn.turned_deg,
-            latitude_deg=heard.latitude_deg,
-            longitude_deg=heard.longitude_deg,
-            bearing_deg=found.bearing_deg,
-            sigma_deg=found.sigma_deg,
-            interval90_deg=found.interval90_deg,
-            level_db=found.level_db,
-            pulses=len(heard.snr_db),
-            accepted=found.accepted,
-            ambiguous=found.ambiguous,
-            multipath_suspected=found.multipath_suspected,
+        heard = Heard.of_records(
+            self._pulses, self._poses, self._told.spans(), tags=self._tags, goes_on=True
         )
+        self._cache.begin()
+        found = []
+        for one in bearings_of(heard, self._how, cache=self._cache):
+            assert one.turn is not None
+            key = (one.tag_id, one.turn.start_time_ns)
+            if self._given.get(key) is not one.bearing:
+                self._given[key] = one.bearing
+                found.append(_live(one, one.turn))
+        return found
+
+
+def _live(one: TagBearing, turn: Turn) -> LiveBearing:
+    found = one.bearing
+    assert found.sigma_deg is not None
+    assert found.interval90_deg is not None
+    return LiveBearing(
+        tag_id=one.tag_id,
+        start_time_ns=turn.start_time_ns,
+        end_time_ns=turn.end_time_ns,
+        turned_deg=turn.turned_deg,
+        latitude_deg=one.latitude_deg,
+        longitude_deg=one.longitude_deg,
+        bearing_deg=found.bearing_deg,
+        sigma_deg=found.sigma_deg,
+        interval90_deg=found.interval90_deg,
+        level_db=found.level_db,
+        pulses=one.heard,
+        accepted=found.accepted,
+        ambiguous=found.ambiguous,
+        multipath_suspected=found.multipath_suspected,
+    )
+
+
+def bearing_from_drone(one: LiveBearing) -> TagBearing:
+    """A drone's message as if estimated here; its posterior is taken as von Mises."""
+    return TagBearing(
+        tag_id=one.tag_id,
+        bearing=Bearing(
+            bearing_deg=one.bearing_deg,
+            method="pattern_ml",
+            pulses=one.pulses,
+            sigma_deg=one.sigma_deg,
+            interval90_deg=one.interval90_deg,
+            # The message says only whether there is another lobe.
+            second_lobe_probability=1.0 if one.ambiguous else 0.0,
+            evidence=ACCEPTED_EVIDENCE if one.accepted else 0.0,
+            multipath_suspected=one.multipath_suspected,
+            level_db=one.level_db,
+            level_sigma_db=None if one.level_db is None else _LEVEL_SIGMA_DB,
+            posterior=_von_mises(one.bearing_deg, one.sigma_deg),
+        ),
+        latitude_deg=one.latitude_deg,
+        longitude_deg=one.longitude_deg,
+        altitude_amsl_m=float("nan"),
+        start_time_ns=one.start_time_ns,
+        middle_time_ns=(one.start_time_ns + one.end_time_ns) // 2,
+        end_time_ns=one.end_time_ns,
+        heard=one.pulses,
+        turn=Turn(
+            start_time_ns=one.start_time_ns,
+            end_time_ns=one.end_time_ns,
+            turned_deg=one.turned_deg,
+            stops=0,
+            widest_gap_deg=max(0.0, 360.0 - abs(one.turned_deg)),
+            latitude_deg=one.latitude_deg,
+            longitude_deg=one.longitude_deg,
+        ),
+        from_drone=True,
+    )
+
+
+def _von_mises(bearing_deg: float, sigma_deg: float) -> NDArray[np.float64]:
+    """(360,) probabilities of whole degrees."""
+    off = np.radians(np.arange(360.0) - bearing_deg)
+    density = np.exp((np.cos(off) - 1.0) / np.radians(max(sigma_deg, 0.5)) ** 2)
+    return np.asarray(density / density.sum())

@@ -6,7 +6,7 @@ needs no threshold; pulses that were missed count as "below the threshold".
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,10 @@ from uavrt.localization.bearing.posterior import (
 from uavrt.localization.bearing.two_paths import TwoPaths, two_paths
 from uavrt.localization.headings import Headings
 from uavrt.localization.position import (
-    ALL_OWN_SHARE,
     FADINGS_DB,
-    OUTLIER_SHARE,
     power_tables,
 )
-from uavrt.localization.results import FADING_TEXT, FOREIGN_TEXT, Bearing, WithoutPrior
+from uavrt.localization.results import Bearing
 
 _LEAST_FOR_CORRELATION = 12
 
@@ -51,7 +49,6 @@ def pattern_ml(
     folds: int = 1,
     fading_db: float | None = None,
     heading_sigma_deg: float = 0.0,
-    widenings: bool = False,
 ) -> Bearing:
     """Estimate a bearing with its whole posterior.
 
@@ -73,9 +70,6 @@ def pattern_ml(
         Known standard deviation of the fading; by default it is learnt.
     heading_sigma_deg : float
         Error that all headings share (compass, mounting, lag at one rate of turn).
-    widenings : bool
-        Tell also what the bearing would be without fading that lasts, and without pulses of
-        others; the second costs as much as the bearing itself.
     """
     turn = _Turn(
         headings=headings,
@@ -88,18 +82,7 @@ def pattern_ml(
         fading_db=fading_db,
         heading_sigma_deg=heading_sigma_deg,
     )
-    fit = _fitted(turn, OUTLIER_SHARE)
-    found = _bearing(turn, fit, fit.lasting)
-    if not widenings:
-        return found
-    own = _fitted(turn, ALL_OWN_SHARE)
-    without = (
-        WithoutPrior(prior="fading", text=FADING_TEXT, bearing=_bearing(turn, fit, 1.0)),
-        WithoutPrior(
-            prior="foreign", text=FOREIGN_TEXT, bearing=_bearing(turn, own, own.lasting)
-        ),
-    )
-    return replace(found, without=without)
+    return _bearing(turn, _fitted(turn))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,7 +121,7 @@ class _Fit:
     double: TwoPaths | None
 
 
-def _fitted(turn: _Turn, outlier_share: float) -> _Fit:
+def _fitted(turn: _Turn) -> _Fit:
     """Fit one direction, and two, to a turn of which some pulses may be anyone's."""
     known, heard = turn.fading_db, turn.heard
     tables = power_tables(
@@ -146,7 +129,6 @@ def _fitted(turn: _Turn, outlier_share: float) -> _Fit:
         turn.missed_below,
         folds=turn.folds,
         fadings_db=FADINGS_DB if known is None else (max(known, 0.3),),
-        outlier_share=outlier_share,
     )
     found = bearing_likelihood(tables, turn.gain, turn.noise_db)
     best_deg = peak_deg(found.log_density)
@@ -176,10 +158,10 @@ def _fitted(turn: _Turn, outlier_share: float) -> _Fit:
     )
 
 
-def _bearing(turn: _Turn, fit: _Fit, lasting: float) -> Bearing:
+def _bearing(turn: _Turn, fit: _Fit) -> Bearing:
     """Read the bearing off a likelihood that is worth less, since pulses share their fading."""
     found, misfit = fit.likelihood, fit.misfit
-    inflation = lasting
+    inflation = fit.lasting
     if turn.fading_db is not None and misfit.reduced_chi2 is not None:
         inflation *= max(1.0, misfit.reduced_chi2)
     log_density = found.log_density / inflation

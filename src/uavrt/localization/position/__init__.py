@@ -39,7 +39,6 @@ if TYPE_CHECKING:
         fit_each,
     )
     from uavrt.localization.position.power_law import (
-        ALL_OWN_SHARE,
         FADINGS_DB,
         LEVEL_STEP_DB,
         OUTLIER_SHARE,
@@ -52,7 +51,6 @@ if TYPE_CHECKING:
 __all__ = [
     "ADDED_METHODS",
     "ALIKE_M",
-    "ALL_OWN_SHARE",
     "ANY_STRENGTH",
     "FACTORS",
     "FADINGS_DB",
@@ -87,7 +85,6 @@ __getattr__ = lazily(
     {
         "ADDED_METHODS": "estimate",
         "ALIKE_M": "loss_error",
-        "ALL_OWN_SHARE": "power_law",
         "ANY_STRENGTH": "level_belief",
         "Area": "bayes_fix",
         "FADINGS_DB": "power_law",

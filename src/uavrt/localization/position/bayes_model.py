@@ -18,7 +18,7 @@ from uavrt.localization.position.over_hills import OverHills
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import JoinedLevels, Levels, Strengths
-from uavrt.localization.survey_errors import SurveyErrors, SurveyEvidence
+from uavrt.localization.survey_errors import SurveyEvidence
 from uavrt.tangent_plane import TangentPlane, plane_around
 from uavrt.terrain import HillLosses
 
@@ -39,7 +39,7 @@ class Known:
     propagation: Propagation
     max_range_m: float | None
     unusual: frozenset[Explanation]
-    survey: SurveyErrors
+    height_sigma_m: float
     hills: HillLosses | None = None
     """The ground around the flight; None is level."""
 
@@ -140,7 +140,7 @@ def _bearing_evidence(
 def _power_evidence(powers: PowerTrack, model: Model, known: Known) -> SurveyEvidence:
     east, north = model.plane.to_local(powers.latitude_deg, powers.longitude_deg)
     over = OverHills.of(model.hills, east, north, powers.height_m)
-    return SurveyEvidence(east, north, powers, known.propagation, known.survey, over)
+    return SurveyEvidence(east, north, powers, known.propagation, known.height_sigma_m, over)
 
 
 def _level_evidence(

@@ -1,7 +1,6 @@
 """The posterior of a place: a tag that rests, and what else may explain its bearings."""
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,6 @@ from uavrt.localization.position.bearing_evidence import Doubts
 from uavrt.localization.position.common_errors import (
     UNCHECKED,
     UNKNOWN_SIGMAS,
-    WALKING_M_S,
-    WRONG_COMPASS_DEG,
     Explanation,
     Fit,
     FlightBearings,
@@ -36,16 +33,8 @@ from uavrt.localization.position.common_errors import (
 from uavrt.localization.position.follow import Follow, followed
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
-from uavrt.localization.results import (
-    FADING_TEXT,
-    FOREIGN_TEXT,
-    Caution,
-    Position,
-    PositionGrid,
-    SharedError,
-    Widening,
-)
-from uavrt.localization.survey_errors import SurveyErrors, cautions_of_survey
+from uavrt.localization.results import Caution, Position, PositionGrid
+from uavrt.localization.survey_errors import cautions_of_survey
 
 _Floats = NDArray[np.float64]
 _NEGLIGIBLE = 0.005
@@ -59,12 +48,6 @@ _SURVEY_GROWTH = 2.0
 cells again."""
 _POWER_CELLS = 44
 """Some hundred pulses for each cell: a coarser grid keeps a position under 150 ms."""
-_KNOWN_EXPONENT = 0.01
-"""Standard deviation of a path loss exponent that is known."""
-_UNUSUAL_TEXTS: dict[Literal["compass", "walk"], str] = {
-    "compass": f"a compass that may be {WRONG_COMPASS_DEG:g}° off",
-    "walk": f"an animal that may walk ({WALKING_M_S:g} m/s)",
-}
 
 
 def bayes_position(
@@ -72,7 +55,6 @@ def bayes_position(
     powers: PowerTrack | None,
     known: Known,
     *,
-    widenings: bool,
     follow: Follow = "never",
 ) -> Position:
     """Find the posterior of a place, and what an operator is told about it.
@@ -83,8 +65,6 @@ def bayes_position(
         What was measured; one of them at the least.
     known : Known
         What is believed before the flight.
-    widenings : bool
-        Tell also what each shared error adds to the radius of 95 %.
     follow : str
         When the way of a tag that moves is sought.
 
@@ -132,14 +112,7 @@ def bayes_position(
         foreign_pulses=0 if model.track is None else model.track.foreign,
         listeners=tuple(one.told for one in model.listeners),
     )
-    if widenings:
-        position = replace(position, widenings=_widenings(model, solved, position))
-    if follow == "never":
-        return position
-    moved = followed(position, model, follow)
-    if not widenings or moved.method != "track":
-        return moved
-    return replace(moved, widenings=_widenings_of_way(model, position, moved, follow))
+    return position if follow == "never" else followed(position, model, follow)
 
 
 def _cautions_of_ground(known: Known) -> tuple[Caution, ...]:
@@ -239,16 +212,6 @@ class _Agreement:
         if self.told is None:
             return cautions_of_outliers(outliers) + self.unchecked
         return cautions_of(self.told, outliers or None) + self.unchecked
-
-    def without(self, explanation: Explanation) -> "_Agreement":
-        """The belief that remains if an explanation is ruled out."""
-        kept = [one for one in self.found if one[1].explanation != explanation]
-        total = sum(probability for probability, _ in kept)
-        return _Agreement(
-            found=tuple((probability / max(total, 1e-300), fit) for probability, fit in kept),
-            told=self.told,
-            unchecked=self.unchecked,
-        )
 
 
 def _agreement(model: Model, point: tuple[float, float]) -> _Agreement:
@@ -350,114 +313,6 @@ class _Mixture:
                 - 0.5 * (squares + np.log(np.linalg.det(covariance)))
             )
         return np.asarray(np.logaddexp.reduce(parts))
-
-
-def _widenings(model: Model, solved: _Solved, position: Position) -> tuple[Widening, ...]:
-    """What each prior that is on does to the radius, each taken out by itself."""
-    known, agreement = model.known, solved.agreement
-    radius_m = solved.cells.radius_m(0.95, solved.point)
-    without: list[tuple[SharedError, str, float]] = []
-    for less in _beliefs_without(model, position):
-        alone = _solved(Model(less.stations, model.powers, less.known))
-        without.append((less.prior, less.text, _radius95_m(alone)))
-    if model.stations is not None and known.heading_sigma_deg > 0.0:
-        true = Model(model.stations, model.powers, replace(known, heading_sigma_deg=0.0))
-        text = f"the common heading error of {known.heading_sigma_deg:g}°"
-        without.append(("heading", text, _radius95_m(_solved(true))))
-    for explanation, text in _UNUSUAL_TEXTS.items():
-        if all(fit.explanation != explanation for _, fit in agreement.found):
-            continue
-        less_m = radius_m
-        if any(fit.explanation == explanation for _, fit in agreement.others):
-            point = most_probable(solved.resting, model.log_likelihood)
-            rest = agreement.without(explanation)
-            less_m = _radius95_m(_explained(model, solved.resting, point, rest))
-        without.append((explanation, text, less_m))
-    return _sorted(radius_m, without)
-
-
-def _widenings_of_way(
-    model: Model, resting: Position, moved: Position, follow: Follow
-) -> tuple[Widening, ...]:
-    """What each prior does to the radius at the end of a way, as `_widenings` does it."""
-    radius_m, resting_m = moved.radius95_m, resting.radius95_m
-    if radius_m is None or resting_m is None:
-        return ()
-    without: list[tuple[SharedError, str, float]] = [
-        ("walk", "an animal that walks", resting_m)
-    ]
-    for less in _beliefs_without(model, resting):
-        found = bayes_position(
-            less.stations, model.powers, less.known, widenings=False, follow=follow
-        )
-        if found.radius95_m is not None:
-            without.append((less.prior, less.text, found.radius95_m))
-    return _sorted(radius_m, without)
-
-
-def _sorted(
-    radius_m: float, without: list[tuple[SharedError, str, float]]
-) -> tuple[Widening, ...]:
-    found = [
-        Widening(prior=prior, text=text, radius95_without_m=less_m, by_m=radius_m - less_m)
-        for prior, text, less_m in without
-    ]
-    return tuple(sorted(found, key=lambda one: -one.by_m))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Belief:
-    """What is heard and believed, were one shared error of the pulses impossible."""
-
-    prior: SharedError
-    text: str
-    """The prior, for the operator."""
-    stations: Stations | None
-    known: Known
-
-
-def _beliefs_without(model: Model, position: Position) -> list[_Belief]:
-    """Take out each prior of what pulses share, in turns and in a survey alike."""
-    stations = model.stations
-    turns = {} if stations is None else {one.prior: one for one in stations.without}
-    surveys = [] if model.powers is None else _surveys_without(model, position)
-    believed = {prior: known for prior, _, known in surveys}
-    texts: dict[SharedError, str] = {prior: one.text for prior, one in turns.items()}
-    texts |= {prior: text for prior, text, _ in surveys}
-    return [
-        _Belief(
-            prior=prior,
-            text=text,
-            stations=turns[prior].of(stations) if stations and prior in turns else stations,
-            known=believed.get(prior, model.known),
-        )
-        for prior, text in texts.items()
-    ]
-
-
-def _surveys_without(model: Model, position: Position) -> list[tuple[SharedError, str, Known]]:
-    """What is believed without each of a survey's priors."""
-    survey, fall = model.known.survey, model.known.propagation
-    less: list[tuple[SharedError, str, SurveyErrors]] = [
-        ("fading", FADING_TEXT, replace(survey, lasting_fading=False)),
-        ("foreign", FOREIGN_TEXT, replace(survey, foreign_pulses=False)),
-    ]
-    if survey.height_sigma_m > 0.0:
-        text = f"the height's error of {survey.height_sigma_m:g} m"
-        less.append(("height", text, replace(survey, height_sigma_m=0.0)))
-    found = [(prior, text, replace(model.known, survey=one)) for prior, text, one in less]
-    if fall.exponent_sigma > _KNOWN_EXPONENT and position.path_loss_exponent is not None:
-        text = f"strength that falls with an exponent of {fall.exponent:g} ± "
-        text += f"{fall.exponent_sigma:g}"
-        known = replace(
-            fall, exponent=position.path_loss_exponent, exponent_sigma=_KNOWN_EXPONENT
-        )
-        found.append(("exponent", text, replace(model.known, propagation=known)))
-    return found
-
-
-def _radius95_m(solved: _Solved) -> float:
-    return solved.cells.radius_m(0.95, solved.point)
 
 
 def _heading_error(

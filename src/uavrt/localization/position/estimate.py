@@ -17,7 +17,7 @@ from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.results import Position, PositionMethod
-from uavrt.localization.survey_errors import HEIGHT_SIGMA_M, SurveyErrors
+from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
 from uavrt.plugins import Registry
 from uavrt.tangent_plane import plane_around
 from uavrt.terrain import HillLosses
@@ -43,7 +43,6 @@ def estimate_position(
     height_sigma_m: float = HEIGHT_SIGMA_M,
     propagation: Propagation | None = None,
     max_range_m: float | None = None,
-    widenings: bool = False,
     follow: bool = False,
     hills: HillLosses | None = None,
 ) -> Position:
@@ -76,9 +75,6 @@ def estimate_position(
     max_range_m : float, optional
         How far from the stations or the track the tag may be; 3000 with bearings, else as far
         as the track is long.
-    widenings : bool
-        Tell also what each error that the bearings, or the powers, may share adds to the radius
-        of 95 %, to the method ``bayes``.
     follow : bool
         To the method ``bayes``: seek also the way of a tag whose bearings or powers contradict
         a place that rests, at the times that they have.
@@ -104,11 +100,11 @@ def estimate_position(
             max_range_m=max_range_m,
             # Headings that are known leave no compass wrong.
             unusual=UNUSUAL if heading_sigma_deg > 0.0 else UNUSUAL - {"compass"},
-            survey=SurveyErrors(height_sigma_m=height_sigma_m),
+            height_sigma_m=height_sigma_m,
             hills=hills,
         )
         when: Follow = "always" if method == "track" else "contradicted" if follow else "never"
-        found = bayes_position(stations, powers, known, widenings=widenings, follow=when)
+        found = bayes_position(stations, powers, known, follow=when)
         return replace(found, method=method) if method == "track" else found
     if method not in _LENTH and method in ADDED_METHODS:
         return ADDED_METHODS[method](stations, powers)

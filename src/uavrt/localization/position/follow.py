@@ -92,7 +92,7 @@ def _by_powers(
     if walk is None or not walked:
         return replace(position, track=way)
     cautions = tuple(one for one in position.cautions if one.name != "height")
-    return replace(_ended(position, way), cautions=(walk.caution, *cautions), widenings=())
+    return replace(_ended(position, way), cautions=(walk.caution, *cautions))
 
 
 def _on_level_ground(position: Position, model: Model, powers: PowerTrack) -> PowerTrack:

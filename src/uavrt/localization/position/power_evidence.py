@@ -124,8 +124,6 @@ class PowerEvidence:
         Heights, powers, antenna.
     propagation : Propagation
         Prior of the path loss exponent.
-    lasting : bool
-        Fading may last from pulse to pulse.
     correlation : float
         Of neighbouring pulses' fading, where pulses were missed; see `correlation_at_best`.
         Without misses it is integrated out.
@@ -140,13 +138,11 @@ class PowerEvidence:
         track: PowerTrack,
         propagation: Propagation,
         *,
-        lasting: bool = True,
         correlation: float = 0.0,
         over_hills: OverHills | None = None,
     ) -> None:
         self.over_hills = over_hills
         self._correlation = correlation
-        self._correlations = _CORRELATIONS if lasting else _CORRELATIONS[:1]
         self._east_m, self._north_m = east_m, north_m
         self._track = track
         self._prior = propagation
@@ -170,7 +166,7 @@ class PowerEvidence:
         """Fit level and exponent to the sums of some parts of places."""
         whole = [one for one in sums if isinstance(one, _Sums)]
         if whole:
-            return self._levelled(_uncensored(_Sums.joined(whole), self._correlations))
+            return self._levelled(_uncensored(_Sums.joined(whole), _CORRELATIONS))
         fit = censored_fit(
             CensoredSums.joined([one for one in sums if isinstance(one, CensoredSums)]),
             self._miss_weight,

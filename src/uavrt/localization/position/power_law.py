@@ -21,8 +21,6 @@ FADINGS_DB = (0.5, 0.9, 1.5, 2.5, 4.0, 6.5)
 """Standard deviations of fading that are weighed against each other."""
 OUTLIER_SHARE = 0.01
 """Share of pulses that may have any power (interference, a turn of the animal)."""
-ALL_OWN_SHARE = 1e-9
-"""That share where every pulse is the tag's: just above what rounding leaves."""
 _NARROW = 1000.0
 """From this sum on (30 dB) the law is Gaussian in decibel to 1 %, and narrower than a step."""
 _TINY = 1e-300
@@ -66,7 +64,6 @@ def power_tables(
     folds: int = 1,
     fadings_db: tuple[float, ...] = FADINGS_DB,
     spread_db: float = 40.0,
-    outlier_share: float = OUTLIER_SHARE,
 ) -> PowerTables:
     """Tabulate log p(power | level) of the heard pulses, then of the missed ones.
 
@@ -82,13 +79,11 @@ def power_tables(
         Standard deviations of the fading, one table each.
     spread_db : float
         How far below the strongest level the antenna's back may be.
-    outlier_share : float
-        Pulses that may have any power, `ALL_OWN_SHARE` at the least.
 
     Returns
     -------
     PowerTables
-        n + m rows. Each law is mixed with that share of one that knows no level.
+        n + m rows. Each law is mixed with `OUTLIER_SHARE` of one that knows no level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)
@@ -102,8 +97,8 @@ def power_tables(
     exact = np.concatenate(rows)
     # Scaled by each row's best, so that exp() neither over- nor underflows where it matters.
     likelihood = np.exp(exact - exact.max(axis=1, keepdims=True))
-    outlier = outlier_share * likelihood.mean(axis=1)
-    mixed = (1.0 - outlier_share) * _faded(likelihood, fadings_db) + outlier[:, None, None]
+    outlier = OUTLIER_SHARE * likelihood.mean(axis=1)
+    mixed = (1.0 - OUTLIER_SHARE) * _faded(likelihood, fadings_db) + outlier[:, None, None]
     tables = np.log(mixed).astype(np.float32)
     return PowerTables(
         log_likelihood=np.ascontiguousarray(tables.transpose(0, 2, 1)),

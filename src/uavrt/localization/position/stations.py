@@ -1,12 +1,12 @@
 """Bearings of one tag and where they were taken: what positions are estimated from."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavrt.localization.position.strengths import Strengths
-from uavrt.localization.results import Bearing, SharedError
+from uavrt.localization.results import Bearing
 
 _Floats = NDArray[np.float64]
 
@@ -34,9 +34,6 @@ class Stations:
     """(n,) when each was taken, from any origin; None takes it that the tag rests."""
     origin_ns: int = 0
     """UTC at a `time_s` of 0; 0 where nobody knows."""
-    without: tuple["StationsWithout", ...] = ()
-    """The bearings without each prior of what a turn's pulses may share; empty where the
-    bearings do not tell."""
     listeners: tuple[Strengths, ...] = ()
     """What receivers that never turned heard of the tag, to the method ``bayes``."""
 
@@ -67,46 +64,4 @@ class Stations:
             level_sigma_db=np.array(level_sigmas) if len(level_sigmas) == whole else None,
             time_s=None if time_s is None else np.atleast_1d(np.asarray(time_s, np.float64)),
             origin_ns=origin_ns,
-            without=_without(bearings),
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StationsWithout:
-    """What turns would say, were one error that their pulses may share impossible."""
-
-    prior: SharedError
-    text: str
-    """The prior, for the operator."""
-    bearing_deg: _Floats
-    """(n,)."""
-    posterior: _Floats
-    """(n, 360)."""
-
-    def of(self, stations: Stations) -> Stations:
-        """Put these bearings in place of those of the same stations."""
-        return replace(
-            stations, bearing_deg=self.bearing_deg, posterior=self.posterior, without=()
-        )
-
-
-def _without(bearings: list[Bearing]) -> tuple[StationsWithout, ...]:
-    """Take each prior out of all bearings that tell what they are without it."""
-    told = {one.prior: one.text for bearing in bearings for one in bearing.without}
-    found = []
-    for prior, text in told.items():
-        less = [
-            next((one.bearing for one in bearing.without if one.prior == prior), bearing)
-            for bearing in bearings
-        ]
-        posteriors = [one.posterior for one in less if one.posterior is not None]
-        if len(posteriors) == len(bearings):
-            found.append(
-                StationsWithout(
-                    prior=prior,
-                    text=text,
-                    bearing_deg=np.array([one.bearing_deg for one in less]),
-                    posterior=np.array(posteriors),
-                )
-            )
-    return tuple(found)

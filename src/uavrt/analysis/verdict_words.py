@@ -1,0 +1,51 @@
+"""Words of a whole flight's verdict: for the command line, the report and the status text."""
+
+from collections.abc import Sequence
+
+from uavrt.analysis.whole_flight import POSITION_M
+from uavrt.integration import PlaceBelief
+from uavrt.recording import IntegratedPart, IntegratedVerdict
+
+ALL_ROUND_DEG = 330.0
+"""A wider arc is no direction."""
+
+
+def where_in_words(
+    place: PlaceBelief | IntegratedVerdict,
+    parts: Sequence[IntegratedPart],
+    flown: str = "the flight",
+) -> list[str]:
+    """Say where a tag is: in one place, in one of several, or in which direction.
+
+    Parameters
+    ----------
+    place : PlaceBelief or IntegratedVerdict
+        With bearing and arcs from the middle of what was flown, coordinates and radii.
+    parts : sequence of IntegratedPart
+        The places, the likeliest first.
+    flown : str
+        What was flown, after "middle of".
+    """
+    if len(parts) > 1:
+        each = "; ".join(
+            f"at {one.latitude_deg:.5f}, {one.longitude_deg:.5f}, within "
+            f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"
+            for one in parts
+        )
+        return [f"in one of {len(parts)} places that {flown} cannot tell apart: {each}"]
+    known = place.radius95_m is not None and place.radius95_m <= POSITION_M
+    lines = []
+    if place.bearing_deg is not None and place.arc50_deg is not None and place.arc95_deg:
+        if place.arc95_deg > ALL_ROUND_DEG and not known:
+            return [f"neither place nor direction are known: {flown} tells them too roughly"]
+        lines.append(
+            f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
+            f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"
+        )
+    if not known:
+        return [*lines, "no position: only its direction is known"]
+    return [
+        *lines,
+        f"at {place.latitude_deg:.5f}, {place.longitude_deg:.5f}, within "
+        f"{place.radius50_m:.0f} m (50 %), {place.radius95_m:.0f} m (95 %)",
+    ]

@@ -1,0 +1,507 @@
+"""Columns of pulses and poses: what a flight, a log or live arrays are estimated from."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.errors import UsageError
+from uavrt.localization.bearing.turns import CLIMB_M
+from uavrt.localization.headings import Headings
+from uavrt.messages import Pose, PulsePose, Tag
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain import Elevation, HillLosses
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+POSE_STEP_NS = 180_000_000
+"""Poses closer than this add nothing to a turn."""
+POSE_GAP_NS = 2_000_000_000
+"""Telemetry comes several times a second; this far from it, a pulse's own pose stands."""
+APART_M = 20.0
+"""Least difference that is reported between heights of a flight and of elevation files."""
+LEAST_TAG_HZ = 1e6
+"""Least frequency of a tag: some logs have megahertz, cut to a whole number."""
+_ON_GROUND_M = 5.0
+"""Poses that begin higher do not show where the take-off was."""
+_IN_PLACE_M = 30.0
+"""A log whose pulses are no farther from their median place is of one place."""
+_HILLS_DIGITS = 4
+"""Losses behind hills are computed at frequencies rounded to 10 kHz, which changes nothing but
+lets a live flight keep them."""
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseColumns:
+    """Where the vehicle was, in order of time."""
+
+    time_ns: NDArray[np.int64]
+    latitude_deg: _Floats
+    longitude_deg: _Floats
+    height_m: _Floats
+    """(n,) above the take-off; NaN where nobody knows."""
+    quaternion_wxyz: _Floats
+    """(n, 4)."""
+    altitude_amsl_m: _Floats | None = None
+    """(n,) above sea level, NaN where nobody knows; tells what is flown where `height_m` does
+    not."""
+    on_ground_ns: tuple[tuple[int, int], ...] = ()
+    """First and last times of what the autopilot says was not flown; empty where it tells
+    nothing."""
+
+    @classmethod
+    def of(
+        cls, poses: Iterable[Pose], on_ground_ns: tuple[tuple[int, int], ...] = ()
+    ) -> "PoseColumns":
+        """Put poses into columns, each time once, in order."""
+        by_time = {pose.time_ns: pose for pose in poses}
+        ordered = [by_time[time] for time in sorted(by_time)]
+        return cls(
+            time_ns=np.array([pose.time_ns for pose in ordered], np.int64),
+            latitude_deg=np.array([pose.latitude_deg for pose in ordered]),
+            longitude_deg=np.array([pose.longitude_deg for pose in ordered]),
+            height_m=np.array([pose.altitude_relative_m for pose in ordered], np.float64),
+            quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in ordered]).reshape(-1, 4),
+            altitude_amsl_m=np.array([pose.altitude_amsl_m for pose in ordered], np.float64),
+            on_ground_ns=on_ground_ns,
+        )
+
+    def completed(self, others: "PoseColumns") -> "PoseColumns":
+        """Add poses of others, such as the pulses' own, at times of which these tell nothing.
+
+        Telemetry that a silent radio has lost never comes; the pulses of that time do. Both
+        may be out of order; each time stands once.
+        """
+        alone = np.flatnonzero(_far_from(np.sort(self.time_ns), others.time_ns))
+        time_ns = np.concatenate([self.time_ns, others.time_ns[alone]])
+        _, kept = np.unique(time_ns, return_index=True)
+
+        def joined(own: _Floats, theirs: _Floats) -> _Floats:
+            return np.asarray(np.concatenate([own, theirs[alone]])[kept])
+
+        return PoseColumns(
+            time_ns=time_ns[kept],
+            latitude_deg=joined(self.latitude_deg, others.latitude_deg),
+            longitude_deg=joined(self.longitude_deg, others.longitude_deg),
+            height_m=joined(self.height_m, others.height_m),
+            quaternion_wxyz=joined(self.quaternion_wxyz, others.quaternion_wxyz),
+            altitude_amsl_m=joined(self.amsl_m, others.amsl_m),
+            on_ground_ns=self.on_ground_ns + others.on_ground_ns,
+        )
+
+    def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> "PoseColumns":
+        """Some of the poses."""
+        amsl_m = self.altitude_amsl_m
+        return PoseColumns(
+            time_ns=self.time_ns[which],
+            latitude_deg=self.latitude_deg[which],
+            longitude_deg=self.longitude_deg[which],
+            height_m=self.height_m[which],
+            quaternion_wxyz=self.quaternion_wxyz[which],
+            altitude_amsl_m=None if amsl_m is None else amsl_m[which],
+            on_ground_ns=self.on_ground_ns,
+        )
+
+    @property
+    def amsl_m(self) -> _Floats:
+        """(n,) altitudes; NaN where nobody knows."""
+        nowhere = np.full(len(self.time_ns), np.nan)
+        return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
+
+    @property
+    def flown_m(self) -> _Floats:
+        """(n,) heights that tell flight from ground: above the take-off, else the lowest."""
+        amsl = self.amsl_m
+        if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
+            return self.height_m
+        return np.asarray(amsl - np.nanmin(amsl))
+
+    @property
+    def on_ground(self) -> NDArray[np.bool_]:
+        """(n,) what the autopilot says was not flown."""
+        found = np.zeros(len(self.time_ns), bool)
+        for first, last in self.on_ground_ns:
+            found |= (self.time_ns >= first) & (self.time_ns <= last)
+        return found
+
+    @property
+    def leaves_ground(self) -> bool:
+        """Whether some of it was flown, and some of it not, as heights or autopilot tell."""
+        on_ground = self.on_ground
+        flown = self.flown_m[np.isfinite(self.flown_m)]
+        climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
+        return climbed or bool(on_ground.any() and not on_ground.all())
+
+    @property
+    def yaw_deg(self) -> _Floats:
+        """(n,) headings."""
+        return Headings.from_quaternions(self.quaternion_wxyz).yaw_deg
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PulseColumns:
+    """Pulses that have a pose and a power, in order of time."""
+
+    time_ns: NDArray[np.int64]
+    """(n,) beginnings."""
+    latitude_deg: _Floats
+    longitude_deg: _Floats
+    height_m: _Floats
+    """(n,) of the antenna above the take-off; NaN where unknown."""
+    quaternion_wxyz: _Floats
+    """(n, 4) of the antenna."""
+    snr_db: _Floats
+    noise_psd: _Floats
+    """(n,) NaN where unknown."""
+    frequency_hz: _Floats
+    rate: NDArray[np.int64]
+    """(n,) which of the tag's intervals, from 1."""
+    altitude_amsl_m: _Floats
+    """(n,) of the antenna above sea level; NaN where unknown."""
+
+    @classmethod
+    def of(cls, pulse_poses: Iterable[PulsePose]) -> "PulseColumns":
+        """Put pulses into columns as they come; those without a pose are left out."""
+        posed = [(one.pulse, one.pose) for one in pulse_poses if one.pose is not None]
+        poses = [pose for _, pose in posed]
+        return cls(
+            time_ns=np.array([pulse.start_time_ns for pulse, _ in posed], np.int64),
+            latitude_deg=np.array([pose.latitude_deg for pose in poses]),
+            longitude_deg=np.array([pose.longitude_deg for pose in poses]),
+            height_m=np.array([pose.altitude_relative_m for pose in poses], np.float64),
+            quaternion_wxyz=np.array([pose.quaternion_wxyz for pose in poses]).reshape(-1, 4),
+            snr_db=np.array([pulse.snr_db for pulse, _ in posed]),
+            noise_psd=np.array([pulse.noise_psd for pulse, _ in posed], np.float64),
+            frequency_hz=np.array([pulse.frequency_hz for pulse, _ in posed], np.float64),
+            rate=np.array([pulse.rate for pulse, _ in posed], np.int64),
+            altitude_amsl_m=np.array([pose.altitude_amsl_m for pose in poses], np.float64),
+        )
+
+    def chosen(self, which: NDArray[np.intp] | slice) -> "PulseColumns":
+        """Some of the pulses."""
+        return PulseColumns(
+            **{one.name: getattr(self, one.name)[which] for one in fields(self)}
+        )
+
+    def and_those(self, others: "PulseColumns") -> "PulseColumns":
+        """These and others, in order of time."""
+        both = PulseColumns(
+            **{
+                one.name: np.concatenate([getattr(self, one.name), getattr(others, one.name)])
+                for one in fields(self)
+            }
+        )
+        return both.chosen(np.argsort(both.time_ns, kind="stable"))
+
+    @property
+    def poses(self) -> PoseColumns:
+        """Where the antenna was at each pulse."""
+        return PoseColumns(
+            time_ns=self.time_ns,
+            latitude_deg=self.latitude_deg,
+            longitude_deg=self.longitude_deg,
+            height_m=self.height_m,
+            quaternion_wxyz=self.quaternion_wxyz,
+            altitude_amsl_m=self.altitude_amsl_m,
+        )
+
+    def missed_ns(self, rhythm: "Rhythm | None") -> list[float]:
+        """Times at which a pulse must have come between two heard ones, and was not heard.
+
+        Between two whose distance is a multiple of the tag's interval.
+        """
+        missed: list[float] = []
+        if rhythm is None:
+            return missed
+        for (before, rate), (after, _) in pairwise(zip(self.time_ns, self.rate, strict=True)):
+            number = min(max(int(rate), 1), len(rhythm.intervals_s))
+            interval_ns = rhythm.intervals_s[number - 1] * NANOSECONDS_PER_SECOND
+            gap_ns = int(after) - int(before)
+            count = round(gap_ns / interval_ns)
+            slack_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
+            if count > 1 and abs(gap_ns - count * interval_ns) <= slack_ns:
+                missed += [int(before) + gap_ns * step / count for step in range(1, count)]
+        return missed
+
+    def turned(self, offset_deg: float) -> "PulseColumns":
+        """The same with the antenna turned clockwise about its own down axis."""
+        if offset_deg == 0.0:
+            return self
+        w, x, y, z = self.quaternion_wxyz.T
+        c, s = np.cos(np.radians(offset_deg) / 2.0), np.sin(np.radians(offset_deg) / 2.0)
+        parts = [w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s]
+        return replace(self, quaternion_wxyz=np.stack(parts, axis=1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OverGround:
+    """A flight over ground that is known."""
+
+    hills: HillLosses
+    poses: PoseColumns
+
+    @classmethod
+    def of(cls, elevation: Elevation, poses: PoseColumns) -> "OverGround | None":
+        """Lay the ground around a flight; None where no pose has a place and a height.
+
+        Heights of a flight count from its take-off, taken to be beneath the first pose.
+
+        Raises
+        ------
+        FormatError
+            A file of heights is damaged.
+        """
+        known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
+        if not len(known):
+            return None
+        first = int(known[0])
+        hills = HillLosses(
+            elevation,
+            latitude_deg=float(poses.latitude_deg[first]),
+            longitude_deg=float(poses.longitude_deg[first]),
+        )
+        said = list(elevation.cautions)
+        height_m = float(poses.height_m[first])
+        if height_m > _ON_GROUND_M:
+            said.append(
+                f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
+                "the ground beneath that place"
+            )
+        said += apart_in_words(hills.start_amsl_m, float(poses.amsl_m[first]) - height_m)
+        return cls(hills=hills.noting(*said), poses=poses)
+
+    def noting(self, *limitations: str) -> "OverGround":
+        """The same with more that an operator must know."""
+        return replace(self, hills=self.hills.noting(*limitations))
+
+    def at(self, frequency_hz: float) -> "OverGround":
+        """The same for a tag."""
+        return replace(self, hills=self.hills.at(frequency_hz))
+
+    def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
+        """Heights above the take-off at some times."""
+        told = np.isfinite(self.poses.height_m)
+        known_ns = self.poses.time_ns[told].astype(np.float64)
+        wanted_ns = np.asarray(time_ns, np.float64)
+        return np.asarray(np.interp(wanted_ns, known_ns, self.poses.height_m[told]))
+
+
+def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
+    """What to tell where elevation files and flight disagree on the take-off's height."""
+    if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
+        return ()
+    return (
+        f"the elevation files have the take-off at {ground_m:.0f} m, the flight at "
+        f"{said_m:.0f} m: another datum, or another place; heights are counted from the "
+        "elevation files' take-off on",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rhythm:
+    """When a tag's pulses must come."""
+
+    intervals_s: tuple[float, ...]
+    uncertainty_s: float
+
+    @classmethod
+    def of(cls, tag: Tag) -> "Rhythm":
+        """When a listed tag's pulses must come."""
+        return cls(intervals_s=tag.pulse_intervals_s, uncertainty_s=tag.interval_uncertainty_s)
+
+
+def _far_from(known_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) which times are farther than `POSE_GAP_NS` from every one of rising `known_ns`."""
+    if not len(known_ns):
+        return np.ones(len(times_ns), bool)
+    after = np.searchsorted(known_ns, times_ns)
+    before_ns = times_ns - known_ns[np.maximum(after - 1, 0)]
+    after_ns = known_ns[np.minimum(after, len(known_ns) - 1)] - times_ns
+    return np.asarray(np.minimum(np.abs(before_ns), np.abs(after_ns)) > POSE_GAP_NS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Heard:
+    """What one receiver heard in a flight or log, in columns: read once, whoever estimates."""
+
+    pulses: Mapping[int, PulseColumns]
+    """Of each tag."""
+    poses: PoseColumns
+    """Of the vehicle, and the pulses' own where no others are; `POSE_STEP_NS` apart."""
+    tags: tuple[Tag, ...] = ()
+    """As they were listed; empty for a log."""
+    antenna: str = "RA-23K"
+    """Name of the pattern that it was heard with, where `ReadAs` names no other."""
+    name: str = "this vehicle"
+    """The receiver, for the operator."""
+    one_turn: bool = False
+    """A log heard at one place, without a climb: one turn, as the original takes it."""
+    goes_on: bool = False
+    """More may come: a turn teaches the pattern when it is over."""
+
+    @classmethod
+    def of(
+        cls,
+        tag_id: NDArray[np.int64],
+        pulses: PulseColumns,
+        poses: PoseColumns | None = None,
+        *,
+        tags: Sequence[Tag] = (),
+        antenna: str = "RA-23K",
+        name: str = "this vehicle",
+        goes_on: bool = False,
+    ) -> "Heard":
+        """Sort pulses by tag and time; those without a place or a power are left out.
+
+        Times are kept to 256 ns, as columns of floating-point numbers hold them.
+
+        Parameters
+        ----------
+        tag_id : (n,) int64 array
+            Tag of each pulse.
+        pulses : PulseColumns
+            In any order.
+        poses : PoseColumns, optional
+            Of the vehicle, in any order; None of a log, which has the pulses' own only.
+        tags, antenna, name, goes_on
+            As the fields.
+        """
+        usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
+        usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)
+        order = np.flatnonzero(usable)
+        order = order[np.argsort(pulses.time_ns[order], kind="stable")]
+        every = pulses.chosen(order)
+        every, tag_id = replace(every, time_ns=_in_ticks(every.time_ns)), tag_id[order]
+        own = every.poses
+        if poses is not None:
+            known = poses.chosen(np.isfinite(poses.latitude_deg))
+            own = replace(known, time_ns=_in_ticks(known.time_ns)).completed(own)
+        elif len(own.time_ns):
+            own = own.chosen(np.unique(own.time_ns, return_index=True)[1])
+        return cls(
+            pulses={
+                int(one): every.chosen(np.flatnonzero(tag_id == one))
+                for one in np.unique(tag_id)
+            },
+            poses=_thinned(own),
+            tags=tuple(tags),
+            antenna=antenna,
+            name=name,
+            one_turn=poses is None and _in_place(own) and not own.leaves_ground,
+            goes_on=goes_on,
+        )
+
+    @classmethod
+    def of_records(
+        cls,
+        pulse_poses: Sequence[PulsePose],
+        poses: Sequence[Pose] | None = None,
+        on_ground_ns: tuple[tuple[int, int], ...] = (),
+        *,
+        tags: Sequence[Tag] = (),
+        antenna: str = "RA-23K",
+        name: str = "this vehicle",
+        goes_on: bool = False,
+    ) -> "Heard":
+        """Read records; poses None for a log of pulses alone.
+
+        Raises
+        ------
+        UsageError
+            No pulse has a pose.
+        """
+        if pulse_poses and all(one.pose is None for one in pulse_poses):
+            raise UsageError(
+                "no pulse has a pose, so headings are unknown",
+                remedy="Bearings need a log that was recorded with the autopilot connected",
+            )
+        posed = [one for one in pulse_poses if one.pose is not None]
+        return cls.of(
+            np.array([one.pulse.tag_id for one in posed], np.int64),
+            PulseColumns.of(posed),
+            None if poses is None else PoseColumns.of(poses, on_ground_ns),
+            tags=tags,
+            antenna=antenna,
+            name=name,
+            goes_on=goes_on,
+        )
+
+    def rhythm(self, tag_id: int) -> "Rhythm | None":
+        """When a tag's pulses must come; None for one that is not listed."""
+        return next((Rhythm.of(tag) for tag in self.tags if tag.tag_id == tag_id), None)
+
+    def renamed(self, keys: Mapping[int, int]) -> "Heard":
+        """The same with other numbers of the tags."""
+        return replace(
+            self,
+            pulses={keys.get(tag_id, tag_id): own for tag_id, own in self.pulses.items()},
+            tags=tuple(
+                replace(tag, tag_id=keys.get(tag.tag_id, tag.tag_id)) for tag in self.tags
+            ),
+        )
+
+    def and_those(self, other: "Heard") -> "Heard":
+        """What both heard, as if one had flown both flights."""
+        pulses = dict(self.pulses)
+        for tag_id, own in other.pulses.items():
+            pulses[tag_id] = pulses[tag_id].and_those(own) if tag_id in pulses else own
+        listed = {tag.tag_id: tag for tag in (*self.tags, *other.tags)}
+        return replace(
+            self,
+            pulses=pulses,
+            poses=self.poses.completed(other.poses),
+            tags=tuple(listed.values()),
+            one_turn=False,
+        )
+
+    @property
+    def frequencies_hz(self) -> dict[int, float]:
+        """Median of each tag as it was heard; of one that was not, as it is listed."""
+        found = {tag.tag_id: tag.frequency_hz for tag in self.tags}
+        for tag_id, own in self.pulses.items():
+            known_hz = own.frequency_hz[own.frequency_hz >= LEAST_TAG_HZ]
+            if len(known_hz):
+                found[tag_id] = float(np.median(known_hz))
+        return found
+
+    def over(self, elevation: Elevation | None) -> OverGround | None:
+        """The ground under it, with losses at the median frequency of the pulses.
+
+        Raises
+        ------
+        FormatError
+            A file of heights is damaged.
+        """
+        over = None if elevation is None else OverGround.of(elevation, self.poses)
+        heard_hz = [own.frequency_hz for own in self.pulses.values()]
+        every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)
+        known_hz = every_hz[np.isfinite(every_hz)]
+        if over is None or not len(known_hz):
+            return over
+        return over.at(float(np.round(np.median(known_hz), -_HILLS_DIGITS)))
+
+
+def _in_ticks(time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    return time_ns.astype(np.float64).astype(np.int64)
+
+
+def _thinned(poses: PoseColumns) -> PoseColumns:
+    """The first pose of each step: closer ones add nothing to a turn."""
+    if not len(poses.time_ns):
+        return poses
+    slots = (poses.time_ns - poses.time_ns[0]) // POSE_STEP_NS
+    return poses.chosen(np.unique(slots, return_index=True)[1])
+
+
+def _in_place(poses: PoseColumns) -> bool:
+    if not len(poses.time_ns):
+        return False
+    plane = TangentPlane(
+        latitude_deg=float(np.median(poses.latitude_deg)),
+        longitude_deg=float(np.median(poses.longitude_deg)),
+    )
+    off = np.hypot(*plane.to_local(poses.latitude_deg, poses.longitude_deg))
+    return bool(off.max() <= _IN_PLACE_M)
