@@ -1,6 +1,5 @@
 """``uavrt bearing``: directions to the tags of a flight or a pulse log."""
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +8,7 @@ from cyclopts import Parameter
 
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees
+from uavrt.cli.outputs import print_json
 
 if TYPE_CHECKING:
     from uavrt.localization import TagBearing
@@ -76,7 +76,7 @@ def bearing(
             [recorded], how, lambda text: print(f"uavrt: {text}", file=sys.stderr)
         )
     if as_json:
-        print(json.dumps([bearing_record(one) for one in found], indent=2))
+        print_json([bearing_record(one) for one in found], indent=2)
         return
     for one in found:
         print(_sentence(one))

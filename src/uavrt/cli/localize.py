@@ -1,6 +1,5 @@
 """``uavrt localize``: where the tags of a flight are."""
 
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,6 +11,7 @@ from cyclopts import Parameter
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
+from uavrt.cli.outputs import print_json
 from uavrt.cli.words import counted
 from uavrt.clock import told_utc
 from uavrt.errors import ConfigError
@@ -73,7 +73,7 @@ def localize(
     tags
         Tag file with the tags' names (tags.toml), for logs; a flight knows its own.
     as_json
-        Print a list of objects.
+        Print a list of objects; of a tag without a position it holds the `reason`.
     """
     from uavrt.analysis import position_record, read_positions
     from uavrt.analysis.measure import antenna_named
@@ -103,7 +103,7 @@ def localize(
         for one in found:
             if one.position is None:
                 print(f"uavrt: {_sentence(one, several)}", file=sys.stderr)
-        print(json.dumps([position_record(one) for one in found if one.position], indent=2))
+        print_json([position_record(one) for one in found], indent=2)
         return
     for one in found:
         print(_sentence(one, several))
