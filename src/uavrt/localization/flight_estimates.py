@@ -724,7 +724,11 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 def _placed(
     tag_id: int, found: Sequence[Found], how: ReadAs, over: OverGround | None, cache: Cache
 ) -> TagPosition | None:
-    bearings = [one for each in found for one in each.bearings_of(tag_id)]
+    bearings = [
+        replace(one, flight=number)
+        for number, each in enumerate(found)
+        for one in each.bearings_of(tag_id)
+    ]
     if not bearings:
         return TagPosition(tag_id=tag_id, position=None, reason=NEVER_TURNED)
     bearings.sort(key=_begins)
@@ -782,7 +786,8 @@ def position_of_bearings(
         times_s if max(times_s) - min(times_s) <= ONE_FLIGHT_S else None,
         origin_ns,
     )
-    stations = replace(stations, listeners=tuple(listeners))
+    flights = np.array([one.flight for one in used], np.int64)
+    stations = replace(stations, receiver=flights, listeners=tuple(listeners))
     if over is not None:
         height_m = over.heights_m([one.middle_time_ns for one in used])
         stations = replace(stations, height_m=height_m)

@@ -160,6 +160,7 @@ def _level_evidence(
         stations.level_db,
         nothing if stations.level_sigma_db is None else stations.level_sigma_db,
         propagation,
+        stations.receivers,
         OverHills.of(hills, east, north, height),
     )
 
@@ -194,6 +195,8 @@ def _joined_levels(
     places = [model.plane.to_local(one.latitude_deg, one.longitude_deg) for one in listeners]
     sigma = nothing if stations.level_sigma_db is None else stations.level_sigma_db
     height = nothing if stations.height_m is None else stations.height_m
+    several = len(np.unique(stations.receivers)) > 1
+    bearings = stations.receivers + len(listeners) if several else np.full(len(east), -1)
     levels = Levels(
         east_m=np.concatenate([east, *(one for one, _ in places)]),
         north_m=np.concatenate([north, *(one for _, one in places)]),
@@ -202,7 +205,7 @@ def _joined_levels(
         sigma_db=np.concatenate([sigma, *(one.sigma_db for one in listeners)]),
         group=np.concatenate(
             [
-                np.full(len(east), -1),
+                bearings,
                 *(np.full(len(one.level_db), n) for n, one in enumerate(listeners)),
             ]
         ),

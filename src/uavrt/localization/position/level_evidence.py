@@ -25,8 +25,8 @@ class Propagation:
 class LevelEvidence:
     """Log-likelihood of places, given boresight levels at stations.
 
-    Level i is P - 10 n log10(r_i / 100 m) plus a normal error; P has a flat prior and n a
-    normal one, and both integrate out in closed form.
+    Level i is P - 10 n log10(r_i / 100 m) plus a normal error; P has a flat prior, of each
+    receiver its own, and n a normal one. All integrate out in closed form.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ class LevelEvidence:
         Levels and the errors of their estimates.
     propagation : Propagation
         What is known of the path.
+    receiver : (n,) int64 array
+        Which receiver each is of: gains of several are not known from one another.
     over_hills : OverHills, optional
         What the ground takes from each; None is level.
     """
@@ -48,8 +50,10 @@ class LevelEvidence:
         level_db: _Floats,
         sigma_db: _Floats,
         propagation: Propagation,
+        receiver: NDArray[np.int64],
         over_hills: OverHills | None = None,
     ) -> None:
+        self._of = (receiver[:, None] == np.unique(receiver)).astype(np.float64)
         self._over_hills = over_hills
         self._east_m, self._north_m, self._height_m = east_m, north_m, height_m
         self._level_db = level_db
@@ -72,15 +76,14 @@ class LevelEvidence:
         known = self._propagation
         residual = level - known.exponent * x
         weight = 1.0 / variance
-        total = weight.sum(axis=1, keepdims=True)
-        share = weight / total
-        x = x - (x * share).sum(axis=1, keepdims=True)
-        residual = residual - (residual * share).sum(axis=1, keepdims=True)
+        total = weight @ self._of
+        x = x - ((x * weight) @ self._of / total) @ self._of.T
+        residual = residual - ((residual * weight) @ self._of / total) @ self._of.T
         # What is left of n: deviation d ~ N(0, exponent_sigma²), residual = d x + error.
         xx, xr = (x * x * weight).sum(axis=1), (x * residual * weight).sum(axis=1)
         prior = 1.0 / max(known.exponent_sigma, 1e-6) ** 2
         cost = (residual * residual * weight).sum(axis=1) - xr * xr / (xx + prior)
         score = -0.5 * cost - 0.5 * np.log((xx + prior) / prior)
         if over is not None:  # levels are less sure at some places than at others
-            score += 0.5 * (np.log(weight).sum(axis=1) - np.log(total[:, 0]))
+            score += 0.5 * (np.log(weight).sum(axis=1) - np.log(total).sum(axis=1))
         return np.asarray(score)

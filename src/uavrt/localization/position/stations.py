@@ -30,12 +30,21 @@ class Stations:
     """(n,) errors of the levels; 0 when None."""
     height_m: _Floats | None = None
     """(n,) above the tag; 0 when None."""
+    receiver: NDArray[np.int64] | None = None
+    """(n,) which receiver each is of; None: all are of one."""
     time_s: _Floats | None = None
     """(n,) when each was taken, from any origin; None takes it that the tag rests."""
     origin_ns: int = 0
     """UTC at a `time_s` of 0; 0 where nobody knows."""
     listeners: tuple[Strengths, ...] = ()
     """What receivers that never turned heard of the tag, to the method ``bayes``."""
+
+    @property
+    def receivers(self) -> NDArray[np.int64]:
+        """(n,) which receiver each is of."""
+        if self.receiver is None:
+            return np.zeros(len(self.bearing_deg), np.int64)
+        return self.receiver
 
     @classmethod
     def of(

@@ -68,7 +68,7 @@ class Levels:
     level_db: _Floats
     sigma_db: _Floats
     group: NDArray[np.int64]
-    """(n,) number of the receiver; -1 of bearings, which share no error."""
+    """(n,) number of the receiver, whose error all its levels share; -1 of bearings of one."""
 
 
 class JoinedLevels:
