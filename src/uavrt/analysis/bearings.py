@@ -22,7 +22,7 @@ from uavrt.localization import (
     heard_in_turns,
     teaching,
 )
-from uavrt.localization.bearing import ADDED_METHODS
+from uavrt.localization.bearing.estimate import ADDED_METHODS
 from uavrt.messages import PulsePose
 from uavrt.recording import (
     Flight,

@@ -36,7 +36,7 @@ from uavrt.localization import (
     stands,
     survey,
 )
-from uavrt.localization.position import ADDED_METHODS
+from uavrt.localization.position.estimate import ADDED_METHODS
 from uavrt.messages import PulsePose
 from uavrt.recording.formats import (
     ORIGINAL_POSES,

@@ -32,7 +32,7 @@ from uavrt.localization import (
     estimate,
     pattern_named,
 )
-from uavrt.localization.position import HEADING_SIGMA_DEG
+from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
 from uavrt.messages import Pulse, PulsePose, Tag
 from uavrt.recording import Flight, FlightLayout, IntegratedVerdict, read_flight
 from uavrt.terrain import Elevation, open_elevation

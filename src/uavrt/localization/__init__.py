@@ -13,13 +13,6 @@ if TYPE_CHECKING:
         monopole_gain_db,
         pattern_named,
     )
-    from uavrt.localization.bearing import (
-        Turn,
-        TurnPulses,
-        estimate_bearing,
-        find_turns,
-        learn_pattern,
-    )
     from uavrt.localization.bearing.array_bearings import (
         amplitude_monopulse,
         circle_steering,
@@ -27,13 +20,15 @@ if TYPE_CHECKING:
         switched_amplitudes,
         switched_bearing,
     )
-    from uavrt.localization.bearing.estimate import BearingData
+    from uavrt.localization.bearing.estimate import BearingData, estimate_bearing
+    from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
     from uavrt.localization.bearing.live_bearings import bearing_from_drone
     from uavrt.localization.bearing.switched_pulse import (
         SwitchedPulse,
         SwitchSchedule,
         measure_switched_pulse,
     )
+    from uavrt.localization.bearing.turns import Turn, find_turns
     from uavrt.localization.flight_estimates import (
         LEAST_TURNS,
         ONE_FLIGHT_S,
@@ -68,15 +63,13 @@ if TYPE_CHECKING:
         apart_in_words,
     )
     from uavrt.localization.listeners import strengths_of
-    from uavrt.localization.position import (
-        PowerTrack,
-        Propagation,
-        Stations,
-        Strengths,
-        estimate_position,
-    )
+    from uavrt.localization.position.estimate import estimate_position
     from uavrt.localization.position.level_belief import Listening
+    from uavrt.localization.position.level_evidence import Propagation
+    from uavrt.localization.position.power_evidence import PowerTrack
     from uavrt.localization.position.regions import region_outlines
+    from uavrt.localization.position.stations import Stations
+    from uavrt.localization.position.strengths import Strengths
     from uavrt.localization.position.strongest import (
         SignalSection,
         SignalSurface,
@@ -229,15 +222,15 @@ __getattr__ = lazily(
         "TrackPoint": "results",
         "PositionGrid": "results",
         "PositionMethod": "results",
-        "PowerTrack": "position",
-        "Propagation": "position",
+        "PowerTrack": "position.power_evidence",
+        "Propagation": "position.level_evidence",
         "PulseColumns": "heard",
         "Rhythm": "heard",
         "SignalSection": "position.strongest",
         "SignalSurface": "position.strongest",
         "Spread": "position.trackers",
-        "Stations": "position",
-        "Strengths": "position",
+        "Stations": "position.stations",
+        "Strengths": "position.strengths",
         "strengths_of": "listeners",
         "StrongestSignal": "position.strongest",
         "SwitchSchedule": "bearing.switched_pulse",
@@ -245,20 +238,20 @@ __getattr__ = lazily(
         "TagPrior": "position.trackers",
         "TangentPlane": "uavrt.tangent_plane",
         "TrackEstimate": "position.trackers",
-        "Turn": "bearing",
-        "TurnPulses": "bearing",
+        "Turn": "bearing.turns",
+        "TurnPulses": "bearing.learned_pattern",
         "amplitude_monopulse": "bearing.array_bearings",
         "antenna_as_shown": "flight_estimates",
         "apart_in_words": "heard",
         "circle_steering": "bearing.array_bearings",
         "difference_deg": "angles",
-        "estimate_bearing": "bearing",
-        "estimate_position": "position",
-        "find_turns": "bearing",
+        "estimate_bearing": "bearing.estimate",
+        "estimate_position": "position.estimate",
+        "find_turns": "bearing.turns",
         "height_bands": "position.strongest",
         "in_band": "position.strongest",
         "integrate": "uavrt.analysis.integrated_samples",
-        "learn_pattern": "bearing",
+        "learn_pattern": "bearing.learned_pattern",
         "measure_switched_pulse": "bearing.switched_pulse",
         "monopole_gain_db": "antenna",
         "pair_steering": "bearing.array_bearings",

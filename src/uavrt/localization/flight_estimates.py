@@ -16,24 +16,20 @@ from numpy.typing import NDArray
 from uavrt.errors import UsageError
 from uavrt.localization.angles import widest_gap_deg
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
-from uavrt.localization.bearing import (
-    Turn,
-    TurnPulses,
-    estimate_bearing,
-    find_turns,
-    learn_pattern,
-)
+from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
+from uavrt.localization.bearing.turns import Turn, find_turns
 from uavrt.localization.headings import Headings, yaws_deg
 from uavrt.localization.heard import Heard, OverGround, PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.listeners import strengths_of
-from uavrt.localization.position import (
+from uavrt.localization.position.estimate import (
     HEADING_SIGMA_DEG,
     LEAST_EXTENT_M,
-    PowerTrack,
-    Stations,
-    Strengths,
     estimate_position,
 )
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.strengths import Strengths
 from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
 from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
 from uavrt.tangent_plane import plane_around

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.localization.headings import yaws_deg
 from uavrt.localization.heard import PoseColumns, PulseColumns, Rhythm
-from uavrt.localization.position import Strengths
+from uavrt.localization.position.strengths import Strengths
 from uavrt.tangent_plane import plane_around
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180
 

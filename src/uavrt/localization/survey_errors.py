@@ -13,13 +13,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.position import (
-    FACTORS,
-    OverHills,
+from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.over_hills import FACTORS, OverHills
+from uavrt.localization.position.power_evidence import (
     PowerEvidence,
     PowerFit,
     PowerTrack,
-    Propagation,
     fit_each,
 )
 from uavrt.localization.results import Caution

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
-from uavrt.localization.position import Area
+from uavrt.localization.position.bayes_fix import Area
 
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]

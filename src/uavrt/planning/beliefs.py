@@ -22,7 +22,7 @@ from uavrt.localization import (
     TagPrior,
     TrackEstimate,
 )
-from uavrt.localization.position import by_chance_density
+from uavrt.localization.position.level_belief import by_chance_density
 
 _Floats = NDArray[np.float64]
 _FADES = 0.95

@@ -14,13 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization import Hypotheses, TagPrior
-from uavrt.localization.position import (
-    ALIKE_M,
-    REFERENCE_M,
-    LossError,
-    antenna_gain_db,
-    doubtful_db,
-)
+from uavrt.localization.position.level_belief import REFERENCE_M, antenna_gain_db
+from uavrt.localization.position.loss_error import ALIKE_M, LossError, doubtful_db
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.vehicle import Legs
 

@@ -2,7 +2,7 @@
 
 from math import log10
 
-from uavrt.localization.position import REFERENCE_M
+from uavrt.localization.position.level_belief import REFERENCE_M
 
 
 def at_100_m(level_1m_db: float, exponent: float) -> float:

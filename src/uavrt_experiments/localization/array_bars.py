@@ -17,7 +17,7 @@ from uavrt.localization import (
     pair_steering,
     switched_bearing,
 )
-from uavrt.localization.bearing import Steering, switched_bound_deg
+from uavrt.localization.bearing.array_bearings import Steering, switched_bound_deg
 from uavrt.simulation import AntennaSwitch, gate, position_weights
 from uavrt.units import wrap_degrees_360
 from uavrt_experiments.figures import measured, rms, share

@@ -18,13 +18,13 @@ from uavrt.localization import (
     TangentPlane,
     estimate_position,
 )
-from uavrt.localization.position import (
-    HEADING_SIGMA_DEG,
+from uavrt.localization.position.common_errors import (
     WALKING_M_S,
     WALKING_SHARE,
     WRONG_COMPASS_DEG,
     WRONG_COMPASS_SHARE,
 )
+from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
 from uavrt_experiments.figures import measured, share
 from uavrt_experiments.localization.position_bars import survey
 from uavrt_experiments.result import Row

@@ -15,7 +15,7 @@ from uavrt.localization import (
     estimate_bearing,
     estimate_position,
 )
-from uavrt.localization.position import (
+from uavrt.localization.position.common_errors import (
     WALKING_M_S,
     WALKING_SHARE,
     WRONG_COMPASS_DEG,

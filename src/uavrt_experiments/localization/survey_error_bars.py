@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from uavrt.localization import FOREIGN_SHARE, Position, TangentPlane, estimate_position
-from uavrt.localization.position import Propagation
+from uavrt.localization.position.level_evidence import Propagation
 from uavrt_experiments.figures import measured, share
 from uavrt_experiments.localization.circle_bars import height_error_m
 from uavrt_experiments.localization.position_bars import survey

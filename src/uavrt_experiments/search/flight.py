@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization import PATTERNS, AntennaPattern, Listening, TagPrior
-from uavrt.localization.position import Area
+from uavrt.localization.position.bayes_fix import Area
 from uavrt.planning import (
     Action,
     Beliefs,

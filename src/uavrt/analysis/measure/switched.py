@@ -28,7 +28,7 @@ from uavrt.localization import (
     pair_steering,
     switched_bearing,
 )
-from uavrt.localization.bearing import Steering
+from uavrt.localization.bearing.array_bearings import Steering
 from uavrt.messages import Pose, PulsePose
 from uavrt.radio import open_recording, sigmf_global
 

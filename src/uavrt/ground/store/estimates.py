@@ -31,7 +31,7 @@ from uavrt.localization import (
     region_outlines,
     yaws_deg,
 )
-from uavrt.localization.position import HEADING_SIGMA_DEG
+from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
 from uavrt.messages import LiveBearing, Tag
 from uavrt.terrain import Elevation, open_elevation
 from uavrt.units import wrap_degrees_360

@@ -15,7 +15,7 @@ from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web import read_table
 from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, PATTERNS
-from uavrt.localization.position import HEADING_SIGMA_DEG
+from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
 from uavrt.mavlink import parse_address
 from uavrt.messages import Tag
 from uavrt.nmea import BAUD

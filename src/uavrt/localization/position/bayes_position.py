@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.bearing import LOBE_DEG
+from uavrt.localization.bearing.posterior import LOBE_DEG
 from uavrt.localization.position.bayes_fix import (
     FIRST_CELLS,
     HELD,

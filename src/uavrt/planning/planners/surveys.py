@@ -102,7 +102,7 @@ def _grid(
     box: object, contains: Callable[..., np.ndarray], spacing_m: float
 ) -> list[tuple[float, float]]:
     """Points of a grid within an outline, to and fro."""
-    from uavrt.localization.position import Area
+    from uavrt.localization.position.bayes_fix import Area
 
     assert isinstance(box, Area)
     across = max(1, ceil((box.east_m - box.west_m) / spacing_m - 1e-9))
