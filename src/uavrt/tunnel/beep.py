@@ -49,4 +49,4 @@ def decode_beep(payload: bytes) -> Beep:
     if not all(abs(one) < inf for one in got["offsets_hz"]):
         raise TunnelError("a beep has an offset that is not finite", payload)
     reason = got.pop("text").decode("utf-8", "ignore")
-    return Beep(**(got | {"kind": _KINDS[got["kind"]], "reason": reason}))
+    return Beep(**{**got, "kind": _KINDS[got["kind"]], "reason": reason})
