@@ -82,6 +82,8 @@ def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
     ):
         what: Literal["frequency", "interval"] = "frequency"
         after = corrected_frequency(tag, beep.frequency_hz)
+    elif beep.kind is BeepKind.LISTED and _is_narrow(tag, beep.interval_s):
+        return None
     elif beep.kind in (BeepKind.OTHER_RATE, BeepKind.LISTED):
         what, after = "interval", corrected_interval(tag, beep.interval_s, beep.jitter_s)
     else:
@@ -89,3 +91,13 @@ def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
     if tag.coded or after == tag:
         return None
     return TagCorrection(time_ns=time_ns, tag_id=tag.tag_id, what=what, before=tag, after=after)
+
+
+def _is_narrow(tag: Tag, interval_s: float) -> bool:
+    """Whether a correction by the measured interval would gain nothing."""
+    uncertainty_s = tag.interval_uncertainty_s
+    off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
+    two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty stays as it is
+    return off_s <= 0.5 * uncertainty_s and (
+        two_rates or uncertainty_s <= 2 * DRIFT * interval_s
+    )

@@ -19,7 +19,7 @@ from uavrt.dsp import Carriers, Clipping, FrontEnd, InputCheck
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.ipc import ChannelSender, ProcessFrame
 from uavrt.log import get_logger
-from uavrt.messages import Beep, ChannelBlock, FlightInfo, IQBlock, keep_beep
+from uavrt.messages import Beep, BeepKind, ChannelBlock, FlightInfo, IQBlock, keep_beep
 from uavrt.processes.beep_listener import BeepListener
 from uavrt.processes.capture import Capture
 from uavrt.processes.kept_channels import KeptChannels
@@ -189,6 +189,8 @@ class Receiver:
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
                 log.info("beeps", what=str(beep))
+                if beep.tag_ids and beep.kind is not BeepKind.IMAGE:
+                    self._tell(5, beep.meaning)
 
     def _missed(self, block: IQBlock) -> int:
         """Count what the air brought while the radio was being opened again."""

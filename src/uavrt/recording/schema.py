@@ -288,29 +288,22 @@ def tag_from_row(row: Row) -> Tag:
         raise ValueError(f"tag {row[0]}: {error}") from error
 
 
-def search_report_row(report: SearchReport) -> Row:
-    """Row of "searched, nothing found"."""
-    return (
-        report.time_ns,
-        report.tag_id,
-        report.frequency_hz,
-        report.noise_psd,
-        report.best_score,
-        report.usable_share,
-        report.weakest_enr_db,
-    )
+search_report_row = attrgetter(*SEARCH_REPORT_COLUMNS.split(", "))
+"""Row of "searched, nothing found", in the order of `SEARCH_REPORT_COLUMNS`."""
 
 
 def search_report_from_row(row: Row) -> SearchReport:
     """Report of a row; a number that was NaN is NaN again."""
+    time_ns, tag_id, *numbers, usable_share, weakest_enr_db = row
+    frequency_hz, noise_psd, best_score = map(_number, numbers)
     return SearchReport(
-        time_ns=row[0],
-        tag_id=row[1],
-        frequency_hz=_number(row[2]),
-        noise_psd=_number(row[3]),
-        best_score=_number(row[4]),
-        usable_share=row[5],
-        weakest_enr_db=row[6],
+        time_ns=time_ns,
+        tag_id=tag_id,
+        frequency_hz=frequency_hz,
+        noise_psd=noise_psd,
+        best_score=best_score,
+        usable_share=usable_share,
+        weakest_enr_db=weakest_enr_db,
     )
 
 

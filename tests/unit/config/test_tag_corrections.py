@@ -33,6 +33,15 @@ def test_the_interval_of_a_listed_tag_replaces_the_nearest_with_a_narrow_uncerta
     assert one.after.interval_jitter_s == pytest.approx(0.0045)
 
 
+def test_a_listed_interval_is_corrected_once_and_not_for_each_new_measurement() -> None:
+    tag = replace(TAG, pulse_intervals_s=(1.3,))
+    first = made.beep(BeepKind.LISTED, interval_s=1.3321, jitter_s=0.0015, tag_ids=(2,))
+    one = correction_of(tag, first, 0)
+    assert one is not None
+    assert correction_of(one.after, replace(first, interval_s=1.3324), 0) is None
+    assert correction_of(one.after, replace(first, interval_s=1.337), 0) is not None
+
+
 def test_another_rate_becomes_the_second_interval_and_the_bounds_of_the_first_stay() -> None:
     beep = made.beep(BeepKind.OTHER_RATE, interval_s=0.75, tag_ids=(2,), offsets_hz=(3.0,))
     one = correction_of(TAG, beep, 0)

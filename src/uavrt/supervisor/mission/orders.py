@@ -59,6 +59,8 @@ Tell = Callable[[int, str], None]
 Tuner = Callable[[TuningQuestion], Tuning]
 _MOST_TAGS = 1000
 """That a list may have, if `detection.maximum_tags` names no number."""
+_CARRIED = 0.4
+"""Half of the band that every radio's channels are made of, as a part of its rate."""
 _USUAL_WINDOW_HZ = 500.0
 """Half-width of the search for which every channel has room."""
 
@@ -356,7 +358,11 @@ class Mission:
         if known.coded or tag.coded:
             raise UavrtError("coded tags cannot be corrected in flight: send stop first")
         flight = self.flight
-        warnings_of_band((tag,), flight.center_frequency_hz, flight.sample_rate_hz)
+        center_hz = flight.center_frequency_hz
+        reach_hz = max(abs(one.frequency_hz - center_hz) for one in flight.tags)
+        reach_hz = max(reach_hz, _CARRIED * flight.sample_rate_hz)
+        if abs(tag.frequency_hz - center_hz) > reach_hz:
+            raise UavrtError(f"not received at {center_hz / 1e6:.6f} MHz: send stop first")
         self.tags[tag.tag_id] = tag
         (searched,) = tags_with_overrides(self.settings, (tag,))
         others = (searched if one.tag_id == tag.tag_id else one for one in flight.tags)

@@ -49,7 +49,7 @@ SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
             samples_to=None,
             produces=("pulse", "search_report", "beep", "health", "status_text"),
             cpu_budget_percent=10.2,
-            memory_limit_mb=150.0,
+            memory_limit_mb=180.0,
         ),
     ),
 }

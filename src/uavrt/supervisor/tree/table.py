@@ -246,7 +246,7 @@ PROCESSES: tuple[ProcessRow, ...] = (
         consumes=("settings",),
         produces=("beep", "health", "status_text"),
         cpu_budget_percent=4.7,
-        memory_limit_mb=120.0,
+        memory_limit_mb=150.0,
         # A radio program that ignores SIGTERM is waited for 2 s before it is killed.
         silence_limit_s=5.0,
     ),

@@ -1,0 +1,35 @@
+"""The report lists what beeped beside the tags of a flight."""
+
+from pathlib import Path
+
+import made
+import pytest
+
+from uavrt.analysis.report import html_page, words
+from uavrt.analysis.survey import read_survey
+from uavrt.messages import BeepKind
+from uavrt.recording import FlightRecorder
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_report_has_a_line_for_each_odd_sender_and_none_for_listed_ones(
+    tmp_path: Path,
+) -> None:
+    tag = made.tag(2, 148_710_000.0, 1.254)
+    recorder = FlightRecorder.create(made.flight_info(tmp_path / "flight", (tag,)))
+    for beep in (
+        made.beep(frequency_hz=148_710_640.0, tag_ids=(2,), offsets_hz=(640.0,)),
+        made.beep(BeepKind.UNLISTED, frequency_hz=148_935_200.0, interval_s=1.102),
+        made.beep(BeepKind.LISTED, tag_ids=(2,), offsets_hz=(3.0,)),
+    ):
+        recorder.write_beep(beep)
+    recorder.close()
+    survey = read_survey(tmp_path / "flight")
+    table = words.beep_table(survey)
+    assert table is not None
+    assert [row[1:] for row in table[1]] == [
+        ["148.710640", "1254", "12", "20", "tag 2, 640 Hz above its label"],
+        ["148.935200", "1102", "12", "20", "unlisted"],
+    ]
+    assert "What else beeped" in html_page(survey)
