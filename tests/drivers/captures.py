@@ -29,7 +29,7 @@ class CapturingDrone:
         self.world = RadioWorld(directory / "world", "rtlsdr")
         self.flights = directory / "flights"
         self._directory, self._stack = directory, ExitStack()
-        self._number = 0
+        self._number = self._log_bytes = 0
         self._texts: list[str] = []
         self._processes: tuple[ProcessStatus, ...] = ()
         (directory / "uavrt.toml").write_text(
@@ -68,6 +68,7 @@ class CapturingDrone:
         )
         self._reader.send("command", command)
         self._texts.clear()
+        self._log_bytes = (self._directory / "log").stat().st_size
         self._until(lambda one: isinstance(one, CommandReply) and one.accepted)
         disturb(self)
         self._until(lambda _: self._is_over())
@@ -89,11 +90,9 @@ class CapturingDrone:
         self.supervisor.wait()
         while self._reader.is_open:
             self._read()
-        log = self._directory / "log"
-        said = log.stat().st_size
         self.start()
-        # What it says at its start comes before anybody can listen: the log has it.
-        lines = log.read_bytes()[said:].decode().splitlines()
+        # What it said in its last and first moments nobody could read: the log has it.
+        lines = (self._directory / "log").read_bytes()[self._log_bytes :].decode().splitlines()
         self._texts += [json.loads(one)["event"] for one in lines if '"Raw capture' in one]
         self._processes = ()
 
