@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -30,7 +29,7 @@ class CapturingDrone:
         self.world = RadioWorld(directory / "world", "rtlsdr")
         self.flights = directory / "flights"
         self._directory, self._stack = directory, ExitStack()
-        self._number = 0
+        self._number = self._log_bytes = 0
         self._texts: list[str] = []
         self._processes: tuple[ProcessStatus, ...] = ()
         (directory / "uavrt.toml").write_text(
@@ -65,11 +64,12 @@ class CapturingDrone:
             name="raw_capture",
             request_id=self._number,
             center_frequency_hz=TAG_HZ,
-            source=f"test {os.getpid()} {time.monotonic()}",
+            source=f"test {os.getpid()}",
         )
         self._reader.send("command", command)
         self._texts.clear()
-        self._until(lambda one: isinstance(one, CommandReply))
+        self._log_bytes = (self._directory / "log").stat().st_size
+        self._until(lambda one: isinstance(one, CommandReply) and one.accepted)
         disturb(self)
         self._until(lambda _: self._is_over())
         return [*self._texts]
@@ -88,11 +88,11 @@ class CapturingDrone:
         """Kill the supervisor, and start the drone side again."""
         self.supervisor.kill()
         self.supervisor.wait()
-        log = self._directory / "log"
-        said = log.stat().st_size
+        while self._reader.is_open:
+            self._read()
         self.start()
-        # What it says at its start comes before anybody can listen: the log has it.
-        lines = log.read_bytes()[said:].decode().splitlines()
+        # What it said in its last and first moments nobody could read: the log has it.
+        lines = (self._directory / "log").read_bytes()[self._log_bytes :].decode().splitlines()
         self._texts += [json.loads(one)["event"] for one in lines if '"Raw capture' in one]
         self._processes = ()
 
@@ -130,11 +130,15 @@ class CapturingDrone:
     def _until(self, wanted: Callable[[Any], bool]) -> None:
         deadline_s = monotonic_s() + 60.0
         while monotonic_s() < deadline_s:
-            for _, record in self._reader.read(0.1):
-                if isinstance(record, StatusText):
-                    self._texts.append(record.text)
-                elif isinstance(record, SystemStatus):
-                    self._processes = record.processes
-                if wanted(record):
-                    return
+            if any(map(wanted, self._read())):
+                return
         raise AssertionError(f"never came; texts: {self._texts}")
+
+    def _read(self) -> list[object]:
+        records = [record for _, record in self._reader.read(0.1)]
+        for record in records:
+            if isinstance(record, StatusText):
+                self._texts.append(record.text)
+            elif isinstance(record, SystemStatus):
+                self._processes = record.processes
+        return records

@@ -16,7 +16,7 @@ from uavrt.config.settings import RadioSettings
 from uavrt.messages import ProcessStatus, StatusText, SystemStatus
 
 FAULTS = {
-    "works, then is unplugged": "AIRSPY_ERROR_NOT_FOUND",
+    "works, then is unplugged": "no radio is plugged in",
     "hangs": "no samples arrive",
     "is killed": "SIGKILL",
     "writes garbage": "not samples",
