@@ -124,9 +124,10 @@ def test_the_usable_share_and_the_weakest_pulse_come_with_nothing_found(share: f
     report = dataclasses.replace(
         made.search_report(3, 1_700_000_000 * 10**9), usable_share=share, weakest_enr_db=8.5
     )
-    wire = tunnel.decode(tunnel.search_report_to_wire(report).encode())
-    assert isinstance(wire, tunnel.PulseG1)
-    assert tunnel.pulse_from_wire(wire) == report
+    wire = tunnel.search_report_to_wire(report)
+    received = tunnel.decode(wire.encode())
+    assert isinstance(received, tunnel.PulseG1)
+    assert tunnel.pulse_from_wire(received) == report
 
 
 def test_a_known_tag_gives_a_received_pulse_its_width() -> None:

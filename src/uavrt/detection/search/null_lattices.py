@@ -21,12 +21,12 @@ _SHORTEST, _LONGEST = 0.58, 0.86
 _LATTICES = 12
 _GAIN = 0.08
 """Noise powers that a group adds to the count."""
-_CHANCE = 0.8
+_CHANCE = 0.4
 """Count that white noise reaches by chance: only what is more raises the threshold."""
 _MOST_SHARE = 0.85
 """Most of the largest sum, K cells at their limit, that is asked for: strong pulses of other
 transmitters are counted as well, and must not hide a strong tag."""
-_TOLERATED = 1.25
+_TOLERATED = 1.6
 """Groups counted over those of white noise that leave the threshold where it is."""
 _WHITE_K = np.log(np.array([2.0, 3.0, 5.0, 8.0]))
 _WHITE = np.array([0.51, 0.68, 1.03, 1.09])
