@@ -3,7 +3,6 @@
 import random
 import sqlite3
 import sys
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -26,7 +25,7 @@ sys.addaudithook(_count)
 
 
 @pytest.fixture(name="folder")
-def folder_fixture(tmp_path: Path) -> Iterator[Path]:
+def folder_fixture(tmp_path: Path) -> Path:
     """Flights of two minutes within the same hour of 1970, a fourth of them received, too."""
     rng = random.Random(1)
     first = tmp_path / "drone" / "flight_00"
