@@ -9,9 +9,9 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import Parameter
 
@@ -184,19 +184,26 @@ def batch(
             on_damage=_tell_damage,
             on_wait=lambda text: print(text, file=sys.stderr),
         )
-        try:
+        summary = None
+        with suppress(KeyboardInterrupt):
             summary = run_batch(found, sought, output, settings, watch)
-        except KeyboardInterrupt:
-            print(_STOPPED, file=sys.stderr)
-            sys.exit(128 + (stopped() or signal.SIGINT))
         number = stopped()
+    if summary is None:
+        print(_STOPPED, file=sys.stderr)
+        _leave(128 + (number or signal.SIGINT))
     _report(summary, output)
     if number is not None:
-        sys.exit(128 + number)
+        _leave(128 + number)
     states = [row.state for row in summary.rows] + [row.state for row in summary.flights]
     unread = any(one.unreadable for one in found.passed_over)
     if summary.kept or unread or {"truncated", "failed"} & set(states):
         sys.exit(1)
+
+
+def _leave(status: int) -> NoReturn:
+    """End at once: threads of libraries (Dask's) may take seconds to end."""
+    sys.stderr.flush()
+    os._exit(status)
 
 
 @contextmanager

@@ -65,6 +65,7 @@ def read_outline(directory: str | os.PathLike[str]) -> FlightOutline:
     Raises `FormatError`: there is no flight, or its database is damaged.
     """
     with flight_database(Path(directory)) as database:
+        database.execute("BEGIN")  # one lock for all that follows
         info = flight_info(database, Path(directory))
         of_tags = database.execute(_HEARD).fetchall()
         ends = [info.start_time_ns, *(end_ns for *_, end_ns in of_tags)]

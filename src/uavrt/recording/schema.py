@@ -7,6 +7,7 @@ where a float may be NaN (SQLite stores NaN as NULL): one odd record must not ba
 import json
 import math
 import sqlite3
+from functools import lru_cache
 from operator import attrgetter
 from typing import Any
 
@@ -168,7 +169,8 @@ def read_older(database: sqlite3.Connection) -> None:
 
     Raises `sqlite3.Error`: the database cannot be read.
     """
-    for table, columns in _lacking(database).items():
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    for table, columns in _lacking(database).items() if version < VERSION else ():
         nulls = ", ".join(f"NULL AS {column}" for column in columns)
         database.execute("PRAGMA temp_store=MEMORY")
         # What is temporary comes before what is stored under the same name.
@@ -277,11 +279,15 @@ def tag_row(tag: Tag) -> Row:
     )
 
 
+_numbers = lru_cache(maxsize=256)(json.loads)
+"""Tags of thousands of flights have the same few intervals."""
+
+
 def tag_from_row(row: Row) -> Tag:
     """Tag of a row; raises `ValueError` or `TypeError` where it is none."""
     record = dict(zip(TAG_COLUMNS.split(", "), row, strict=True))
-    record["pulse_intervals_s"] = json.loads(record["pulse_intervals_s"])
-    record["gaps_s"] = json.loads(record["gaps_s"] or "[]")
+    record["pulse_intervals_s"] = _numbers(record["pulse_intervals_s"])
+    record["gaps_s"] = _numbers(record["gaps_s"] or "[]")
     try:
         return msgspec.convert(record, Tag)
     except msgspec.ValidationError as error:
