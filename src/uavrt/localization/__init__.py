@@ -24,7 +24,6 @@ if TYPE_CHECKING:
         amplitude_monopulse,
         circle_steering,
         pair_steering,
-        switched_amplitudes,
         switched_bearing,
     )
     from uavrt.localization.bearing.estimate import BearingData
@@ -74,7 +73,6 @@ if TYPE_CHECKING:
     )
     from uavrt.localization.position.trackers import (
         Expectation,
-        GridTracker,
         Hypotheses,
         ParticleTracker,
         Spread,
@@ -113,7 +111,6 @@ __all__ = [
     "Caution",
     "Ellipse",
     "Expectation",
-    "GridTracker",
     "Headings",
     "HeardInTurn",
     "Hypotheses",
@@ -167,7 +164,6 @@ __all__ = [
     "signal_surface",
     "strengths_of",
     "strongest_signal",
-    "switched_amplitudes",
     "switched_bearing",
     "teaching",
     "turns_in",
@@ -187,7 +183,6 @@ __getattr__ = lazily(
         "BearingMethod": "results",
         "Ellipse": "results",
         "Expectation": "position.trackers",
-        "GridTracker": "position.trackers",
         "HEIGHT_SIGMA_M": "survey_errors",
         "Headings": "headings",
         "HeardInTurn": "flight_estimates",
@@ -247,7 +242,6 @@ __getattr__ = lazily(
         "signal_section": "position.strongest",
         "signal_surface": "position.strongest",
         "strongest_signal": "position.strongest",
-        "switched_amplitudes": "bearing.array_bearings",
         "switched_bearing": "bearing.array_bearings",
         "teaching": "flight_estimates",
         "turns_in": "flight_estimates",

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from grid_tracker import GridTracker
 from numpy.typing import NDArray
 from some import some
 
@@ -17,7 +18,7 @@ from uavrt.localization import (
     estimate_position,
 )
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.trackers import GridTracker, ParticleTracker
+from uavrt.localization.position.trackers import ParticleTracker
 from uavrt.terrain import HillLosses
 from uavrt_experiments.coverage.shadow import CASES, fly, surveyed
 from uavrt_experiments.search import PLANE, elevation_of

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from grid_tracker import GridTracker
 from numpy.typing import NDArray
 
 from uavrt.localization import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearing_evidence import von_mises
 from uavrt.localization.position.level_belief import Listening
-from uavrt.localization.position.trackers import GridTracker, ParticleTracker, TagPrior
+from uavrt.localization.position.trackers import ParticleTracker, TagPrior
 
 Floats = NDArray[np.float64]
 
