@@ -19,7 +19,7 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test computing unit system flights claims lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check test computing unit system flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -47,6 +47,9 @@ flights: $(STAMP)       ## whole flights in real time, and the page in a browser
 claims: $(STAMP) browser disk-tools radio-tools  ## hours: campaigns, guides word by word, new random examples, emulated ARM
 	UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 $(PYTEST) -n 2 \
 	  --dist loadfile tests/claims tests/unit/property tests/unit/processes/test_link_attacks.py
+
+claims-status: $(STAMP) ## which tables of results are older than the code that they speak of
+	-$(BIN)/python -m uavrt_experiments.measured show
 
 lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .

@@ -31,6 +31,8 @@ _KILOHERTZ_FROM_HZ = 995.0
 
 DEFAULT_FALSE_ALARM_PROBABILITY = 0.01
 """Of a tag for which nothing else is given, wherever tags come from."""
+WHOLE_FLIGHT_FALSE_ALARM = 0.01
+"""Probability that a whole flight without the tag is judged to have it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 Beneath the title of each part of a table stands the commit and a digest of the folders that
 its figures come from, with that of the compiled kernels where these do part of the work. The
 digest is of the code alone: comments, docstrings and layout do not count. Where code has
-changed since, the part says so, or a test fails:
+changed since, `make claims-status` lists the part, unless it says why:
 
 - `Code d since: reason` names a later digest whose change cannot touch the figures.
 - `To be measured again: reason` says that the figures may no longer hold.

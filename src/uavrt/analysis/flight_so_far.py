@@ -29,14 +29,11 @@ from uavrt.dsp import FrontEnd
 from uavrt.errors import FormatError
 from uavrt.integration import GrowingEnergies, SlotEnergies
 from uavrt.localization import AntennaPattern
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.planning import LEAST_PULSES
 from uavrt.radio import JoinedRecording, sigmf_layout
 from uavrt.recording import read_flight
 from uavrt.terrain import Elevation
-
-FALSE_ALARM_PROBABILITY = 0.01
-"""Of a flight and tag, over all looks at it."""
 
 
 class FlightSoFar:
@@ -97,7 +94,7 @@ class FlightSoFar:
             antenna_poses(flight),
             self._pattern,
             searched_for(tag, self._pattern, self._window_hz, 0.0),
-            FALSE_ALARM_PROBABILITY / (heard.looks * (heard.looks + 1)),
+            WHOLE_FLIGHT_FALSE_ALARM / (heard.looks * (heard.looks + 1)),
             None if hills is None else hills.at(tag.frequency_hz),
         )
 

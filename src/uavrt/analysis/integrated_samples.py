@@ -9,7 +9,7 @@ from uavrt.analysis.integrated_records import IntegratedRecord, integrated_recor
 from uavrt.analysis.whole_flight import integrate_flight
 from uavrt.errors import UsageError
 from uavrt.localization import AntennaPattern, pattern_named
-from uavrt.messages import FlightInfo, IQBlock, Pose, Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, FlightInfo, IQBlock, Pose, Tag
 from uavrt.recording import Flight
 from uavrt.terrain import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -76,7 +76,7 @@ def integrate(
     sample_rate_hz: float,
     center_frequency_hz: float,
     frequency_window_hz: float = 500.0,
-    false_alarm_probability: float = 0.01,
+    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
     elevation: Elevation | None = None,
 ) -> IntegratedRecord:

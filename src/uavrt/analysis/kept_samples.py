@@ -8,7 +8,7 @@ from pathlib import Path
 from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.localization import AntennaPattern
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.radio import JoinedRecording, sigmf_layout
 from uavrt.recording import Flight, FlightLayout
 from uavrt.terrain import Elevation
@@ -80,7 +80,7 @@ def integrate_kept(
     pattern: AntennaPattern,
     *,
     frequency_window_hz: float = 500.0,
-    false_alarm_probability: float = 0.01,
+    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
     antenna_assumed: bool = False,
     elevation: Elevation | None = None,

@@ -33,7 +33,7 @@ from uavrt.integration import (
     train_pulses,
 )
 from uavrt.localization import AntennaPattern
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.recording import Flight
 from uavrt.tangent_plane import plane_around
 from uavrt.terrain import Elevation
@@ -116,7 +116,7 @@ def judge_together(
     judged: Sequence[IntegratedTag],
     pattern: AntennaPattern,
     *,
-    false_alarm_probability: float = 0.01,
+    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     moves: bool = False,
     elevation: Elevation | None = None,
 ) -> TagOfFlights:

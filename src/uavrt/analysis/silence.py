@@ -25,7 +25,7 @@ from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
 from uavrt.clock import parse_iso_intervals
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.localization import PATTERNS, pattern_named
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.planning import Coverage, LinkBudget
 from uavrt.recording import (
     Flight,
@@ -44,9 +44,6 @@ _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
 """Along the longer side: a flight of twenty minutes takes some seconds."""
-_FALSE_ALARM = 0.01
-"""At which `uavrt.planning` takes a whole flight to show a tag; `uavrt integrate` may be asked
-for less."""
 _NOT_JUDGED = (
     "nobody has looked for it over the whole flight yet (uavrt integrate), which hears weaker "
     "tags"
@@ -286,7 +283,7 @@ def _otherwise(tag: Tag, searched: SearchedFor) -> list[str]:
 
 def _shown(verdict: IntegratedVerdict) -> bool:
     """Whether a whole flight showed a tag, at the false alarms of the map or its own."""
-    return verdict.found or verdict.false_alarm_probability <= _FALSE_ALARM
+    return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
 def silent_map(

@@ -35,7 +35,7 @@ from uavrt.integration import (
     train_pulses,
 )
 from uavrt.localization import AntennaPattern, OverGround, PoseColumns
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.planning import LEAST_PULSES
 from uavrt.pose import Mounting
 from uavrt.radio import SampleSource
@@ -100,7 +100,7 @@ def integrate_flight(
     pattern: AntennaPattern,
     *,
     frequency_window_hz: float = 500.0,
-    false_alarm_probability: float = 0.01,
+    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
     antenna_assumed: bool = False,
     elevation: Elevation | None = None,

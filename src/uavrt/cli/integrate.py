@@ -1,6 +1,7 @@
 """``uavrt integrate``: a whole flight judged at once, for tags below the noise."""
 
 # isort: off
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
 from uavrt.cli.near_codes import tell_near_codes
@@ -40,7 +41,9 @@ def integrate(
     tag: TagIds = (),
     antenna: str | None = None,
     frequency_window: Hertz = 500.0,
-    false_alarm: Annotated[float, Parameter(validator=Between(above=0, most=0.5))] = 0.01,
+    false_alarm: Annotated[
+        float, Parameter(validator=Between(above=0, most=0.5))
+    ] = WHOLE_FLIGHT_FALSE_ALARM,
     drift: Annotated[float, Parameter(validator=Between(least=0, most=0.05))] = 0.0,
     dem: Path | None = None,
     sea: Annotated[bool, Parameter(negative="")] = False,

@@ -103,26 +103,3 @@ def bank_taps(channels: int) -> NDArray[np.float64]:
     offset = np.arange(1, 2 * half) - half
     taps = np.sinc(2.0 * offset / channels) * np.kaiser(2 * half - 1, 7.9)
     return np.concatenate(([0.0], taps / taps.sum()))
-
-
-def response_db(
-    taps: NDArray[np.float64], frequencies_hz: NDArray[np.float64], sample_rate_hz: float
-) -> NDArray[np.float64]:
-    """Magnitude response of a filter, evaluated directly.
-
-    Parameters
-    ----------
-    taps : (n,) float64 array
-    frequencies_hz : (m,) float64 array
-        Frequencies [Hz].
-    sample_rate_hz : float
-        Rate at which the taps run [Hz].
-
-    Returns
-    -------
-    (m,) float64 array
-        20 log10 of the magnitude, at least -400 [dB].
-    """
-    turns = np.outer(frequencies_hz / sample_rate_hz, np.arange(taps.size))
-    magnitude = np.abs(np.exp(-2j * np.pi * turns) @ taps)
-    return np.asarray(20.0 * np.log10(np.maximum(magnitude, 1e-20)), dtype=np.float64)

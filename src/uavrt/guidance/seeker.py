@@ -55,7 +55,6 @@ from uavrt.planning import (
     Hold,
     HonestStop,
     KeepAway,
-    Leg,
     MiRate,
     Planner,
     Polygon,
@@ -520,16 +519,12 @@ class Seeker:
 
         From where the drone is and from where it comes to a stand: it may do either first.
         """
-        match action:
-            case FlyTo():
-                places = [(action.east_m, action.north_m)]
-            case Leg():
-                places = [action.start_m, action.end_m]
-            case _:
-                return None
+        goal = _goal_of(action)
+        if goal is None:
+            return None
         here, stand = self._here_m(now), (state.east_m, state.north_m)
         for begins in ([here], [here, stand]):
-            reason = self.area.entered(*np.array([*begins, *places]).T)
+            reason = self.area.entered(*np.array([*begins, goal]).T)
             if reason is not None:
                 return reason
         return None
@@ -546,9 +541,6 @@ class Seeker:
         match action:
             case FlyTo():
                 return (Go(place=self._place(action.east_m, action.north_m), height_m=height),)
-            case Leg():
-                ends = (action.start_m, action.end_m)
-                return tuple(Go(place=self._place(*end), height_m=height) for end in ends)
             case Rotate():
                 # By steps, a good part of what the planner counts is the way between them.
                 turn = replace(self._order, action="rotate", duration_s=self._turn_s)
@@ -724,6 +716,4 @@ def _ends(action: Action) -> bool:
 
 def _goal_of(action: Action) -> tuple[float, float] | None:
     """Where an action flies to, east and north; None where it stays."""
-    if isinstance(action, FlyTo):
-        return (action.east_m, action.north_m)
-    return action.end_m if isinstance(action, Leg) else None
+    return (action.east_m, action.north_m) if isinstance(action, FlyTo) else None

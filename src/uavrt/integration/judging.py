@@ -25,7 +25,7 @@ from uavrt.integration.whole_flight import (
     peaks,
     plain_weights,
 )
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 
 _BETTER = 3.0
 """Logarithm of how much less likely by chance another train must be to explain one."""
@@ -75,7 +75,7 @@ def judge(
     gain_time_s: NDArray[np.float64],
     tag: Tag,
     *,
-    false_alarm_probability: float = 0.01,
+    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
     most_drift: float = 0.0,
 ) -> Judgement:
     """Search a tag, and again without each train that explains what was found better.

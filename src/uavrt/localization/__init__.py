@@ -17,7 +17,6 @@ if TYPE_CHECKING:
         amplitude_monopulse,
         circle_steering,
         pair_steering,
-        switched_amplitudes,
         switched_bearing,
     )
     from uavrt.localization.bearing.estimate import BearingData, estimate_bearing
@@ -187,7 +186,6 @@ __all__ = [
     "strengths_of",
     "strongest_signal",
     "survey",
-    "switched_amplitudes",
     "switched_bearing",
     "teaching",
     "widest_gap_deg",
@@ -260,7 +258,6 @@ __getattr__ = lazily(
         "signal_section": "position.strongest",
         "signal_surface": "position.strongest",
         "strongest_signal": "position.strongest",
-        "switched_amplitudes": "bearing.array_bearings",
         "switched_bearing": "bearing.array_bearings",
         "teaching": "flight_estimates",
         "widest_gap_deg": "angles",

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         MissionUpload,
         homed,
     )
-    from uavrt.mavlink.named_value import NamedValueFloat, value_name
+    from uavrt.mavlink.named_value import value_name
     from uavrt.mavlink.pacing import PacedQueue, Priority, Source, Tunnelled
     from uavrt.mavlink.parameter_client import ParameterClient
     from uavrt.mavlink.parameters import ParameterServer, Requests, decode_value
@@ -95,7 +95,6 @@ __all__ = [
     "MissionDownload",
     "MissionTransfer",
     "MissionUpload",
-    "NamedValueFloat",
     "Opcode",
     "PacedQueue",
     "ParameterClient",
@@ -162,7 +161,6 @@ __getattr__ = lazily(
         "MissionDownload": "mission_transfer",
         "MissionTransfer": "mission_transfer",
         "MissionUpload": "mission_transfer",
-        "NamedValueFloat": "named_value",
         "Opcode": "ftp_wire",
         "PacedQueue": "pacing",
         "ParameterClient": "parameter_client",

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.planning.actions import Action, FlyTo, Hold, Leg, Return, Rotate
+    from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
     from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
     from uavrt.planning.beliefs import Beliefs, ModelCheck, TagBelief
     from uavrt.planning.beside import Beside, Separation, Strip
@@ -73,7 +73,6 @@ __all__ = [
     "Hold",
     "HonestStop",
     "KeepAway",
-    "Leg",
     "LinkBudget",
     "ListeningWay",
     "LongestAxisStop",
@@ -139,7 +138,6 @@ __getattr__ = lazily(
         "Hold": "actions",
         "HonestStop": "stopping",
         "KeepAway": "keep_away",
-        "Leg": "actions",
         "LinkBudget": "link_budget",
         "LongestAxisStop": "stopping",
         "MiRate": "planners",

@@ -15,19 +15,6 @@ class FlyTo:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leg:
-    """Fly a line of a survey: first to its start, then along it."""
-
-    start_m: tuple[float, float]
-    """East, north."""
-    end_m: tuple[float, float]
-
-    def __str__(self) -> str:
-        (a, b), (c, d) = self.start_m, self.end_m
-        return f"survey the line from ({a:.0f}, {b:.0f}) to ({c:.0f}, {d:.0f})"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Rotate:
     """Turn in place, clockwise; the antenna sees every direction."""
 
@@ -56,4 +43,4 @@ class Return:
         return "return"
 
 
-Action = FlyTo | Leg | Rotate | Hold | Return
+Action = FlyTo | Rotate | Hold | Return

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
 from uavrt.localization import Listening, TrackEstimate
-from uavrt.planning.actions import FlyTo, Leg, Return
+from uavrt.planning.actions import FlyTo, Return
 from uavrt.planning.area import SearchArea, check_reach
 from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.beside import Beside
@@ -238,7 +238,7 @@ class Search:
         path = flown(vehicle, situation.state, decision.action, wind=situation.wind)
         last = min(len(path.time_s), max(1, int(np.ceil(self.settings.cycle_s)))) - 1
         end = path.state(last)
-        moves = isinstance(decision.action, FlyTo | Leg)
+        moves = isinstance(decision.action, FlyTo)
         airspeed = (vehicle.speed_m_s if moves else 0.0) + situation.wind.speed_m_s
         used = energy.used_wh(end.time_s - situation.state.time_s, airspeed)
         home = self._way_home_wh(energy, end, wind)

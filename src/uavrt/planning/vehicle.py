@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
-from uavrt.planning.actions import Action, FlyTo, Hold, Leg, Return, Rotate
+from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
@@ -327,10 +327,6 @@ def flown(
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
         return _in_place(vehicle, state, action, air, step_s)
-    if isinstance(action, Leg):
-        first = _straight(vehicle, state, action.start_m, air, step_s)
-        second = _straight(vehicle, first.state(-1), action.end_m, air, step_s)
-        return _joined(first, second)
     target = home_m if isinstance(action, Return) else (action.east_m, action.north_m)
     return _straight(vehicle, state, target, air, step_s)
 
@@ -385,19 +381,6 @@ def _in_place(
         north_m=north,
         height_m=np.full(len(time), state.height_m),
         yaw_deg=yaw,
-    )
-
-
-def _joined(first: Path, second: Path) -> Path:
-    def both(name: str) -> _Floats:
-        return np.concatenate([getattr(first, name), getattr(second, name)])
-
-    return Path(
-        time_s=both("time_s"),
-        east_m=both("east_m"),
-        north_m=both("north_m"),
-        height_m=both("height_m"),
-        yaw_deg=both("yaw_deg"),
     )
 
 

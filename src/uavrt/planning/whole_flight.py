@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
 LEAST_PULSES = 12
 """Fewer than the ordinary detector sums: a shorter flight gains nothing."""
-_FALSE_ALARM = 0.01
 _DESIGN_ENR = 2.0
 """Of the weights: as in the search."""
 _PATTERNS = 6.0
@@ -145,7 +144,7 @@ def _log_probability(
     sag_slots = most_drift * pulses * interval_s / 4.0 / slot_s
     if sag_slots >= 1.0:
         count *= 1.0 + sag_slots / _DRIFT_SLOTS
-    return math.log(_FALSE_ALARM) - math.log(count)
+    return math.log(WHOLE_FLIGHT_FALSE_ALARM) - math.log(count)
 
 
 def _exponentials(tag: Tag) -> float:

@@ -7,7 +7,8 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping
 
 from uavrt.config import NamedValuesName
-from uavrt.mavlink import NamedValueFloat, value_name
+from uavrt.mavlink import value_name
+from uavrt.mavlink.dialect import NamedValueFloat
 from uavrt.messages import Pulse
 from uavrt.units import ns_from_s
 

@@ -60,6 +60,21 @@ def format_line(pulse_pose: PulsePose) -> str:
     return ", ".join(fields) + "\n"
 
 
+class _Groups:
+    """Numbers the groups of each tag: one begins where the place within it does not rise."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, tuple[int, int]] = {}
+
+    def numbered(self, found: PulsePose) -> PulsePose:
+        """Give the next pulse of a log the number of its group."""
+        pulse = found.pulse
+        count, before = self._last.get(pulse.tag_id, (0, 1 << 30))
+        count += pulse.group_index <= before
+        self._last[pulse.tag_id] = count, pulse.group_index
+        return replace(found, pulse=replace(pulse, group_sequence=count))
+
+
 def parse_line(line: str, *, group_sequence: int = 0) -> PulsePose:
     """Read one line, ours or the thesis's.
 
@@ -123,17 +138,12 @@ def read_pulse_pose_log(
     damaged = DamagedLines(
         os.fspath(path), "A pulse_pose_log.txt has 23 columns in each line", warn
     )
-    sequence: dict[int, tuple[int, int]] = {}
+    groups = _Groups()
     for number, line in enumerate(finished, start=1):
         if not line.strip("\0 \r\t"):
             continue
         try:
-            parsed = parse_line(line)
-            count, index = sequence.get(parsed.pulse.tag_id, (0, 1 << 30))
-            if parsed.pulse.group_index <= index:
-                count += 1
-            sequence[parsed.pulse.tag_id] = (count, parsed.pulse.group_index)
-            found.append(parse_line(line, group_sequence=count))
+            found.append(groups.numbered(parse_line(line)))
         except (ValueError, OverflowError) as error:
             if number == len(finished) and not rest.strip("\0"):
                 break
@@ -223,15 +233,10 @@ class PulsePoseLog:
 
         Raises `OSError`: the file cannot be read.
         """
-        groups: dict[int, tuple[int, int]] = {}
+        groups = _Groups()
         for line in self._lines():
             with contextlib.suppress(ValueError, OverflowError):
-                found = parse_line(line.decode("utf-8", "replace"))
-                tag_id, index = found.pulse.tag_id, found.pulse.group_index
-                count, before = groups.get(tag_id, (0, 1 << 30))
-                groups[tag_id] = (count + (index <= before), index)
-                numbered = replace(found.pulse, group_sequence=groups[tag_id][0])
-                yield replace(found, pulse=numbered)
+                yield groups.numbered(parse_line(line.decode("utf-8", "replace")))
 
     def _lines(self) -> Iterator[bytes]:
         """Return the lines; what is too long for one comes in pieces, which are none."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.terrain.diffraction import knife_edge_db, terrain_loss_db
+    from uavrt.terrain.diffraction import knife_edge_db
     from uavrt.terrain.elevation import Elevation, Raster
     from uavrt.terrain.elevation_files import open_elevation
     from uavrt.terrain.hill_losses import HillLosses, LossesFrom
@@ -27,7 +27,6 @@ __all__ = [
     "ground_grid",
     "knife_edge_db",
     "open_elevation",
-    "terrain_loss_db",
     "terrain_loss_map",
 ]
 __getattr__ = lazily(
@@ -41,7 +40,6 @@ __getattr__ = lazily(
         "ground_grid": "squares",
         "knife_edge_db": "diffraction",
         "open_elevation": "elevation_files",
-        "terrain_loss_db": "diffraction",
         "terrain_loss_map": "viewshed",
     },
 )

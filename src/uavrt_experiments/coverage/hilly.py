@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavrt.detection import detection_probability
 from uavrt.integration import distinct, judge, places_around, pulse_weights, slot_energies
 from uavrt.localization import PATTERNS, Headings, PoseColumns
-from uavrt.messages import Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.planning import LinkBudget, ListeningWay, coverage_of, listening_way
 from uavrt.simulation import (
     Antenna,
@@ -40,7 +40,6 @@ _RATE_HZ = 3750.0
 _GROUPS_EIRP_DBM, _WHOLE_EIRP_DBM = -63.0, -68.0
 """At which about half of the tags on the map are heard."""
 _WINDOW_HZ = 60.0
-_FALSE_ALARM = 0.01
 _TURN_S = 31.35
 """25 pulses at each stop."""
 _STOPS = 3
@@ -255,9 +254,9 @@ class WholeFlightOverHills:
             self._places.gain[self._chosen],
             self._places.time_s,
             tag,
-            false_alarm_probability=_FALSE_ALARM,
+            false_alarm_probability=WHOLE_FLIGHT_FALSE_ALARM,
         )
-        return judged.train.false_alarm_probability <= _FALSE_ALARM
+        return judged.train.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
 _WHIP = Antenna(pattern="isotropic", gain_dbi=4.0, polarization="any")

@@ -2,9 +2,10 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from filter_response import response_db
 
 from uavrt.dsp import Channelizer
-from uavrt.dsp.filters import bank_taps, compatible_bank_taps, response_db
+from uavrt.dsp.filters import bank_taps, compatible_bank_taps
 from uavrt.errors import UsageError
 
 Complex = np.ndarray[tuple[int], np.dtype[np.complex64]]

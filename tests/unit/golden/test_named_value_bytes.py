@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.mavlink import FrameWriter
-from uavrt.mavlink.dialect import CRC_EXTRAS
-from uavrt.mavlink.named_value import NamedValueFloat, value_name
+from uavrt.mavlink.dialect import CRC_EXTRAS, NamedValueFloat
+from uavrt.mavlink.named_value import value_name
 
 GOLDEN = "fd0d00000001bffb00003930000033336341534e525f324fe0"
 IDS = st.integers(0, 2**32 - 1)

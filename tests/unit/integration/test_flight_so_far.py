@@ -10,12 +10,12 @@ import pytest
 from some import some
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
-from uavrt.analysis.flight_so_far import FALSE_ALARM_PROBABILITY, FlightSoFar, told_in_flight
+from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
 from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
 from uavrt.integration import BLOCK_S, GrowingEnergies, slot_energies
 from uavrt.localization import PATTERNS
-from uavrt.messages import Poses, Tag
+from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Poses, Tag
 from uavrt.recording import ChannelRecorder, FlightRecorder
 from uavrt.supervisor.tree.shapes import rows_for
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
@@ -118,7 +118,7 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     log.close()
     mine = found[weak.tag.tag_id]
     assert mine.found
-    assert mine.train.false_alarm_probability < FALSE_ALARM_PROBABILITY / 6
+    assert mine.train.false_alarm_probability < WHOLE_FLIGHT_FALSE_ALARM / 6
     assert mine.pulses.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
     miss_deg = (some(mine.place).bearing_deg - weak.bearing_deg + 180.0) % 360.0 - 180.0
     assert abs(miss_deg) < 15.0

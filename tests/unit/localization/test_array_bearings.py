@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from switched_amplitudes import switched_amplitudes
 
 from uavrt.errors import UsageError
 from uavrt.localization import (
@@ -11,7 +12,6 @@ from uavrt.localization import (
     amplitude_monopulse,
     circle_steering,
     pair_steering,
-    switched_amplitudes,
     switched_bearing,
 )
 from uavrt.localization.angles import difference_deg

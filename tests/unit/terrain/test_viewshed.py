@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.special import fresnel
+from terrain_loss import terrain_loss_db
 
 from uavrt import native
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import GroundGrid, knife_edge_db, terrain_loss_db, terrain_loss_map
+from uavrt.terrain import GroundGrid, knife_edge_db, terrain_loss_map
 from uavrt.terrain.diffraction import bullington_db
 
 _Floats = NDArray[np.float64]

@@ -8,6 +8,7 @@ import contextlib
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 from math import ceil
+from typing import Any
 
 from uavrt import tunnel
 from uavrt.commands import NO_UPLOAD, CommandName
@@ -183,8 +184,8 @@ class GroundLink:
         """The drone's parameters."""
         self.missions = VehicleMissions(self.protocol.own, self.send, self._vehicle_id)
         """The autopilot's mission and fence."""
-        self._waiting: tuple[int, int, asyncio.Future[Acknowledged]] | None = None
-        self._motion: dict[int, asyncio.Future[MotionState]] = {}
+        self._awaited: dict[tuple[int, int] | int, asyncio.Future[Any]] = {}
+        """Answers, by number and request id of a command, or by the request id of a motion."""
         self._busy = asyncio.Lock()
 
     @property
@@ -375,35 +376,47 @@ class GroundLink:
         number = tunnel.acked_command_of(payload)
         assert number is not None
         request_id = self._writing.request_id_of(payload)
+
+        def send(attempt: int) -> None:
+            order = self._ways.best()
+            message = self.protocol.tunnel_message(payload, payload_type)
+            self._ways.send(message, order[attempt % len(order)])
+
         async with self._busy:
-            for attempt in range(TRIES):
-                future = asyncio.get_running_loop().create_future()
-                self._waiting = (number, request_id, future)
-                order = self._ways.best()
+            answer = await self._until_answered(
+                (number, request_id), send, TRIES, self._ack_wait_s
+            )
+            if answer is None:
+                raise self._unanswered(number)
+            ack: Acknowledged
+            attempt, ack = answer
+            if attempt > 0 and request_id == 0:
+                # Answers to the earlier copies may follow; they must not be taken for the
+                # answer to the next command of this number: G0 and G1 have no request ids.
+                await asyncio.sleep(self._ack_wait_s / 2)
+        if not ack.accepted:
+            raise CommandRefused(ack.message or f"the drone refused command {number}")
+        return ack
+
+    async def _until_answered(
+        self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
+    ) -> tuple[int, Any] | None:
+        """Send until an answer comes; get it with the number of the try, None without one."""
+        for attempt in range(tries):
+            answer = self._awaited[key] = asyncio.get_running_loop().create_future()
+            try:
                 try:
-                    message = self.protocol.tunnel_message(payload, payload_type)
+                    send(attempt)
                 except LinkError:  # the drone's session comes within a second
-                    if self.protocol.drone is None or attempt == TRIES - 1:
-                        self._waiting = None
+                    if self.protocol.drone is None or attempt == tries - 1:
                         raise
-                else:
-                    self._ways.send(message, order[attempt % len(order)])
-                try:
-                    async with asyncio.timeout(self._ack_wait_s):
-                        ack: Acknowledged = await future
-                except TimeoutError:
-                    self.protocol.counters["retries"] += 1
-                    continue
-                finally:
-                    self._waiting = None
-                if attempt > 0 and request_id == 0:
-                    # Answers to the earlier copies may follow; they must not be taken for the
-                    # answer to the next command of this number: G0 and G1 have no request ids.
-                    await asyncio.sleep(self._ack_wait_s / 2)
-                if not ack.accepted:
-                    raise CommandRefused(ack.message or f"the drone refused command {number}")
-                return ack
-        raise self._unanswered(number)
+                async with asyncio.timeout(wait_s):
+                    return attempt, await answer
+            except TimeoutError:
+                self.protocol.counters["retries"] += 1
+            finally:
+                self._awaited.pop(key, None)
+        return None
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
         """Send an order of motion, a confirmation or a stop; return the drone's answer.
@@ -426,6 +439,10 @@ class GroundLink:
         LinkError
             It did not answer.
         """
+
+        def send(_attempt: int) -> None:
+            self.send(self.protocol.tunnel_message(payload, MOTION_TYPE))
+
         wait_s = min(self._ack_wait_s, STOP_WAIT_S) if is_stop(payload) else self._ack_wait_s
         tries = 1 if is_confirmation(payload) else ceil(TRIES * self._ack_wait_s / wait_s)
         self.protocol.orders.append(request_id)
@@ -438,29 +455,16 @@ class GroundLink:
                     "and was not sent",
                     remedy="Ask for the motion again",
                 )
-            for attempt in range(tries):
-                future = asyncio.get_running_loop().create_future()
-                self._motion[request_id] = future
-                try:
-                    self.send(self.protocol.tunnel_message(payload, MOTION_TYPE))
-                except LinkError:  # the drone's session comes within a second
-                    if self.protocol.drone is None or attempt == tries - 1:
-                        raise
-                try:
-                    async with asyncio.timeout(wait_s):
-                        state: MotionState = await future
-                except TimeoutError:
-                    self.protocol.counters["retries"] += 1
-                    continue
-                finally:
-                    self._motion.pop(request_id, None)
-                if state.kind == "refused":
-                    raise CommandRefused(state.text)
-                return state
-        raise LinkError(
-            "the drone did not answer; nothing is known to have been confirmed",
-            remedy="See `uavrt fly status`; a drone with a key needs --command-key",
-        )
+            answer = await self._until_answered(request_id, send, tries, wait_s)
+        if answer is None:
+            raise LinkError(
+                "the drone did not answer; nothing is known to have been confirmed",
+                remedy="See `uavrt fly status`; a drone with a key needs --command-key",
+            )
+        state: MotionState = answer[1]
+        if state.kind == "refused":
+            raise CommandRefused(state.text)
+        return state
 
     async def events(self) -> AsyncIterator[GroundEvent]:
         """Return events as they come."""
@@ -522,15 +526,13 @@ class GroundLink:
         self.protocol.stored(self._progress()[1])
 
     def _deliver(self, event: GroundEvent) -> None:
-        if isinstance(event, Acknowledged) and self._waiting is not None:
-            number, request_id, future = self._waiting
-            asked = (event.command, event.request_id) == (number, request_id)
-            if asked and not future.done():
-                future.set_result(event)
-        if isinstance(event, MotionState):
-            answer = self._motion.get(event.request_id)
-            if answer is not None and not answer.done():
-                answer.set_result(event)
+        key: tuple[int, int] | int | None = None
+        if isinstance(event, Acknowledged):
+            key = event.command, event.request_id
+        elif isinstance(event, MotionState):
+            key = event.request_id
+        if key in self._awaited and not self._awaited[key].done():
+            self._awaited[key].set_result(event)
         if self._on_event is not None:
             self._on_event(event)
         else:

@@ -66,55 +66,6 @@ def pair_steering(
     return steering
 
 
-def switched_amplitudes(
-    samples: NDArray[np.complex64],
-    selected: NDArray[np.intp],
-    *,
-    frequency_hz: float,
-    sample_rate_hz: float,
-    elements: int,
-) -> tuple[_Complex, _Floats]:
-    """Complex amplitude of a pulse at each position of the switch.
-
-    Parameters
-    ----------
-    samples : (n,) complex64 array
-        The pulse, from its first to its last sample.
-    selected : (n,) int array
-        Position of the switch at each sample; negative while it settles.
-    frequency_hz : float
-        Carrier of the pulse in the samples.
-    sample_rate_hz : float
-        Rate.
-    elements : int
-        Positions of the switch.
-
-    Returns
-    -------
-    amplitudes : (elements,) complex128 array
-        Common carrier phase.
-    counts : (elements,) float64 array
-        Samples behind each; its noise power is that of a sample over the count.
-
-    Raises
-    ------
-    UsageError
-        A position was never selected during the pulse.
-    """
-    time = np.arange(len(samples)) / sample_rate_hz
-    still = samples * np.exp(-2j * np.pi * frequency_hz * time)
-    valid = selected >= 0
-    counts = np.bincount(selected[valid], minlength=elements).astype(np.float64)
-    if len(counts) != elements or not counts.all():
-        raise UsageError(
-            "the antenna switch does not reach every position during the pulse",
-            remedy="Step it faster: every position several times in a pulse",
-        )
-    real = np.bincount(selected[valid], still.real[valid], elements)
-    imaginary = np.bincount(selected[valid], still.imag[valid], elements)
-    return np.asarray((real + 1j * imaginary) / counts), counts
-
-
 def switched_bearing(
     amplitudes: _Complex,
     counts: _Floats,
@@ -129,7 +80,7 @@ def switched_bearing(
     Parameters
     ----------
     amplitudes : (p, elements) complex128 array
-        From `switched_amplitudes` or `measure_switched_pulse`.
+        From `measure_switched_pulse`.
     counts : (p, elements) float64 array
         Samples behind each amplitude.
     yaw_deg : (p,) float64 array

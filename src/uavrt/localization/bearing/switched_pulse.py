@@ -72,16 +72,6 @@ class SwitchedPulse:
         excess = energy / self.noise_power - len(self.counts)
         return float(10.0 * np.log10(max(excess, 1e-3)))
 
-    @property
-    def phases_deg(self) -> _Floats:
-        """(positions,) phase re the first position, (-180, 180]."""
-        return np.asarray(np.degrees(np.angle(self.amplitudes / self.amplitudes[0])))
-
-    @property
-    def mode_ratio(self) -> complex:
-        """Second over first position: of a sum and difference, i tan(half the phase)."""
-        return complex(self.amplitudes[1] / self.amplitudes[0])
-
 
 def measure_switched_pulse(
     samples: NDArray[np.complex64],
