@@ -15,6 +15,7 @@ from radio_world import SERIALS, TAG_HZ, RadioWorld, default_radio, missing, nee
 from uavrt.config import RADIOS, load_settings
 from uavrt.errors import ConfigError
 
+pytestmark = pytest.mark.timeout(300)
 RATES_HZ = {"airspy": 3e6, "airspyhf": 192e3, "rtlsdr": 250e3, "hackrf": 2e6, "soapy": 250e3}
 GAINS = {"soapy": 20}
 
