@@ -22,10 +22,10 @@ import pyarrow.parquet as pq
 
 from benchmarks.bench_page import pss_mb
 from benchmarks.harness import Table
-from uavrt.batch import QUESTIONS, ask, find_flights
+from uavrt.batch.flight_search import find_flights
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.months import gather_months, write_index
-from uavrt.batch.questions import keep_answers
+from uavrt.batch.questions import QUESTIONS, ask, keep_answers
 from uavrt.batch.seals import sealed
 from uavrt.batch.tables import (
     DONE,
@@ -35,10 +35,10 @@ from uavrt.batch.tables import (
     schema_of,
     write_rows,
 )
-from uavrt.ground.store import FlightChoice, FlightLibrary
-from uavrt.ground.store.flights import PREPARED_MOST
+from uavrt.ground.store.flights import PREPARED_MOST, FlightLibrary
+from uavrt.ground.store.known_flights import FlightChoice
 from uavrt.messages import FlightInfo, Pulse, Tag
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 
 FLIGHTS, PULSES_EACH, TAGS, DAYS = 5000, 2000, 40, 1096
 START_NS, DAY_NS = 1_577_836_800 * 10**9, 86_400 * 10**9

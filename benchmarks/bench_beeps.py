@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.harness import Case, Table, compare
-from uavrt.config import Receiver
-from uavrt.detection.beeps import BeepSearch
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.beeps.search import BeepSearch
 from uavrt.messages import IQBlock, Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG

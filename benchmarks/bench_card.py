@@ -5,7 +5,8 @@ process gave to the disk (proc(5), ``write_bytes`` of ``io``), flushes the recor
 """
 
 from benchmarks.harness import Table
-from uavrt_experiments.resources import Written, run_written
+from uavrt_experiments.resources.report import Written
+from uavrt_experiments.resources.run import run_written
 
 MINUTES = 10.0
 LOADS = (8, 100)

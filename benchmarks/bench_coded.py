@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.harness import Case, Table, compare
 from uavrt.clock import cpu_s
-from uavrt.detection.coded import CodedDetector
+from uavrt.detection.coded.detector import CodedDetector
 from uavrt_experiments.detection.coded import (
     RATE_HZ,
     WINDOW_HZ,

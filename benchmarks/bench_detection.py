@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness import Case, Table, compare
-from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.group import DetectorGroup
 from uavrt.messages import Tag
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 

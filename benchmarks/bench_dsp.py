@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 
 from benchmarks import peers
 from benchmarks.harness import Case, Table, compare
-from uavrt.dsp import Channelizer, Decimator, FrontEnd, tune
+from uavrt.dsp.channelizer import Channelizer
+from uavrt.dsp.decimator import Decimator
 from uavrt.dsp.filters import compatible_decimator_taps
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.dsp.tuner import tune
 from uavrt.messages import IQBlock
 
 Samples = NDArray[np.complex64]

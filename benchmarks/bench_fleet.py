@@ -20,15 +20,17 @@ import numpy as np
 from websockets.asyncio.client import connect
 
 from benchmarks.harness import Table
-from uavrt.config import write_tags
+from uavrt.commands import SystemState
+from uavrt.config.tag_files import write_tags
 from uavrt.demo.programs import free_udp_port
-from uavrt.localization import TangentPlane
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
-from uavrt.messages import Pose, Pulse, PulsePose, SystemState, Tag
-from uavrt.supervisor.tree import pss_mb, usage_of
-from uavrt.tunnel import PAYLOAD_TYPE
+from uavrt.messages import Pose, Pulse, PulsePose, Tag
+from uavrt.supervisor.start.usage import usage_of
+from uavrt.supervisor.tree import pss_mb
+from uavrt.tangent_plane import TangentPlane
 from uavrt.tunnel.convert import heartbeat_to_wire, pulse_to_wire
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 
 VEHICLES, TAGS, PULSES_HZ = 5, 20, 8.0
 TURN_S, MOVE_S = 40.0, 5.0

@@ -11,9 +11,11 @@ import time
 from pathlib import Path
 
 from benchmarks.harness import Table
-from uavrt.demo import SearchSummary, run_search_demo, search_world
-from uavrt_experiments.resources import Reading, SteadyFlight, run_shapes
+from uavrt.demo.search import SearchSummary, run_search_demo
+from uavrt.demo.worlds import search_world
+from uavrt_experiments.resources.flight import Reading, SteadyFlight
 from uavrt_experiments.resources.report import by_process
+from uavrt_experiments.resources.run import run_shapes
 from uavrt_experiments.resources.shapes import HEADER
 
 TAGS = 100

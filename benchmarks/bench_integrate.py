@@ -12,7 +12,8 @@ import numpy as np
 
 from benchmarks.harness import Table
 from uavrt import native
-from uavrt.integration import SlotEnergies, Weights, low_rank_weights, search_flight
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.whole_flight import Weights, low_rank_weights, search_flight
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,
     Course,

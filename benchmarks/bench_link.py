@@ -13,7 +13,9 @@ import time
 
 from benchmarks.harness import Table
 from uavrt.clock import Clock
-from uavrt.mavlink import Connection, Handlers, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.component import Handlers
+from uavrt.mavlink.connection import Connection
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.transport import open_link
 

@@ -17,9 +17,10 @@ import numpy as np
 
 from benchmarks.harness import Table
 from uavrt.analysis.flight_so_far import FlightSoFar
-from uavrt.localization import PATTERNS
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import ChannelBlock, FlightInfo, Pose, Poses
-from uavrt.recording import ChannelRecorder, FlightRecorder
+from uavrt.recording.channel_recorder import ChannelRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
 
 RATE_HZ = 7500.0

@@ -24,12 +24,12 @@ from benchmarks.harness import Table
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.localization import TangentPlane
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
-from uavrt.tunnel import PAYLOAD_TYPE
+from uavrt.tangent_plane import TangentPlane
 from uavrt.tunnel.convert import pulse_to_wire
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 
 PULSES, TAGS, FLIGHT_S = 100_000, 20, 7200.0
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)

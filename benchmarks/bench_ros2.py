@@ -11,9 +11,11 @@ from pathlib import Path
 
 from benchmarks.harness import Table
 from uavrt.clock import Clock
+from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings, Settings
-from uavrt.ipc import Assignment, encode_record
+from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import LINK_VARIABLE
+from uavrt.ipc.topics import encode_record
 from uavrt.messages import (
     FlightInfo,
     Pose,
@@ -21,7 +23,6 @@ from uavrt.messages import (
     ProcessStatus,
     Pulse,
     PulsePose,
-    SystemState,
     SystemStatus,
     Tag,
 )

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Table
-from uavrt_experiments.search import SCENARIOS
+from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.flight import fly
 from uavrt_experiments.search.scenario import Contender
 

@@ -11,10 +11,12 @@ import numpy as np
 
 from benchmarks.harness import Table
 from uavrt.messages import Tag
-from uavrt.planning import LinkBudget, coverage_of, listening_way
+from uavrt.planning.coverage import coverage_of, listening_way
+from uavrt.planning.link_budget import LinkBudget
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import GroundGrid, terrain_loss_map
-from uavrt_experiments.search import Hills
+from uavrt.terrain.squares import GroundGrid
+from uavrt.terrain.viewshed import terrain_loss_map
+from uavrt_experiments.search.terrain import Hills
 
 CELL_M = 5.0
 VIEW_CELLS = 2000

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from uavrt.detection import OperatingMode
+from uavrt.detection.modes import OperatingMode
 from uavrt_experiments.detection.signals import THESIS_TAG, noise
 from uavrt_experiments.detection.trials import RATE_HZ, Decision, Flight, compare, detect
 from uavrt_experiments.statistics import level_for

@@ -157,7 +157,7 @@ fi
 mkdir -p "$root$directory"
 if [ ! -e "$root$directory/uavrt.toml" ]; then
     "$environment/bin/python" -c \
-        'import sys; from uavrt.config import write_default_settings as w; w(sys.argv[1])' \
+        'import sys; from uavrt.config.loader import write_default_settings as w; w(sys.argv[1])' \
         "$root$directory/uavrt.toml"
     say "wrote $root$directory/uavrt.toml: please read it"
 fi

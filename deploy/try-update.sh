@@ -59,7 +59,7 @@ printf '[mavlink]\naddress = "udpin://127.0.0.1:%s"\n' "$port" | give /var/lib/u
 python - "$work/scenario.toml" <<'PYTHON'
 import sys, time
 from pathlib import Path
-from uavrt.simulation import demo_scenario, write_scenario
+from uavrt.simulation.demo_world import demo_scenario; from uavrt.simulation.scenario_file import write_scenario
 write_scenario(demo_scenario(3600.0, 1).starting_at(time.time_ns()), Path(sys.argv[1]))
 PYTHON
 vehicle=

@@ -23,12 +23,13 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.clock import Clock
-from uavrt.config import write_tags
+from uavrt.config.tag_files import write_tags
 from uavrt.demo.programs import free_udp_port
 from uavrt.messages import SystemStatus
-from uavrt.monitor import StatusReader
-from uavrt.recording import read_flight
-from uavrt.simulation import demo_scenario, write_scenario
+from uavrt.monitor.reader import StatusReader
+from uavrt.recording.flight_reader import read_flight
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.scenario_file import write_scenario
 
 HERE = Path(__file__).parent
 PYTHON = "/opt/uavrt/venv/bin/python"

@@ -7,8 +7,8 @@ from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from uavrt.ros2 import NODES, TOPICS, definition
-from uavrt.ros2.graph import LOG_MESSAGE, LOG_TOPIC, SERVICE_BURST, SERVICE_PER_S
+from uavrt.ros2.graph import LOG_MESSAGE, LOG_TOPIC, NODES, SERVICE_BURST, SERVICE_PER_S, TOPICS
+from uavrt.ros2.interface import definition
 from uavrt.ros2.messages import RosBurst, RosCodedTag, RosPulse, RosPulsePose, RosTag
 
 Rows = list[tuple[str, ...]]

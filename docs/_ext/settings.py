@@ -6,7 +6,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from uavrt.config import default_settings_text
+from uavrt.config.loader import default_settings_text
 
 
 class Settings(SphinxDirective):

@@ -1,8 +1,7 @@
-"""Names of a package that are imported when they are first used.
+"""Names of the documented API, imported when they are first used (PEP 562).
 
-Other packages import from a package, not from its modules, so that these can be moved and
-split. Were all of them imported with the package, each process of the drone would load all of
-it; so they are imported one by one, when they are asked for (PEP 562).
+Were they imported with their package, each process of the drone would load all of it. Modules
+of uavrt import from the module that defines a name.
 """
 
 import sys
@@ -11,24 +10,25 @@ from importlib import import_module
 from typing import Any
 
 
-def lazily(package: str, where: Mapping[str, str]) -> Callable[[str], Any]:
-    """Make the ``__getattr__`` of a package.
+def lazily(package: str, where: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
+    """Make ``__all__`` and ``__getattr__`` of a package.
 
     Parameters
     ----------
     package : str
         Its ``__name__``.
     where : mapping of str to str
-        For each name the module that holds it: below the package, or from ``uavrt`` on.
+        For each module, below the package or from ``uavrt`` on, the names that it holds.
 
     Returns
     -------
-    callable
-        Imports the module of a name, and keeps the name in the package.
+    tuple
+        The names, and what imports the module of one and keeps it in the package.
     """
+    module_of = {name: module for module, names in where.items() for name in names.split()}
 
     def get(name: str) -> Any:
-        module = where.get(name)
+        module = module_of.get(name)
         if module is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         full = module if module.startswith("uavrt") else f"{package}.{module}"
@@ -36,4 +36,4 @@ def lazily(package: str, where: Mapping[str, str]) -> Callable[[str], Any]:
         setattr(sys.modules[package], name, value)
         return value
 
-    return get
+    return sorted(module_of), get

@@ -10,9 +10,9 @@ import made
 import pytest
 from tests.unit.experiments.test_detection_bars import CASES, IDS, missed
 
-from uavrt.detection import PulseDetector
-from uavrt.detection.coded import CodedDetector
-from uavrt.detection.signal.refine import Measured
+from uavrt.detection.coded.detector import CodedDetector
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.search.refine import Measured
 from uavrt.detection.track.judging import Judge
 from uavrt.messages import Pulse
 from uavrt_experiments.detection import trials

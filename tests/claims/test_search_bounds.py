@@ -10,14 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.planning import (
-    DeterminantStop,
-    HonestStop,
-    LongestAxisStop,
-    StopRule,
-    VehicleState,
-)
-from uavrt_experiments.search import SCENARIOS, fly_all, plan, results
+from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
+from uavrt.planning.vehicle import VehicleState
 from uavrt_experiments.search.bounds import (
     LeastErrors,
     after_a_second,
@@ -30,7 +24,10 @@ from uavrt_experiments.search.bounds import (
     pulse_information,
     tree_m,
 )
+from uavrt_experiments.search.campaign import fly_all, plan
+from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.flight import start_of
+from uavrt_experiments.search.table import results
 from uavrt_experiments.search.world import World
 
 _Floats = NDArray[np.float64]

@@ -8,8 +8,9 @@ import made
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import Pose, Tag
+from uavrt.tangent_plane import TangentPlane
 
 RATE_HZ, CENTER_HZ = 24_000.0, 148.7e6
 START_NS = 1_777_615_200_000_000_000

@@ -14,24 +14,31 @@ from typing import Any
 import made
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance import Limits, Order, Pilot, manners_of, now_of, plan_of
-from uavrt.mavlink import Message, dialect
+from uavrt.guidance.manners import manners_of
+from uavrt.guidance.orders import Limits, Order
+from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.plans import plan_of
+from uavrt.guidance.reports import now_of
+from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
+from uavrt.mavlink.message import Message
 from uavrt.mavlink.udp import MAX_PEERS
 from uavrt.messages import MotionOffer, MotionRequest, VehicleReport, VehicleWish
-from uavrt.tunnel import (
+from uavrt.tunnel.motion import (
+    MotionConfirmation,
+    MotionState,
+    MotionStop,
+    encode_confirmation,
+    encode_state,
+    encode_stop,
+)
+from uavrt.tunnel.private import (
     MOTION_STATE_TYPE,
     MOTION_TYPE,
     RECEIPT_TYPE,
     SEALED_TYPE,
     SESSION_TYPE,
-    MotionConfirmation,
-    MotionState,
-    MotionStop,
     Receipt,
-    encode_confirmation,
-    encode_state,
-    encode_stop,
 )
 
 DRONE, CONFIRMER = (1, 191), (254, 190)

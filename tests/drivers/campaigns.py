@@ -17,8 +17,8 @@ from some import some
 
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
-from uavrt.mavlink import FrameParser, FrameWriter
 from uavrt.mavlink.dialect import MavCmd
+from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.simulation.flying import MODES, Flavour, Frame
 from uavrt.units import wrap_degrees_180

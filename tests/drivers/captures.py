@@ -13,10 +13,10 @@ from typing import Any
 from radio_world import SERIALS, TAG_HZ, RadioWorld
 
 from uavrt.clock import monotonic_s
-from uavrt.config import load_settings
+from uavrt.config.loader import load_settings
 from uavrt.messages import Command, CommandReply, ProcessStatus, StatusText, SystemStatus
-from uavrt.monitor import StatusReader, status_socket_path
-from uavrt.radio import open_recording
+from uavrt.monitor.reader import StatusReader, status_socket_path
+from uavrt.radio.opening import open_recording
 
 RATE_HZ = 250e3
 BYTES_A_SECOND = 4 * RATE_HZ

@@ -9,10 +9,11 @@ from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused
-from uavrt.guidance import now_of
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Order, VehicleNow
-from uavrt.mavlink import dialect, parse_address
+from uavrt.guidance.reports import now_of
+from uavrt.mavlink import dialect
+from uavrt.mavlink.address import parse_address
 from uavrt.messages import (
     Command,
     CommandReply,

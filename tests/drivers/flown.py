@@ -19,7 +19,7 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
 from uavrt.mavlink.wind import wind_of
-from uavrt.planning import Wind
+from uavrt.planning.vehicle import Wind
 from uavrt.simulation.flying import (
     DO_PAUSE_CONTINUE,
     MODES,

@@ -283,7 +283,8 @@ def dataflash(count: int = 60) -> bytes:
 
 
 def tlog(count: int = 60) -> bytes:
-    from uavrt.mavlink import FrameWriter, dialect
+    from uavrt.mavlink import dialect
+    from uavrt.mavlink.frame import FrameWriter
 
     writer = FrameWriter(1, 1)
     out = b""
@@ -544,26 +545,28 @@ def reader(place: str) -> Callable[[Path], object]:
     return read
 
 
-read_settings = reader("uavrt.config.load_settings")
-read_any_track = reader("uavrt.analysis.tracks.read_track")
-read_pulses = reader("uavrt.recording.formats.read_pulse_log")
-read_detector = reader("uavrt.recording.read_detector_config")
-read_bearings = reader("uavrt.recording.formats.read_bearing_file")
-read_positions = reader("uavrt.recording.formats.read_position_file")
+read_settings = reader("uavrt.config.loader.load_settings")
+read_any_track = reader("uavrt.analysis.tracks.recognised.read_track")
+read_pulses = reader("uavrt.recording.formats.recognise.read_pulse_log")
+read_detector = reader("uavrt.recording.detector_configs.read_detector_config")
+read_bearings = reader("uavrt.recording.formats.bearings_csv.read_bearing_file")
+read_positions = reader("uavrt.recording.formats.positions_csv.read_position_file")
 read_report_facts = reader("uavrt.analysis.facts.read_facts")
 read_manifest = reader("uavrt.batch.recordings.read_manifest")
 read_scenario_file = reader("uavrt.simulation.scenario_file.load_scenario")
 
 
 def read_tag_file(path: Path) -> object:
-    from uavrt.config import DetectionSettings, read_tags, words_of_near_codes
+    from uavrt.config.code_rules import words_of_near_codes
+    from uavrt.config.settings import DetectionSettings
+    from uavrt.config.tag_files import read_tags
 
     return words_of_near_codes(read_tags(path), DetectionSettings().frequency_window_hz)
 
 
 def import_tags(path: Path) -> object:
     from uavrt.foreign import TAGS, read_file
-    from uavrt.ground.web import tag_table
+    from uavrt.ground.store import tag_table
 
     files = {path.name: read_file(path, TAGS).decode("utf-8", "replace")}
     if path.suffix == ".db":
@@ -573,11 +576,11 @@ def import_tags(path: Path) -> object:
 
 
 def read_shape(path: Path) -> object:
-    from uavrt.analysis import read_places
-    from uavrt.config import read_text
+    from uavrt.analysis.coverage import read_places
+    from uavrt.config.text_files import read_text
     from uavrt.foreign import SHAPES
-    from uavrt.ground.link import area_of_file
-    from uavrt.guidance import keep_out_in
+    from uavrt.ground.link.flying import area_of_file
+    from uavrt.guidance.area_text import keep_out_in
 
     text = read_text(path, SHAPES)
     found: list[object] = [read_places(path, 60.0)]
@@ -589,13 +592,13 @@ def read_shape(path: Path) -> object:
 
 
 def read_heights(path: Path) -> object:
-    from uavrt.terrain import open_elevation
+    from uavrt.terrain.elevation_files import open_elevation
 
     return open_elevation(path).heights_m([47.5, 47.51], [8.5, 8.9])
 
 
 def read_map_file(path: Path) -> object:
-    from uavrt.analysis import maps_in, read_map
+    from uavrt.analysis.map_files import maps_in, read_map
 
     maps_in(path.parent)
     found = read_map(path)
@@ -603,7 +606,7 @@ def read_map_file(path: Path) -> object:
 
 
 def read_samples(path: Path) -> object:
-    from uavrt.radio import open_recording
+    from uavrt.radio.opening import open_recording
 
     if path.suffix == ".sigmf-meta":
         path.with_suffix(".sigmf-data").write_bytes(bytes(8 * 4800))
@@ -625,14 +628,14 @@ def read_update_file(path: Path) -> object:
 
 
 def read_whole_flight(path: Path) -> object:
-    from uavrt.recording import read_flight, read_health, read_search_notes
+    from uavrt.recording.flight_reader import read_flight, read_health, read_search_notes
 
     directory = path.parent
     return read_flight(directory), read_health(directory), read_search_notes(directory)
 
 
 def read_verdicts(path: Path) -> object:
-    from uavrt.recording import read_integrated
+    from uavrt.recording.integrated import read_integrated
 
     place = path.parent / "integrated"
     place.mkdir(exist_ok=True)

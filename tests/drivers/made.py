@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.attitude import from_euler_deg
+from uavrt.commands import SystemState
 from uavrt.config.settings import Settings
 from uavrt.detection.detector import PulseDetector
 from uavrt.guidance.mission import MissionItem
@@ -32,7 +33,6 @@ from uavrt.messages import (
     Pulse,
     PulsePose,
     SearchReport,
-    SystemState,
     SystemStatus,
     Tag,
 )
@@ -44,7 +44,7 @@ from uavrt.simulation.propagation import Propagation
 from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
-from uavrt.tunnel import TagG1
+from uavrt.tunnel.g1 import TagG1
 from uavrt_experiments.detection.signals import TruePulse, pulse_train
 
 FREQUENCY_HZ = 148.71e6

@@ -3,7 +3,9 @@
 import random
 from collections.abc import Callable
 
-from uavrt.mavlink import Message, MissionTransfer, Peer
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.mission_transfer import MissionTransfer
 from uavrt.simulation.fake_autopilot import Flavour
 from uavrt.simulation.mission_store import MissionStore
 

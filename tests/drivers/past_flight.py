@@ -11,8 +11,9 @@ import numpy as np
 
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import Pulse, PulsePose, Tag
+from uavrt.tangent_plane import TangentPlane
 
 TAG = made.tag(2, 148_712_000.0, 1.2, name="lynx")
 GAIN_DB = PATTERNS["RA-23K"].e_plane_db

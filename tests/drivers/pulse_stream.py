@@ -23,9 +23,11 @@ from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulseKey, PulsePose
-from uavrt.recording import read_flight, read_pulse_file
-from uavrt.tunnel import RECEIPT_TYPE, PulseG1, Receipt, payload_hash, pulse_from_wire
-from uavrt.tunnel.convert import pulse_to_wire
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.pulse_files import read_pulse_file
+from uavrt.tunnel.convert import pulse_from_wire, pulse_to_wire
+from uavrt.tunnel.g1 import PulseG1
+from uavrt.tunnel.private import RECEIPT_TYPE, Receipt, payload_hash
 
 REPEAT_S = 0.4
 BEAT_S = 0.3

@@ -26,11 +26,15 @@ from rich.console import Console
 
 from uavrt.clock import Clock
 from uavrt.computer.checks import check_radio
-from uavrt.config import RADIOS, RadioSettings, Settings, load_settings
+from uavrt.config.loader import load_settings
+from uavrt.config.radios import RADIOS
+from uavrt.config.settings import RadioSettings, Settings
 from uavrt.demo.programs import free_udp_port
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.messages import Pulse, StatusText, SystemStatus
-from uavrt.monitor import MonitorView, StatusReader, start_detection, status_socket_path
+from uavrt.monitor.operate import start_detection
+from uavrt.monitor.reader import StatusReader, status_socket_path
+from uavrt.monitor.view import MonitorView
 
 ANSWER_S = 40.0
 """Longest wait for a state; only a test that has failed waits so long."""

@@ -14,7 +14,8 @@ from tempfile import mkdtemp
 
 import pytest
 
-from uavrt.config import RADIOS, RadioSettings
+from uavrt.config.radios import RADIOS
+from uavrt.config.settings import RadioSettings
 
 DRIVERS = Path(__file__).parent
 TAG_HZ = 148_705_000.0

@@ -7,15 +7,12 @@ from typing import Any
 import made
 from pulses import pulse_at
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings, Settings
-from uavrt.messages import (
-    ProcessStatus,
-    SystemState,
-    SystemStatus,
-    Tag,
-)
-from uavrt.ros2 import TOPICS, encode
+from uavrt.messages import ProcessStatus, SystemStatus, Tag
+from uavrt.ros2.cdr import encode
 from uavrt.ros2.gateway import Gateway
+from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.inbox import Inbox
 from uavrt.ros2.messages import (
     DiagnosticArray,

@@ -17,8 +17,9 @@ from until import until
 
 from uavrt.clock import Clock
 from uavrt.config.settings import Settings
-from uavrt.ipc import Assignment, decode_record, encode_record
+from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
+from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import FlightInfo
 
 INTERFACES = Path(__file__).parents[2] / "ros" / "uavrt_interfaces" / "msg"

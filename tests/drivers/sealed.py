@@ -2,7 +2,7 @@
 
 from some import some
 
-from uavrt.tunnel import Gate, Sealer
+from uavrt.tunnel.gate import Gate, Sealer
 from uavrt.tunnel.seal import Place, SealKeeper, alive_of
 
 

@@ -16,7 +16,7 @@ from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.seeker import Choice, Equipment, Seeker
-from uavrt.localization import PATTERNS
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import Pulse, PulsePose, SearchNote, SearchReport, Tag
 from uavrt.simulation.flying import Flavour, FlyingVehicle, Frame
 

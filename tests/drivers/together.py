@@ -10,13 +10,18 @@ import numpy as np
 from flown import STEP_S
 from searched import Animal, Searched
 
-from uavrt.ground.link import GivenWays
-from uavrt.guidance import Choice, Company, Limits
-from uavrt.guidance.orders import Order, VehicleNow
+from uavrt.ground.link.given_ways import GivenWays
+from uavrt.guidance.company import Company
+from uavrt.guidance.orders import Limits, Order, VehicleNow
+from uavrt.guidance.seeker import Choice
 from uavrt.messages import Course, Neighbour
 from uavrt.simulation.flying import Flavour, Frame
-from uavrt.tunnel import decode_neighbour, encode_course, encode_neighbour
-from uavrt.tunnel.neighbours import decode_course
+from uavrt.tunnel.neighbours import (
+    decode_course,
+    decode_neighbour,
+    encode_course,
+    encode_neighbour,
+)
 
 HOME_M = 30.0
 """Nearer to the home of all they come down."""

@@ -88,7 +88,7 @@ def make_environment(environment: Path, wheel: Path) -> None:
         archive.extractall(place)
     script = environment / "bin/uavrt"
     script.write_text(
-        f"#!{environment}/bin/python\nfrom uavrt.cli import main\nmain()\n",
+        f"#!{environment}/bin/python\nfrom uavrt.cli.__main__ import main\nmain()\n",
         encoding="utf-8",
     )
     script.chmod(0o755)

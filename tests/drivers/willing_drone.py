@@ -9,7 +9,7 @@ from typing import Any
 
 from made import pose
 
-from uavrt.messages import SystemState
+from uavrt.commands import SystemState
 from uavrt.simulation.flying import is_motion
 from world import THESIS_TAG, World
 

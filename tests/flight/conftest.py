@@ -12,10 +12,9 @@ import pytest
 from uavrt.config.settings import Settings
 from uavrt.demo.programs import DemoPaths, Program
 from uavrt.demo.rig import Rig, starting_in
-from uavrt.monitor import StatusReader
-from uavrt.simulation import Scenario
+from uavrt.monitor.reader import StatusReader
 from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio
+from uavrt.simulation.scenario import Radio, Scenario
 
 THESIS_TAG = made.simulated_tag(
     interval_uncertainty_s=0.06,

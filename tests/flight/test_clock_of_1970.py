@@ -9,7 +9,8 @@ import msgspec
 import pytest
 from listening import Listening
 
-from uavrt.recording import flights_in_order, read_flight
+from uavrt.recording.flight_order import flights_in_order
+from uavrt.recording.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(150)
 

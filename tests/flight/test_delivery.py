@@ -15,11 +15,12 @@ import pytest
 from until import until_async as until
 
 from uavrt.clock import Clock
+from uavrt.commands import SystemState
 from uavrt.errors import LinkError
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.messages import BurstInside, PulsePose, SystemState
-from uavrt.recording import read_flight
+from uavrt.messages import BurstInside, PulsePose
+from uavrt.recording.flight_reader import read_flight
 
 CODED_TAG = made.simulated_tag(
     30,

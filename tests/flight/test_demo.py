@@ -12,7 +12,7 @@ import pytest
 from command_line import started
 
 from uavrt.errors import UavrtError
-from uavrt.recording import read_flight
+from uavrt.recording.flight_reader import read_flight
 
 CODED = {"12": (0.022, 0.0488, 0.0366), "14": (0.0317, 0.0268, 0.0561)}
 

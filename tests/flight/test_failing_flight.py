@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from uavrt.clock import Clock
+from uavrt.commands import SystemState
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store import GroundStore
-from uavrt.messages import SystemState
-from uavrt.recording import read_flight
+from uavrt.ground.store.settings import GroundStore
+from uavrt.recording.flight_reader import read_flight
 
 WITHIN_S = 5.0
 

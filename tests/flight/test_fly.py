@@ -22,9 +22,10 @@ from tests.flight.conftest import Drone, DroneBay, hovering_scenario
 
 from uavrt.config.settings import GuidanceSettings
 from uavrt.demo.programs import Program, free_udp_port
-from uavrt.mavlink import FrameParser, FrameWriter, dialect
-from uavrt.simulation import Scenario
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.simulation.flying import MODES, Flavour
+from uavrt.simulation.scenario import Scenario
 
 pytestmark = pytest.mark.timeout(240)
 OURS = "1/191"

@@ -13,10 +13,11 @@ import sigmf
 from command_line import started
 
 from uavrt.config.settings import IntegrationSettings
-from uavrt.recording import read_flight, read_health, read_integrated
-from uavrt.simulation import Scenario, World
+from uavrt.recording.flight_reader import read_flight, read_health
+from uavrt.recording.integrated import read_integrated
 from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio, SimulatedTag
+from uavrt.simulation.scenario import Radio, Scenario, SimulatedTag
+from uavrt.simulation.world import World
 
 pytestmark = pytest.mark.full_rate
 

@@ -8,12 +8,13 @@ import pytest
 from command_line import started
 from rich.console import Console
 
-from uavrt.config import write_tags
+from uavrt.commands import SystemState
 from uavrt.config.settings import MavlinkSettings, RecordingSettings
+from uavrt.config.tag_files import write_tags
 from uavrt.errors import CommandRefused
-from uavrt.messages import SystemState
-from uavrt.monitor import MonitorView, start_detection, stop_detection
-from uavrt.recording import read_flight
+from uavrt.monitor.operate import start_detection, stop_detection
+from uavrt.monitor.view import MonitorView
+from uavrt.recording.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(150)
 

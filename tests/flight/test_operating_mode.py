@@ -11,7 +11,8 @@ import pytest
 from until import until
 
 from uavrt.config.settings import DetectionSettings, Shape
-from uavrt.recording import FlightLayout, read_detector_config
+from uavrt.recording.detector_configs import read_detector_config
+from uavrt.recording.layout import FlightLayout
 
 pytestmark = pytest.mark.timeout(90)
 

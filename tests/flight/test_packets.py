@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from uavrt_experiments.packets import fly
+from uavrt_experiments.packets.flight import fly
 
 
 @pytest.mark.timeout(150)

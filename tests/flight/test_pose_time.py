@@ -23,10 +23,9 @@ from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import PulsePose
-from uavrt.recording import read_flight
-from uavrt.simulation import Scenario
+from uavrt.recording.flight_reader import read_flight
 from uavrt.simulation.flight import Flight, Leg
-from uavrt.simulation.scenario import Radio
+from uavrt.simulation.scenario import Radio, Scenario
 
 SITE = """
 import os, sys, time

@@ -14,14 +14,14 @@ import pytest
 from until import until_async as until
 
 from uavrt.clock import Clock
+from uavrt.commands import CommandId, SystemState
 from uavrt.errors import CommandRefused
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.protocol import DroneHeartbeat, GroundEvent, OperationStep
 from uavrt.mavlink.signing import read_signing_key
-from uavrt.messages import PulsePose, StatusText, SystemState
+from uavrt.messages import PulsePose, StatusText
 from uavrt.simulation.scenario import Scenario
-from uavrt.supervisor.tree.usage import children_of
-from uavrt.tunnel import CommandId
+from uavrt.supervisor.start.usage import children_of
 from uavrt.tunnel.g2 import COMPLETE
 from uavrt.tunnel.seal import read_key
 

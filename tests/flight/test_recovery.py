@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from uavrt_experiments.recovery import Plan, run_recovery
-from uavrt_experiments.recovery.run import BURST_NAMES
-from uavrt_experiments.resources import Plan as ResourcePlan
-from uavrt_experiments.resources import run_resources
+from uavrt_experiments.recovery.run import BURST_NAMES, Plan, run_recovery
 from uavrt_experiments.resources.report import SAMPLES_LIMIT_MB_H, WRITTEN_LIMIT_MB_H
+from uavrt_experiments.resources.run import Plan as ResourcePlan
+from uavrt_experiments.resources.run import run_resources
 
 pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(400)]
 

@@ -14,9 +14,10 @@ from some import some
 from tests.flight.test_delivery import CODED_TAG
 from until import until
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings
-from uavrt.messages import SystemState, SystemStatus
-from uavrt.recording import read_flight
+from uavrt.messages import SystemStatus
+from uavrt.recording.flight_reader import read_flight
 from uavrt.ros2.convert import tag_to_ros
 
 pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(150)]

@@ -26,12 +26,12 @@ import pytest
 from until import until
 
 from uavrt.clock import Clock
-from uavrt.config import write_tags
 from uavrt.config.settings import Ros2Settings
+from uavrt.config.tag_files import write_tags
 from uavrt.demo.programs import free_udp_port
 from uavrt.messages import PulseKey, PulsePose, Recorded, SystemStatus
 from uavrt.radio.channel_datagram import SAMPLES, encode_channel_datagram
-from uavrt.recording import read_flight
+from uavrt.recording.flight_reader import read_flight
 
 pytestmark = pytest.mark.timeout(150)
 

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 from until import until
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import Ros2Settings
-from uavrt.messages import SystemState, SystemStatus, Tag
+from uavrt.messages import SystemStatus, Tag
 from uavrt.ros2.convert import tag_to_ros
 
 pytestmark = [pytest.mark.timeout(150)]

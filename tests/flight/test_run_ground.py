@@ -14,9 +14,10 @@ from typing import Any
 
 import pytest
 
-from uavrt.ground.web.tag_table import rows_from_tags
-from uavrt.recording import flights_in_order, read_flight
-from uavrt.simulation import write_scenario
+from uavrt.ground.store.tag_table import rows_from_tags
+from uavrt.recording.flight_order import flights_in_order
+from uavrt.recording.flight_reader import read_flight
+from uavrt.simulation.scenario_file import write_scenario
 
 pytest.importorskip("starlette")
 

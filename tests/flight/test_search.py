@@ -23,9 +23,11 @@ from until import until
 
 from uavrt.geodesy import distance_m
 from uavrt.messages import SearchNote
-from uavrt.recording import read_search_notes
-from uavrt.simulation import Antenna, Flight, Radio, Scenario
+from uavrt.recording.flight_reader import read_search_notes
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight
 from uavrt.simulation.flying import Flavour
+from uavrt.simulation.scenario import Radio, Scenario
 from uavrt_experiments.resources.usage import pss_mb
 
 pytestmark = pytest.mark.timeout(300)

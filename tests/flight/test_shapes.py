@@ -2,7 +2,7 @@
 
 import pytest
 
-from uavrt_experiments.resources import run_shapes
+from uavrt_experiments.resources.run import run_shapes
 
 pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(300)]
 

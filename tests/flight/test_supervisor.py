@@ -12,8 +12,8 @@ import pytest
 
 from uavrt.config.settings import MavlinkSettings
 from uavrt.messages import SystemStatus
-from uavrt.recording import read_flight
-from uavrt.supervisor.tree.usage import children_of
+from uavrt.recording.flight_reader import read_flight
+from uavrt.supervisor.start.usage import children_of
 
 pytestmark = pytest.mark.timeout(150)
 

@@ -22,7 +22,8 @@ from update_maker import (
 
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
-from uavrt.simulation import demo_scenario, write_scenario
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.scenario_file import write_scenario
 
 pytestmark = pytest.mark.timeout(240)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavrt.blas import blas_environment
-from uavrt.supervisor.tree.launcher import Launcher
+from uavrt.supervisor.start.launcher import Launcher
 
 
 def test_processes_of_a_flight_compute_as_the_command_line_does(

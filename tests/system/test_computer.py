@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from tests.unit.test_computer import PLAN, bench_settings
 
-from uavrt.computer import examine
+from uavrt.computer.checks import examine
 from uavrt.computer.service import unit_text
 from uavrt.demo.programs import free_udp_port
 

@@ -9,7 +9,7 @@ import pytest
 BUSY_MOMENT = """
 import os
 from uavrt.heap import TRIM_PERIOD_S, HeapKeeper
-from uavrt.supervisor.tree.usage import own_usage
+from uavrt.supervisor.start.usage import own_usage
 
 kept = 2_000  # bytes; too large for Python's own pools, too small to be mapped by itself
 keeper = HeapKeeper(0.0)

@@ -16,8 +16,9 @@ from command_line import program
 from update_maker import make_key
 
 from uavrt.cli.run_ground import OWN_COMPONENT
-from uavrt.computer import FirstSetup
-from uavrt.config import RADIOS, load_settings, write_default_settings
+from uavrt.computer.first_setup import FirstSetup
+from uavrt.config.loader import load_settings, write_default_settings
+from uavrt.config.radios import RADIOS
 
 IMAGE = Path(__file__).parents[2] / "deploy/image"
 TOOLS = ("sfdisk", "mkfs.ext4", "mkfs.vfat", "mcopy", "debugfs")

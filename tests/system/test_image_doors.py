@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from uavrt.cli import update as command
-from uavrt.computer import FirstSetup
-from uavrt.config import write_default_settings
+from uavrt.computer.first_setup import FirstSetup
+from uavrt.config.loader import write_default_settings
 
 CONFIGURE = Path(__file__).parents[2] / "deploy/image/configure-root.sh"
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIEaKyE+4fVp0Z3mB0xwPq1nQ7aBcDeFgHiJkLmNoPqRs tom@hut"

@@ -18,9 +18,9 @@ import pytest
 from command_line import started
 
 from uavrt.errors import ConfigError
-from uavrt.localization import PATTERNS, AntennaPattern
+from uavrt.localization.antenna import PATTERNS, AntennaPattern
 from uavrt.plugins import Registry
-from uavrt.recording import read_flight
+from uavrt.recording.flight_reader import read_flight
 
 EXTENSION = Path(__file__).parents[1] / "extension"
 Uavrt = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -29,11 +29,13 @@ from update_maker import (
     write_wheel,
 )
 
-from uavrt.computer import Installation, Needs, Seen, Trial, Verdict, require_still, update
-from uavrt.computer.trial import ARMED
+from uavrt.commands import SystemState
+from uavrt.computer import update
+from uavrt.computer.trial import ARMED, Needs, Seen, Trial, Verdict, require_still
 from uavrt.computer.update_file import read_update, unpack_wheels, version_key
+from uavrt.computer.versions import Installation
 from uavrt.errors import FormatError, UavrtError, UsageError
-from uavrt.messages import Poses, SystemState, SystemStatus
+from uavrt.messages import Poses, SystemStatus
 
 ALL = Needs(heartbeat=True, poses=True)
 

@@ -12,8 +12,18 @@ from hypothesis import strategies as st
 from virtual_time import VirtualClock
 
 from uavrt.cli.app import app
-from uavrt.computer import ServicePlan, checks, install, remove, status
-from uavrt.computer.service import RULE_PATH, UNIT_PATH, WANTED_PATH, rule_text, unit_text
+from uavrt.computer import checks
+from uavrt.computer.service import (
+    RULE_PATH,
+    UNIT_PATH,
+    WANTED_PATH,
+    ServicePlan,
+    install,
+    remove,
+    rule_text,
+    status,
+    unit_text,
+)
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.messages import ProcessStatus
 

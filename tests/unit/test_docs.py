@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from uavrt.cli.app import app
-from uavrt.config import load_settings, read_tags
+from uavrt.config.loader import load_settings
 from uavrt.config.settings import Settings
+from uavrt.config.tag_files import read_tags
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts)

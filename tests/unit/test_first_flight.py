@@ -6,8 +6,10 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.computer import Bench, Finding, FlightFacts, first_flight
-from uavrt.messages import Pose, Poses, PulsePose, SearchReport, SystemState
+from uavrt.commands import SystemState
+from uavrt.computer.bench import Bench, FlightFacts, first_flight
+from uavrt.computer.finding import Finding
+from uavrt.messages import Pose, Poses, PulsePose, SearchReport
 
 SECOND = 1_000_000_000
 NOW_NS = 1_000 * SECOND

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import Pulse
-from uavrt.monitor import MonitorView
+from uavrt.monitor.view import MonitorView
 from uavrt.recording.outline import HeardTag
 
 PULSE = made.pulse(

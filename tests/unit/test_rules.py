@@ -1,10 +1,12 @@
 """Rules of the house that no linter knows."""
 
 import ast
+import tomllib
 from collections.abc import Iterator
 from functools import cache
-from graphlib import TopologicalSorter
 from pathlib import Path
+
+from uavrt.supervisor.tree.shapes import SHAPES
 
 SOURCE = Path(__file__).parents[2] / "src/uavrt"
 OWN_ARITHMETIC = ("simulation", "units.py", "dialect")
@@ -114,18 +116,11 @@ def test_nothing_is_cited_that_a_reader_cannot_open() -> None:
     assert not found
 
 
-def test_no_module_imports_one_that_imports_it() -> None:
-    """Also not within a function; what a package offers is imported when it is asked for."""
-    files = {
-        path.relative_to(SOURCE.parent).with_suffix("").as_posix().replace("/", "."): nodes
-        for path, nodes in nodes_of_all().items()
-        if path.name != "__init__.py"
-    }
-    needs: dict[str, set[str]] = {}
-    for name, nodes in files.items():
-        imported = [node for node in nodes if isinstance(node, ast.ImportFrom)]
-        candidates = {f"{node.module}.{one.name}" for node in imported for one in node.names}
-        candidates |= {node.module or "" for node in imported}
-        needs[name] = candidates & files.keys()
-    assert len(needs) > 500
-    assert len(list(TopologicalSorter(needs).static_order())) == len(needs)
+def test_the_contract_of_independence_names_every_process() -> None:
+    project = tomllib.loads((SOURCE.parents[1] / "pyproject.toml").read_text())
+    contracts = project["tool"]["importlinter"]["contracts"]
+    (independent,) = (one for one in contracts if one["type"] == "independence")
+    rows = {row.module for rows in SHAPES.values() for row in rows}
+    processes = {module for module in rows if module.startswith("uavrt.processes.")}
+    made_of_others = {"uavrt.processes.chain", "uavrt.processes.decimator"}
+    assert set(independent["modules"]) == processes - made_of_others

@@ -6,8 +6,7 @@ import pytest
 from command_line import uavrt
 
 from uavrt.cli import service
-from uavrt.computer import ServicePlan
-from uavrt.computer.service import UNIT_PATH, unit_text, update_unit_text
+from uavrt.computer.service import UNIT_PATH, ServicePlan, unit_text, update_unit_text
 
 
 @pytest.fixture

@@ -14,14 +14,14 @@ import socket
 from collections.abc import Awaitable, Callable, Mapping
 
 from uavrt.config.settings import Settings
-from uavrt.ipc import LINK_VARIABLE, ProcessFrame
-from uavrt.ipc.link import ChildLink
+from uavrt.ipc.link import LINK_VARIABLE, ChildLink
+from uavrt.ipc.process import ProcessFrame
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.processes.guide import TICK_S, Guide
 from uavrt.processes.recorder import TURN_S, Recorder
 from uavrt.processes.thinker import Thinker
 from uavrt.supervisor.core import Supervisor
-from uavrt.supervisor.tree.launcher import Launcher
+from uavrt.supervisor.start.launcher import Launcher
 
 Program = Callable[[ProcessFrame], Awaitable[None]]
 """Serves as one process of the table until its frame stops."""

@@ -53,7 +53,8 @@ from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store.settings import GroundStore
 from uavrt.guidance.authority import Standing
-from uavrt.ipc import ProcessFrame, decode_record
+from uavrt.ipc.process import ProcessFrame
+from uavrt.ipc.topics import decode_record
 from uavrt.messages import Beep, Command, Health, Pose, Pulse, Tag, VehicleReport
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.supervisor.program import start_commands

@@ -8,12 +8,10 @@ from typing import get_args
 
 from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna, flight_settings
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import (
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern
+from uavrt.localization.bearing.estimate import ADDED_METHODS
+from uavrt.localization.flight_estimates import (
     LEAST_TURNS,
-    MONOPOLE,
-    AntennaPattern,
-    BearingMethod,
-    Heard,
     HeardInTurn,
     ReadAs,
     TagBearing,
@@ -22,18 +20,15 @@ from uavrt.localization import (
     heard_in_turns,
     teaching,
 )
-from uavrt.localization.bearing.estimate import ADDED_METHODS
+from uavrt.localization.heard import Heard
+from uavrt.localization.results import BearingMethod
 from uavrt.messages import PulsePose
-from uavrt.recording import (
-    Flight,
-    FlightLayout,
-    flights_in_order,
-    flown_before,
-    flown_name,
-    read_flight,
-    vehicle_of,
-)
-from uavrt.recording.formats import WITHOUT_HEADINGS, PulseLog, read_pulse_log
+from uavrt.recording.flight_order import flights_in_order, flown_before, flown_name
+from uavrt.recording.flight_reader import Flight, read_flight
+from uavrt.recording.formats.log import WITHOUT_HEADINGS, PulseLog
+from uavrt.recording.formats.recognise import read_pulse_log
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.places import vehicle_of
 
 NO_BEARINGS_FROM_THESE = (
     "No bearing is computed from these poses; detect again in a recording with the poses of "

@@ -11,32 +11,26 @@ from numpy.typing import NDArray
 from uavrt.analysis.flight_noise import FlightNoise
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.listening import Stretch, missing_in_words, within
-from uavrt.config import AntennaSettings, read_text
+from uavrt.config.settings import AntennaSettings
+from uavrt.config.text_files import read_text
 from uavrt.errors import RecordingError, UsageError
 from uavrt.foreign import SHAPES
-from uavrt.guidance import area_in, way_in
-from uavrt.localization import (
-    MONOPOLE,
-    AntennaPattern,
-    Headings,
-    PoseColumns,
-    apart_in_words,
-)
+from uavrt.guidance.area_text import area_in
+from uavrt.guidance.way_text import way_in
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern
+from uavrt.localization.headings import Headings
+from uavrt.localization.heard import PoseColumns, apart_in_words
 from uavrt.messages import Tag
-from uavrt.planning import (
-    LEAST_PULSES,
-    Coverage,
-    LinkBudget,
-    ListeningWay,
-    Polygon,
-    coverage_of,
-    listening_way,
-    survey_lines,
-)
-from uavrt.pose import Mounting
-from uavrt.recording import Flight, SearchedFor
+from uavrt.planning.area import Polygon, survey_lines
+from uavrt.planning.coverage import Coverage, ListeningWay, coverage_of, listening_way
+from uavrt.planning.link_budget import LinkBudget
+from uavrt.planning.whole_flight import LEAST_PULSES
+from uavrt.pose.mounting import Mounting
+from uavrt.recording.flight_reader import Flight
+from uavrt.recording.integrated import SearchedFor
 from uavrt.tangent_plane import TangentPlane, plane_around
-from uavrt.terrain import Elevation, GroundGrid, ground_grid
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.squares import GroundGrid, ground_grid
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _Floats = NDArray[np.float64]

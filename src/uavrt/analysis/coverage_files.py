@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.analysis.export import chance, geotiff_bytes, png_bytes
+from uavrt.analysis.export.geotiff import geotiff_bytes
+from uavrt.analysis.export.png import chance, png_bytes
 from uavrt.analysis.silence import SilentMap
-from uavrt.localization import PositionGrid
-from uavrt.planning import Coverage
-from uavrt.recording import Flight
+from uavrt.localization.results import PositionGrid
+from uavrt.planning.coverage import Coverage
+from uavrt.recording.flight_reader import Flight
 from uavrt.recording.formats.whole_file import write_whole
 
 
@@ -58,7 +59,7 @@ def _picture(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
     """A map as a report draws it; without what draws reports its squares alone."""
     if find_spec("matplotlib") is None:
         return png_bytes(chance(coverage.heard[::-1]))
-    from uavrt.analysis.report import coverage_png
+    from uavrt.analysis.report.silences import coverage_png
 
     return coverage_png(coverage, way)
 

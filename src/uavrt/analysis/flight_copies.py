@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError
-from uavrt.recording import FlightOutline, read_pulse_levels
+from uavrt.recording.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
 """Share of the pulses of the shorter copy that the other has, too: the ground station may have

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import RecordingError
-from uavrt.localization import PoseColumns
-from uavrt.recording import Flight, read_flight, read_search_reports
+from uavrt.localization.heard import PoseColumns
+from uavrt.recording.flight_reader import Flight, read_flight, read_search_reports
 
 _ON_GROUND_M = 2.0
 _LEAST = 3

@@ -25,15 +25,17 @@ from uavrt.analysis.whole_flight import (
     judged_tag,
     searched_for,
 )
-from uavrt.dsp import FrontEnd
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import FormatError
-from uavrt.integration import GrowingEnergies, SlotEnergies
-from uavrt.localization import AntennaPattern
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.growing import GrowingEnergies
+from uavrt.localization.antenna import AntennaPattern
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.planning import LEAST_PULSES
-from uavrt.radio import JoinedRecording, sigmf_layout
-from uavrt.recording import read_flight
-from uavrt.terrain import Elevation
+from uavrt.planning.whole_flight import LEAST_PULSES
+from uavrt.radio.joined import JoinedRecording
+from uavrt.radio.sigmf import sigmf_layout
+from uavrt.recording.flight_reader import read_flight
+from uavrt.terrain.elevation import Elevation
 
 
 class FlightSoFar:

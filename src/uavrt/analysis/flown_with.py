@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import msgspec
 
-from uavrt.config import AntennaSettings, Settings
+from uavrt.config.settings import AntennaSettings, Settings
 from uavrt.errors import UsageError
-from uavrt.localization import MONOPOLE, PATTERNS
-from uavrt.recording import Flight
+from uavrt.localization.antenna import MONOPOLE, PATTERNS
+from uavrt.recording.flight_reader import Flight
 
 USUAL_ANTENNA = "RA-23K"
 """Of what does not tell its antenna; the system's first drone had it."""

@@ -8,8 +8,10 @@ import numpy as np
 
 from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words
 from uavrt.errors import RecordingError
-from uavrt.integration import even_time_s, pulse_weights, told_energies
-from uavrt.recording import FlightFold
+from uavrt.integration.drifting import even_time_s
+from uavrt.integration.heard_train import told_energies
+from uavrt.integration.whole_flight import pulse_weights
+from uavrt.recording.integrated import FlightFold
 
 _ROWS: Final = 32
 """Sums of pulses from top to bottom, at most."""
@@ -36,7 +38,8 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
     RecordingError
         They cannot be written.
     """
-    from uavrt.analysis.report import TAG_COLORS, draw_fold, new_figure, styled
+    from uavrt.analysis.report.folds import draw_fold
+    from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled
 
     written = []
     with styled():

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config import GAP_TOLERANCE_S
+from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.identity import in_step, likeliest
 from uavrt.errors import UsageError
 from uavrt.messages import PulsePose, Tag

@@ -14,17 +14,14 @@ from uavrt.analysis.listening import listened_in
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.whole_flight import LEAST_PART, IntegratedTag
 from uavrt.clock import iso_intervals
-from uavrt.config import AntennaSettings
-from uavrt.integration import HeardTrain, PlaceBelief, SlotEvidence, slot_evidence
+from uavrt.config.settings import AntennaSettings
+from uavrt.integration.heard_train import HeardTrain
+from uavrt.integration.single_slots import SlotEvidence, slot_evidence
+from uavrt.integration.train_place import PlaceBelief
 from uavrt.messages import Pulse, PulsePose
-from uavrt.processes import REACH_NS, made_up
-from uavrt.recording import (
-    Flight,
-    IntegratedPart,
-    IntegratedVerdict,
-    Ring,
-    write_integrated,
-)
+from uavrt.processes.missing_poses import REACH_NS, made_up
+from uavrt.recording.flight_reader import Flight
+from uavrt.recording.integrated import IntegratedPart, IntegratedVerdict, Ring, write_integrated
 from uavrt.units import db_from_power, ns_from_s
 
 _DECIMALS = 7

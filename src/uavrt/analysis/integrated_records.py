@@ -9,8 +9,9 @@ from uavrt.analysis.hindsight import parts_of, rings_of, slots_of
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.whole_flight import IntegratedTag
 from uavrt.clock import iso_utc
-from uavrt.integration import OtherTrain, PlaceBelief
-from uavrt.recording import IntegratedPart, Ring
+from uavrt.integration.judging import OtherTrain
+from uavrt.integration.train_place import PlaceBelief
+from uavrt.recording.integrated import IntegratedPart, Ring
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""A whole flight judged from arrays: ``uavrt.localization.integrate``."""
+"""A whole flight judged from arrays: ``uavrt.analysis.integrated_samples.integrate``."""
 
 from collections.abc import Sequence
 
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from uavrt.analysis.integrated_records import IntegratedRecord, integrated_record
 from uavrt.analysis.whole_flight import integrate_flight
 from uavrt.errors import UsageError
-from uavrt.localization import AntennaPattern, pattern_named
+from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, FlightInfo, IQBlock, Pose, Tag
-from uavrt.recording import Flight
-from uavrt.terrain import Elevation
+from uavrt.recording.flight_reader import Flight
+from uavrt.terrain.elevation import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _BLOCK = 262_144
@@ -106,7 +106,7 @@ def integrate(
     most_drift : float
         Largest relative change of the interval over the flight, up or down.
     elevation : Elevation, optional
-        Heights of the ground (`uavrt.terrain.open_elevation`); None is level.
+        Heights of the ground (`uavrt.terrain.elevation_files.open_elevation`); None is level.
 
     Returns
     -------

@@ -15,15 +15,16 @@ from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
 from uavrt.analysis.hindsight import save_integrated
 from uavrt.analysis.whole_flight import IntegratedTag
 from uavrt.clock import cpu_s, monotonic_s
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError, UsageError
-from uavrt.integration import BLOCK_S
-from uavrt.ipc import ProcessFrame
-from uavrt.localization import pattern_named
+from uavrt.integration.growing import BLOCK_S
+from uavrt.ipc.process import ProcessFrame
+from uavrt.localization.antenna import pattern_named
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, Tag
-from uavrt.recording import read_flight
-from uavrt.terrain import Elevation, open_elevation
+from uavrt.recording.flight_reader import read_flight
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.elevation_files import open_elevation
 
 log = get_logger()
 

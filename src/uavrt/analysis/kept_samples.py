@@ -7,11 +7,13 @@ from pathlib import Path
 
 from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.localization import AntennaPattern
+from uavrt.localization.antenna import AntennaPattern
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.radio import JoinedRecording, sigmf_layout
-from uavrt.recording import Flight, FlightLayout
-from uavrt.terrain import Elevation
+from uavrt.radio.joined import JoinedRecording
+from uavrt.radio.sigmf import sigmf_layout
+from uavrt.recording.flight_reader import Flight
+from uavrt.recording.layout import FlightLayout
+from uavrt.terrain.elevation import Elevation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

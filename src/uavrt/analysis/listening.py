@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.integration import SlotEnergies
-from uavrt.localization import PoseColumns
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.localization.heard import PoseColumns
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 Stretch = tuple[int, int]

@@ -5,7 +5,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from uavrt.clock import iso_utc
-from uavrt.recording.formats import PulseLog
+from uavrt.recording.formats.log import PulseLog
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _APART_S = 1800.0

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.foreign import MAP_PART, read_json, require_plain_file
-from uavrt.recording import watch
+from uavrt.recording.plain_database import watch
 
 SUFFIXES = (".pmtiles", ".mbtiles")
 RASTERS = ("png", "jpg", "webp")

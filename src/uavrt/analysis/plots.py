@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import Waterfall
-from uavrt.detection.beeps import Beat, fit_beat
+from uavrt.analysis.measure.waterfall import Waterfall
+from uavrt.detection.beeps.interval_fit import Beat, fit_beat
 from uavrt.errors import RecordingError, needs_extra
 from uavrt.messages import ChannelBlock, DetectionStatus, Pulse, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND

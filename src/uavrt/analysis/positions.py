@@ -19,38 +19,27 @@ from uavrt.analysis.flight_copies import SAME_PULSES
 from uavrt.analysis.log_clocks import clock_doubts
 from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    MONOPOLE,
+from uavrt.localization.antenna import MONOPOLE
+from uavrt.localization.flight_estimates import (
     ONE_FLIGHT_S,
     Found,
-    Heard,
-    OverGround,
-    Position,
-    PositionMethod,
     ReadAs,
-    Stations,
     TagPosition,
-    estimate_position,
     found_of,
     place,
     stands,
     survey,
 )
-from uavrt.localization.position.estimate import ADDED_METHODS
+from uavrt.localization.heard import Heard, OverGround
+from uavrt.localization.position.estimate import ADDED_METHODS, estimate_position
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.results import Position, PositionMethod
 from uavrt.messages import PulsePose
-from uavrt.recording.formats import (
-    ORIGINAL_POSES,
-    BearingRow,
-    TargetEstimate,
-    cells_of,
-    pulse_logs_in,
-    read_bearing_file,
-    read_lines,
-    read_position_file,
-    read_ucsd_estimates,
-    tag_numbers,
-    with_commas,
-)
+from uavrt.recording.formats.bearings_csv import BearingRow, read_bearing_file
+from uavrt.recording.formats.positions_csv import read_position_file
+from uavrt.recording.formats.recognise import ORIGINAL_POSES, pulse_logs_in
+from uavrt.recording.formats.text import cells_of, read_lines, with_commas
+from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, tag_numbers
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _FIRST_LINES = 100

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    Position,
-    PowerTrack,
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.strongest import (
     SignalSection,
     SignalSurface,
     StrongestSignal,
@@ -23,6 +22,7 @@ from uavrt.localization import (
     signal_surface,
     strongest_signal,
 )
+from uavrt.localization.results import Position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -5,7 +5,7 @@ from typing import Any
 
 from uavrt.analysis.measure.shapes import remarks_of
 from uavrt.clock import iso_utc
-from uavrt.localization import TagBearing, TagPosition
+from uavrt.localization.flight_estimates import TagBearing, TagPosition
 
 _OF_BEARING = (
     *("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambiguous"),

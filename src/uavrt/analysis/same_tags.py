@@ -11,9 +11,10 @@ from itertools import count, pairwise
 
 import numpy as np
 
-from uavrt.localization import LEAST_TAG_HZ, OTHER_TAG_HZ
+from uavrt.localization.flight_estimates import OTHER_TAG_HZ
+from uavrt.localization.heard import LEAST_TAG_HZ
 from uavrt.messages import PulsePose, Tag
-from uavrt.recording.formats import NUMBERED_BY_FREQUENCY, PulseLog
+from uavrt.recording.formats.log import NUMBERED_BY_FREQUENCY, PulseLog
 
 _SAME_HZ = 2_000.0
 """What two receivers measure of one tag's frequency differs by less."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from uavrt.analysis.flight_copies import CopiesOfFlight, may_be_one_vehicle, without_copies
 from uavrt.errors import FormatError
 from uavrt.messages import Tag
-from uavrt.recording import FlightOutline, read_outline
+from uavrt.recording.outline import FlightOutline, read_outline
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHANGED_PERCENT = 10

@@ -15,28 +15,16 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.whole_flight import IntegratedTag, antenna_poses, hills_under
 from uavrt.errors import ConfigError, UsageError
-from uavrt.integration import (
-    FoldedTrain,
-    HeardTrain,
-    JointTrain,
-    Listened,
-    PlaceBelief,
-    Places,
-    common_gains,
-    distinct,
-    place_belief,
-    places_around,
-    pulse_weights,
-    search_together,
-    told_share,
-    train_evidence,
-    train_pulses,
-)
-from uavrt.localization import AntennaPattern
+from uavrt.integration.heard_train import HeardTrain, train_pulses
+from uavrt.integration.places import Places, common_gains, distinct, places_around
+from uavrt.integration.together import JointTrain, Listened, search_together
+from uavrt.integration.train_place import PlaceBelief, place_belief, told_share, train_evidence
+from uavrt.integration.whole_flight import FoldedTrain, pulse_weights
+from uavrt.localization.antenna import AntennaPattern
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.recording import Flight
+from uavrt.recording.flight_reader import Flight
 from uavrt.tangent_plane import plane_around
-from uavrt.terrain import Elevation
+from uavrt.terrain.elevation import Elevation
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0

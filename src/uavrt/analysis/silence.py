@@ -24,18 +24,18 @@ from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
 from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
 from uavrt.clock import parse_iso_intervals
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.localization import PATTERNS, pattern_named
+from uavrt.localization.antenna import PATTERNS, pattern_named
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.planning import Coverage, LinkBudget
-from uavrt.recording import (
-    Flight,
+from uavrt.planning.coverage import Coverage
+from uavrt.planning.link_budget import LinkBudget
+from uavrt.recording.flight_reader import Flight, read_search_reports
+from uavrt.recording.integrated import (
     IntegratedVerdict,
     SearchedFor,
     SilentAround,
     read_integrated,
-    read_search_reports,
 )
-from uavrt.terrain import Elevation
+from uavrt.terrain.elevation import Elevation
 
 LEVEL_SIGMA_DB = 3.0
 SURE = 0.9

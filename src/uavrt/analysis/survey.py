@@ -19,9 +19,8 @@ from uavrt.analysis.facts import Facts, facts_of
 from uavrt.analysis.map_files import MapFile
 from uavrt.analysis.power_survey import TagSignal, signal_of
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import (
-    MONOPOLE,
-    AntennaPattern,
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern
+from uavrt.localization.flight_estimates import (
     Estimated,
     Found,
     HeardInTurn,
@@ -42,21 +41,22 @@ from uavrt.messages import (
     StatusText,
     Tag,
 )
-from uavrt.recording import (
+from uavrt.recording.flight_reader import (
     Flight,
-    FlightFold,
-    IntegratedVerdict,
-    Mark,
-    places_of,
     read_beeps,
-    read_folds,
     read_health,
-    read_integrated,
     read_search_notes,
     read_search_reports,
-    vehicle_of,
 )
-from uavrt.recording.formats import ORIGINAL_POSES, LogKind
+from uavrt.recording.formats.log import LogKind
+from uavrt.recording.formats.recognise import ORIGINAL_POSES
+from uavrt.recording.integrated import (
+    FlightFold,
+    IntegratedVerdict,
+    read_folds,
+    read_integrated,
+)
+from uavrt.recording.places import Mark, places_of, vehicle_of
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from uavrt.analysis.whole_flight import POSITION_M
-from uavrt.integration import PlaceBelief
-from uavrt.recording import IntegratedPart, IntegratedVerdict
+from uavrt.integration.train_place import PlaceBelief
+from uavrt.recording.integrated import IntegratedPart, IntegratedVerdict
 
 ALL_ROUND_DEG = 330.0
 """A wider arc is no direction."""

@@ -14,33 +14,25 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.analysis.listening import limits_of, with_poses
-from uavrt.config import AntennaSettings
-from uavrt.dsp import FrontEnd
+from uavrt.config.settings import AntennaSettings
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import ConfigError, FormatError, RecordingError
-from uavrt.integration import (
-    FoldedTrain,
-    HeardTrain,
-    OtherTrain,
-    PlaceBelief,
-    Places,
-    SlotEnergies,
-    TrainPulses,
-    distinct,
-    gather,
-    judge,
-    place_belief,
-    places_around,
-    pulse_weights,
-    slot_energies,
-    train_pulses,
-)
-from uavrt.localization import AntennaPattern, OverGround, PoseColumns
+from uavrt.integration.energy_grid import SlotEnergies, gather, slot_energies
+from uavrt.integration.heard_train import HeardTrain, TrainPulses, train_pulses
+from uavrt.integration.judging import OtherTrain, judge
+from uavrt.integration.places import Places, distinct, places_around
+from uavrt.integration.train_place import PlaceBelief, place_belief
+from uavrt.integration.whole_flight import FoldedTrain, pulse_weights
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.heard import OverGround, PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.planning import LEAST_PULSES
-from uavrt.pose import Mounting
-from uavrt.radio import SampleSource
-from uavrt.recording import Flight, SearchedFor
-from uavrt.terrain import Elevation, HillLosses
+from uavrt.planning.whole_flight import LEAST_PULSES
+from uavrt.pose.mounting import Mounting
+from uavrt.radio.source import SampleSource
+from uavrt.recording.flight_reader import Flight
+from uavrt.recording.integrated import SearchedFor
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 POSITION_M = 2000.0

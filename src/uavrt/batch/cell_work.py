@@ -10,15 +10,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from uavrt.analysis.measure import DetectionChain, TagSource
+from uavrt.analysis.measure.recorded_pulses import DetectionChain
+from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch.cells import Cell
 from uavrt.batch.recordings import Recording, out_of_reach
 from uavrt.batch.seals import read_note, write_note
-from uavrt.config import Receiver
-from uavrt.detection.beeps import BeepSearch
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.beeps.search import BeepSearch
 from uavrt.errors import FormatError, UavrtError
 from uavrt.messages import Beep, Pulse
-from uavrt.radio import RecordingSource
+from uavrt.radio.recording import RecordingSource
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):

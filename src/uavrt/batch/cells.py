@@ -8,7 +8,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from uavrt.radio import NominalTimes, Segment
+from uavrt.radio.recording import Segment
+from uavrt.radio.times import NominalTimes
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 CELL_S = 3600.0

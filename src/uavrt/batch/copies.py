@@ -7,13 +7,14 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.analysis import without_copies
+from uavrt.analysis.flight_copies import without_copies
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.seals import read_note, write_note
 from uavrt.batch.tables import OUTLINES, FlightRow, RecordingRow
 from uavrt.errors import FormatError
-from uavrt.recording import FlightLayout, FlightOutline, read_outline
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.outline import FlightOutline, read_outline
 
 
 def copies_of(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import uavrt
-from uavrt.analysis.measure import TagSource
+from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch.cell_work import CellResult, CellTask, keep_cell, kept_cell
 from uavrt.batch.cells import cells_of
 from uavrt.batch.ledger import Ledger

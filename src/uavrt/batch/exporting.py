@@ -7,24 +7,19 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from uavrt.analysis import Survey
-from uavrt.analysis.export import EXPORT_FORMATS, export_survey
+from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
+from uavrt.analysis.survey import Survey
 from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.months import quoted
 from uavrt.batch.questions import ask
 from uavrt.batch.tables import BEARINGS, POSITIONS, SCHEMA_VERSION, encoded, pulse_of
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.localization import (
-    Bearing,
-    Caution,
-    Ellipse,
-    Position,
-    TagBearing,
-    TagPosition,
-    TrackPoint,
-)
+from uavrt.localization.flight_estimates import TagBearing, TagPosition
+from uavrt.localization.results import Bearing, Caution, Ellipse, Position, TrackPoint
 from uavrt.messages import FlightInfo, Pose, PulsePose
-from uavrt.recording import FlightLayout, fields_of, read_flight
+from uavrt.recording.fields import fields_of
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.layout import FlightLayout
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -6,36 +6,35 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-from uavrt.analysis import (
-    USUAL_ANTENNA,
-    bearing_record,
-    flight_antenna,
-    heard_in_flight,
-    past_turns,
-    position_record,
-)
-from uavrt.analysis.measure import antenna_named, posed_in
-from uavrt.analysis.tracks import attach_poses, estimate_offset, read_track
+from uavrt.analysis.bearings import heard_in_flight, past_turns
+from uavrt.analysis.flown_with import USUAL_ANTENNA, flight_antenna
+from uavrt.analysis.measure.antenna_files import antenna_named
+from uavrt.analysis.measure.redetect import posed_in
+from uavrt.analysis.records import bearing_record, position_record
+from uavrt.analysis.tracks.attach import attach_poses, estimate_offset
+from uavrt.analysis.tracks.recognised import read_track
 from uavrt.attitude import yaw_deg
 from uavrt.batch.tables import BearingOfTag, PoseRow, PositionOfTag, read_pulses
 from uavrt.errors import UavrtError
-from uavrt.localization import (
-    HEIGHT_SIGMA_M,
-    MONOPOLE,
-    Heard,
+from uavrt.localization.antenna import MONOPOLE, pattern_named
+from uavrt.localization.flight_estimates import (
     HeardInTurn,
-    PositionMethod,
     ReadAs,
     TagBearing,
     TagPosition,
     bearings_of,
     estimate,
-    pattern_named,
 )
+from uavrt.localization.heard import Heard
 from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
+from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.results import PositionMethod
 from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.recording import Flight, FlightLayout, IntegratedVerdict, read_flight
-from uavrt.terrain import Elevation, open_elevation
+from uavrt.recording.flight_reader import Flight, read_flight
+from uavrt.recording.integrated import IntegratedVerdict
+from uavrt.recording.layout import FlightLayout
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.elevation_files import open_elevation
 
 _OF_WAY = ("time_ns", "latitude_deg", "longitude_deg", "radius50_m", "radius95_m")
 """Columns of a moving tag's way."""
@@ -213,13 +212,9 @@ def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
     """Judge each tag whose channel was kept by the whole flight; and what could not be."""
-    from uavrt.analysis import (
-        antenna_is_told,
-        channel_of,
-        integrate_kept,
-        kept_channels,
-        verdict_of,
-    )
+    from uavrt.analysis.flown_with import antenna_is_told
+    from uavrt.analysis.hindsight import verdict_of
+    from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
 
     assumed = task.settings.antenna is None and not antenna_is_told(flight)
     pattern = pattern_named(antenna)

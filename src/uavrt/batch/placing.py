@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import uavrt
-from uavrt.analysis.measure import TagSource
+from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch.flight_work import FlightResult, FlightTask, Searched
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.recordings import Found, Recording, flight_of
@@ -37,8 +37,8 @@ from uavrt.batch.tables import (
     write_rows,
 )
 from uavrt.clock import Clock
-from uavrt.localization import MONOPOLE
-from uavrt.recording import IntegratedVerdict
+from uavrt.localization.antenna import MONOPOLE
+from uavrt.recording.integrated import IntegratedVerdict
 
 R = TypeVar("R")
 TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}

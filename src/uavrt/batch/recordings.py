@@ -15,9 +15,9 @@ from uavrt.batch.tables import DONE, RECORDINGS
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError, StoreError
 from uavrt.foreign import NOTES, read_file
-from uavrt.radio import RecordingSource, open_recording
-from uavrt.radio.opening import reveals_format
-from uavrt.recording import FlightLayout
+from uavrt.radio.opening import open_recording, reveals_format
+from uavrt.radio.recording import RecordingSource
+from uavrt.recording.layout import FlightLayout
 
 TRACK_ENDINGS = (".ulg", ".bin", ".BIN", ".tlog", ".nmea", ".gpx")
 MANIFEST_COLUMNS = (

@@ -22,7 +22,7 @@ from typing import TypeVar
 
 import msgspec
 
-from uavrt.analysis.measure import TagSource
+from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.atomic_file import PART, make_directories
 from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
@@ -51,7 +51,7 @@ from uavrt.batch.tables import (
 )
 from uavrt.batch.workers import Task, run_tasks
 from uavrt.errors import FormatError, RecordingError
-from uavrt.recording import WriterLock
+from uavrt.recording.writer_lock import WriterLock
 
 R = TypeVar("R")
 

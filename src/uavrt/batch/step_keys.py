@@ -11,7 +11,7 @@ from pathlib import Path
 import uavrt
 from uavrt.batch.flight_work import FlightTask
 from uavrt.messages import Tag
-from uavrt.recording import FlightLayout
+from uavrt.recording.layout import FlightLayout
 
 PLACING_STEPS = ("attach", "bearing", "localize")
 """Done together; each takes what the one before gave."""

@@ -13,7 +13,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from uavrt.errors import FormatError, StoreError, needs_extra
-from uavrt.radio import RecordingSource, open_recording
+from uavrt.radio.opening import open_recording
+from uavrt.radio.recording import RecordingSource
 
 ENDS_BYTES = 1 << 20
 """Of the beginning and of the end: headers of WAV files lie there."""

@@ -11,7 +11,8 @@ from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.seals import Seal, sealed
 from uavrt.errors import FormatError, needs_extra
 from uavrt.messages import Pulse
-from uavrt.recording import IntegratedVerdict, fields_of
+from uavrt.recording.fields import fields_of
+from uavrt.recording.integrated import IntegratedVerdict
 
 if TYPE_CHECKING:
     import pyarrow as pa

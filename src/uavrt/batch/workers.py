@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from uavrt.errors import UavrtError
-from uavrt.ipc import die_with_parent
+from uavrt.ipc.parent import die_with_parent
 
 MOST_DEATHS = 3
 """Of workers, with the same cell in hand: then it is left out."""

@@ -5,14 +5,11 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.cli.__main__ import main
+    from uavrt.cli.__main__ import main as main
 
-__all__ = [
-    "main",
-]
-__getattr__ = lazily(
+__all__, __getattr__ = lazily(
     __name__,
     {
-        "main": "__main__",
+        "__main__": "main",
     },
 )

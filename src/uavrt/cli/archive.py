@@ -29,7 +29,7 @@ def _ready(name: str, what: str) -> None:
     """Add a command that asks a ready question."""
 
     def command(directory: Path, *, as_json: AsJson = False) -> None:
-        from uavrt.batch import QUESTIONS, ask
+        from uavrt.batch.questions import QUESTIONS, ask
 
         _print(ask(directory, QUESTIONS[name]), as_json)
 
@@ -79,7 +79,7 @@ def query(
                 f"{output} is neither .parquet nor .csv", remedy="Give the file such a name"
             )
         check_place(output, overwrite=overwrite)
-    from uavrt.batch import ask
+    from uavrt.batch.questions import ask
 
     answer = ask(directory, sql)
     if output is None:
@@ -119,7 +119,7 @@ def export(
     flights
         Only these; by default all that have pulses.
     """
-    from uavrt.batch import export_archive
+    from uavrt.batch.exporting import export_archive
 
     for path in export_archive(directory, output, formats, flights):
         print(path)

@@ -46,18 +46,19 @@ def attach(
     check_place(output, overwrite=True)
     keep_inputs(output, (pulses, track, *([] if tags is None else [tags])))
     require_content([pulses])
-    from uavrt.analysis import bursts_of_pulses
-    from uavrt.analysis.measure import antenna_named
-    from uavrt.analysis.tracks import (
+    from uavrt.analysis.found_bursts import bursts_of_pulses
+    from uavrt.analysis.measure.antenna_files import antenna_named
+    from uavrt.analysis.tracks.attach import (
         ClockOffset,
         attach_poses,
         demand_placed,
         estimate_offset,
-        read_track,
     )
-    from uavrt.config import AntennaSettings, read_tags
-    from uavrt.recording import PulseWriter, pulse_format
-    from uavrt.recording.formats import read_pulse_log
+    from uavrt.analysis.tracks.recognised import read_track
+    from uavrt.config.settings import AntennaSettings
+    from uavrt.config.tag_files import read_tags
+    from uavrt.recording.formats.recognise import read_pulse_log
+    from uavrt.recording.pulse_files import PulseWriter, pulse_format
 
     log, way = read_pulse_log(pulses), read_track(track)
     heard = log.pulse_poses

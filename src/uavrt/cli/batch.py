@@ -20,7 +20,9 @@ from uavrt.cli.words import counted
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
-    from uavrt.batch import BatchSummary, FlightRow, Found, RecordingRow
+    from uavrt.batch.recordings import Found
+    from uavrt.batch.settings import BatchSummary
+    from uavrt.batch.tables import FlightRow, RecordingRow
 
 Stretch = Annotated[float, Parameter(validator=Between(least=60, most=1e6, unit="s"))]
 _STOPPED = "stopped: the same command goes on from here"
@@ -118,20 +120,16 @@ def batch(
         Read all that was written before, and make damaged files again. Without it a file is
         checked by its size and time.
     """
-    from uavrt.analysis import check_position_method
-    from uavrt.analysis.measure import antenna_named, read_tag_source
-    from uavrt.batch import (
-        USUAL_STEPS,
-        BatchSettings,
-        BatchWatch,
-        PlacingSettings,
-        find_recordings,
-        read_manifest,
-        run_batch,
-    )
+    from uavrt.analysis.measure.antenna_files import antenna_named
+    from uavrt.analysis.measure.tag_source import read_tag_source
+    from uavrt.analysis.positions import check_position_method
+    from uavrt.batch.flight_work import PlacingSettings
+    from uavrt.batch.recordings import find_recordings, read_manifest
+    from uavrt.batch.run import run_batch
+    from uavrt.batch.settings import USUAL_STEPS, BatchSettings, BatchWatch
     from uavrt.cli.detect import stop_on_signals
     from uavrt.cli.outputs import make_directory
-    from uavrt.localization import MONOPOLE
+    from uavrt.localization.antenna import MONOPOLE
 
     sought = read_tag_source(tags)
     if antenna not in (None, MONOPOLE):

@@ -11,7 +11,7 @@ from uavrt.cli.kinds import Degrees
 from uavrt.cli.outputs import print_json
 
 if TYPE_CHECKING:
-    from uavrt.localization import TagBearing
+    from uavrt.localization.flight_estimates import TagBearing
 
 
 def bearing(
@@ -51,16 +51,18 @@ def bearing(
         Print a list of objects.
     """
     require_content([pulses])
-    from uavrt.analysis import bearing_record, bearings_together, read_recorded
-    from uavrt.analysis.measure import antenna_named, switched_bearings, write_antenna
-    from uavrt.localization import ReadAs
+    from uavrt.analysis.bearings import bearings_together, read_recorded
+    from uavrt.analysis.measure.antenna_files import antenna_named, write_antenna
+    from uavrt.analysis.measure.switched import switched_bearings
+    from uavrt.analysis.records import bearing_record
+    from uavrt.localization.flight_estimates import ReadAs
 
     recorded = read_recorded(pulses)
     for warning in recorded.log.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     antenna = None if antenna is None else antenna_named(antenna)
     if learn is not None:
-        from uavrt.analysis import learnt_antenna
+        from uavrt.analysis.bearings import learnt_antenna
 
         antenna = antenna or recorded.turning()
         pattern = learnt_antenna(recorded, antenna, antenna_offset)

@@ -3,21 +3,16 @@
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.computer import (
-    Bench,
-    Finding,
-    FlightFacts,
-    check_card,
-    check_disk,
-    check_kept_time,
-    check_radio,
-    first_flight,
-)
-from uavrt.config import Settings
+from uavrt.commands import SystemState
+from uavrt.computer.bench import Bench, FlightFacts, first_flight
+from uavrt.computer.checks import check_card, check_disk, check_kept_time, check_radio
+from uavrt.computer.finding import Finding
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
-from uavrt.messages import SystemState, SystemStatus, VehicleReport
-from uavrt.monitor import StatusReader, status_socket_path
-from uavrt.recording import flights_in_order, read_usual_noise_db
+from uavrt.messages import SystemStatus, VehicleReport
+from uavrt.monitor.reader import StatusReader, status_socket_path
+from uavrt.recording.flight_order import flights_in_order
+from uavrt.recording.quiet_noise import read_usual_noise_db
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 LISTEN_NS = ns_from_s(30.0)

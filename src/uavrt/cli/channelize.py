@@ -12,11 +12,14 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from uavrt.analysis.measure import ChannelizeSummary, plan_channels, ports_of
-from uavrt.analysis.measure import channelize as run_channelizer
+from uavrt.analysis.measure.channel_files import ChannelizeSummary, plan_channels, ports_of
+from uavrt.analysis.measure.channel_files import channelize as run_channelizer
 from uavrt.cli.detect import open_source, start_time_ns, stop_on_signals
 from uavrt.errors import ConfigError
-from uavrt.radio import BandDatagramSource, ChannelDatagramSender, SampleSource, is_udp_address
+from uavrt.radio.band_source import BandDatagramSource
+from uavrt.radio.channel_sender import ChannelDatagramSender
+from uavrt.radio.source import SampleSource
+from uavrt.radio.udp_address import is_udp_address
 
 THESIS_RATE_HZ = 375_000.0
 """3 MS/s, decimated by csdr."""

@@ -35,9 +35,10 @@ from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
     from uavrt.messages import Tag
-    from uavrt.planning import Absence, Coverage, LinkBudget
-    from uavrt.recording import SilentAround
-    from uavrt.terrain import Elevation
+    from uavrt.planning.coverage import Absence, Coverage
+    from uavrt.planning.link_budget import LinkBudget
+    from uavrt.recording.integrated import SilentAround
+    from uavrt.terrain.elevation import Elevation
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
 _PULSES, _FREQUENCY_HZ, _PULSE_WIDTH_S, _INTERVAL_S = 3, 150e6, 0.020, 1.254
@@ -146,7 +147,7 @@ def coverage(
         Print a list of objects.
     """
     from uavrt.cli.outputs import make_directory, print_json
-    from uavrt.planning import LinkBudget
+    from uavrt.planning.link_budget import LinkBudget
 
     if not height:
         raise ConfigError("there is no height", remedy="Give --height 60")
@@ -288,7 +289,7 @@ def _refuse(given: dict[str, bool], why: str) -> None:
 
 
 def _named(antenna: str | None) -> str | None:
-    from uavrt.analysis.measure import antenna_named
+    from uavrt.analysis.measure.antenna_files import antenna_named
 
     return None if antenna is None else antenna_named(antenna)
 
@@ -301,8 +302,8 @@ def _listed(
     frequency_hz: float,
     pulse_width_s: float,
 ) -> "list[Tag]":
-    from uavrt.analysis import assumed_tag
-    from uavrt.config import read_tags
+    from uavrt.analysis.coverage import assumed_tag
+    from uavrt.config.tag_files import read_tags
 
     if tags is not None:
         return _chosen(list(read_tags(tags)), ids)
@@ -334,7 +335,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
     """Map a plan, for each tag and height."""
     import numpy as np
 
-    from uavrt.analysis import (
+    from uavrt.analysis.coverage import (
         MapSize,
         best_of,
         inside,
@@ -342,9 +343,9 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
         plan_coverage,
         read_places,
         read_polygon,
-        write_maps,
     )
-    from uavrt.localization import MONOPOLE, pattern_named
+    from uavrt.analysis.coverage_files import write_maps
+    from uavrt.localization.antenna import MONOPOLE, pattern_named
 
     antenna = asked.antenna or MONOPOLE
     pattern = pattern_named(antenna)
@@ -395,10 +396,12 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
 
 def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told]:
     """Map what a flight would have heard, for each tag."""
-    from uavrt.analysis import ListenedFlight, inside, read_polygon, write_maps
-    from uavrt.config import read_tags
-    from uavrt.planning import absence
-    from uavrt.recording import read_flight
+    from uavrt.analysis.coverage import inside, read_polygon
+    from uavrt.analysis.coverage_files import write_maps
+    from uavrt.analysis.silence import ListenedFlight
+    from uavrt.config.tag_files import read_tags
+    from uavrt.planning.coverage import absence
+    from uavrt.recording.flight_reader import read_flight
 
     flight = read_flight(asked.source)
     way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
@@ -497,7 +500,7 @@ def _record(one: _Told) -> dict[str, Any]:
 
 
 def _print(found: list[_Told]) -> None:
-    from uavrt.analysis import around_in_words
+    from uavrt.analysis.silence import around_in_words
 
     for one in found:
         where = "in this flight" if one.height_m is None else f"from {one.height_m:g} m"
@@ -533,7 +536,7 @@ def _print(found: list[_Told]) -> None:
 
 
 def _antenna_in_words(name: str) -> str:
-    from uavrt.localization import MONOPOLE
+    from uavrt.localization.antenna import MONOPOLE
 
     return f"{name}, alike on all sides" if name == MONOPOLE else name
 

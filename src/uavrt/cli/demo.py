@@ -12,15 +12,13 @@ from rich.console import Console
 from uavrt.cli.kinds import Between, Port, Seconds, Seed
 from uavrt.cli.outputs import check_place, print_json
 from uavrt.cli.screen import has_page, has_screen
-from uavrt.demo import (
-    Demo,
-    flight_world,
-    run_search_demo,
-    run_together_demo,
-    search_world,
-)
+from uavrt.demo.run import Demo
+from uavrt.demo.search import run_search_demo
+from uavrt.demo.search_together import run_together_demo
+from uavrt.demo.worlds import flight_world, search_world
 from uavrt.errors import UsageError
-from uavrt.simulation import Scenario, fleet_scenarios
+from uavrt.simulation.demo_world import fleet_scenarios
+from uavrt.simulation.scenario import Scenario
 
 SEARCH_S = 600.0
 

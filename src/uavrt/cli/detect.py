@@ -20,30 +20,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.analysis.measure import (
-    DetectionSummary,
-    FlightWriter,
-    TagSource,
-    read_tag_source,
-)
-from uavrt.analysis.measure import detect as run_detectors
+from uavrt.analysis.measure.recorded_pulses import DetectionSummary
+from uavrt.analysis.measure.recorded_pulses import detect as run_detectors
+from uavrt.analysis.measure.redetect import FlightWriter
+from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
 from uavrt.cli.outputs import keep_inputs
 from uavrt.clock import cpu_s, parse_iso_utc
-from uavrt.config import DetectionSettings, OperatingModeName, Receiver
-from uavrt.detection import OperatingMode
-from uavrt.detection.beeps import BeepSearch, words_of_beeps
+from uavrt.config.ghost_places import Receiver
+from uavrt.config.settings import DetectionSettings, OperatingModeName
+from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
+from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search_costs import search_cost
 from uavrt.errors import ConfigError, RecordingError, UavrtError
 from uavrt.messages import Beep, IQBlock, Pulse, Tag, keep_beep
-from uavrt.radio import (
-    SampleSource,
-    is_udp_address,
-    most_lost,
-    open_channel,
-    open_recording,
-    open_stream,
-)
-from uavrt.recording import Flight, PulseWriter, pulse_format, read_flight
+from uavrt.radio.losses import most_lost
+from uavrt.radio.opening import open_channel, open_recording, open_stream
+from uavrt.radio.source import SampleSource
+from uavrt.radio.udp_address import is_udp_address
+from uavrt.recording.flight_reader import Flight, read_flight
+from uavrt.recording.pulse_files import PulseWriter, pulse_format
 
 if TYPE_CHECKING:
     from uavrt.cli.listeners import Listener

@@ -11,10 +11,12 @@ from rich.text import Text
 
 from uavrt.cli.bench import bench_findings
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
-from uavrt.computer import Finding, examine, examine_autopilot
-from uavrt.config import Settings
+from uavrt.computer.autopilot_setup import examine_autopilot
+from uavrt.computer.checks import examine
+from uavrt.computer.finding import Finding
+from uavrt.config.settings import Settings
 from uavrt.errors import UsageError
-from uavrt.mavlink import parse_address
+from uavrt.mavlink.address import parse_address
 from uavrt.messages import SystemStatus
 from uavrt.monitor.reader import running_status, status_socket_path
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
-    from uavrt.terrain import Elevation
+    from uavrt.terrain.elevation import Elevation
 
 
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
@@ -26,6 +26,6 @@ def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
         )
     if dem is None:
         return None
-    from uavrt.terrain import open_elevation
+    from uavrt.terrain.elevation_files import open_elevation
 
     return open_elevation(dem, sea=sea)

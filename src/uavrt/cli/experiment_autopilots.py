@@ -11,7 +11,7 @@ from rich.console import Console
 
 from uavrt.cli.kinds import Seed, Tally
 from uavrt.errors import UsageError
-from uavrt.recording import require_writable
+from uavrt.recording.layout import require_writable
 
 COUNTS = ("surveys", "searches", "takeoffs", "others", "phases")
 
@@ -66,15 +66,9 @@ def autopilots(
     json_summary
         Print one JSON object as the last line.
     """
-    from uavrt_experiments.autopilots import (
-        Asked,
-        arducopter_build,
-        as_json,
-        as_page,
-        px4_build,
-        rehearse,
-        simulated_build,
-    )
+    from uavrt_experiments.autopilots.builds import arducopter_build, px4_build, simulated_build
+    from uavrt_experiments.autopilots.flights import Asked, rehearse
+    from uavrt_experiments.autopilots.table import as_json, as_page
     from uavrt_experiments.kept import KeptOutcomes
 
     builds = [] if px4 is None else [px4_build(px4)]

@@ -11,15 +11,9 @@ from cyclopts import Parameter
 from uavrt.cli.kinds import Counts
 from uavrt.cli.outputs import check_place, print_json
 from uavrt.errors import ConfigError, needs_extra
-from uavrt_experiments.capacity import (
-    COUNTS,
-    GAPS_MS,
-    CapacityRow,
-    LinkRow,
-    model_row,
-    our_sender_row,
-    run_links,
-)
+from uavrt_experiments.capacity.links import LinkRow, run_links
+from uavrt_experiments.capacity.model import CapacityRow, model_row, our_sender_row
+from uavrt_experiments.capacity.thesis import COUNTS, GAPS_MS
 from uavrt_experiments.tables import drawn
 
 

@@ -61,14 +61,8 @@ def coverage(
     import uavrt_experiments
     from uavrt.cli.outputs import check_place, print_json
     from uavrt.errors import UsageError
-    from uavrt_experiments.coverage import (
-        FOLDERS,
-        SILENCES,
-        seek_tags,
-        shadow_rows,
-        silence_rows,
-        survey_hills,
-    )
+    from uavrt_experiments.coverage.absence import FOLDERS, SILENCES, seek_tags, silence_rows
+    from uavrt_experiments.coverage.shadow import shadow_rows, survey_hills
     from uavrt_experiments.kept import KeptOutcomes
     from uavrt_experiments.measured import digest, measured_now
     from uavrt_experiments.tables import bars_kept, drawn, write_rows

@@ -18,7 +18,8 @@ from uavrt.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from uavrt_experiments.detection import Experiment, Results
+    from uavrt_experiments.detection.cases import Experiment
+    from uavrt_experiments.detection.tables import Results
 
 
 def detection(
@@ -59,16 +60,15 @@ def detection(
     json_summary
         Print one JSON object as the last line instead of the table.
     """
-    from uavrt_experiments.detection import (
+    from uavrt_experiments.detection.campaign import run_experiments
+    from uavrt_experiments.detection.plots import draw_all, require_matplotlib
+    from uavrt_experiments.detection.tables import (
         FOLDERS,
         RESULTS,
         Origin,
         Results,
         as_json,
-        draw_all,
         read_results,
-        require_matplotlib,
-        run_experiments,
         write_results,
     )
     from uavrt_experiments.measured import measured_now
@@ -114,7 +114,7 @@ def detection(
 
 
 def _chosen(only: str | None) -> "list[Experiment]":
-    from uavrt_experiments.detection import EXPERIMENTS
+    from uavrt_experiments.detection.catalogue import EXPERIMENTS
 
     if only is None:
         return list(EXPERIMENTS.values())
@@ -129,7 +129,7 @@ def _chosen(only: str | None) -> "list[Experiment]":
 
 
 def _show(results: "Results") -> None:
-    from uavrt_experiments.detection import EXPERIMENTS
+    from uavrt_experiments.detection.catalogue import EXPERIMENTS
     from uavrt_experiments.tables import bars_kept, drawn
 
     for name in results.origins:

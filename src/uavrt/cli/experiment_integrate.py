@@ -43,7 +43,7 @@ def integrate(
         Also write the table to this CSV file.
     """
     from uavrt.errors import UsageError
-    from uavrt_experiments.integrate import EXPERIMENTS, FOLDERS, run_all
+    from uavrt_experiments.integrate.catalogue import EXPERIMENTS, FOLDERS, run_all
     from uavrt_experiments.measured import measured_now
     from uavrt_experiments.tables import bars_kept, drawn, write_rows
 

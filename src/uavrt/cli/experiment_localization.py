@@ -25,8 +25,9 @@ def localization(
         Also write the table to this CSV file.
     """
     from uavrt.errors import UsageError
-    from uavrt_experiments.localization import EXPERIMENTS, Row
+    from uavrt_experiments.localization.experiments import EXPERIMENTS
     from uavrt_experiments.measured import measured_now
+    from uavrt_experiments.result import Row
     from uavrt_experiments.tables import bars_kept, drawn, write_rows
 
     chosen = {

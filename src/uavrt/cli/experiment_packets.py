@@ -12,8 +12,10 @@ from uavrt.cli.kinds import Minutes, Seed, Share
 from uavrt.cli.outputs import print_json
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, UsageError
-from uavrt.recording import require_writable
-from uavrt_experiments.packets import Match, ModelRow, fly, match_logs, model_rows
+from uavrt.recording.layout import require_writable
+from uavrt_experiments.packets.flight import fly
+from uavrt_experiments.packets.matching import Match, match_logs
+from uavrt_experiments.packets.model import ModelRow, model_rows
 from uavrt_experiments.tables import drawn
 
 

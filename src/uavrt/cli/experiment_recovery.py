@@ -9,8 +9,8 @@ from rich.console import Console
 
 from uavrt.cli.kinds import Seed, Tally
 from uavrt.cli.outputs import print_json
-from uavrt.recording import require_writable
-from uavrt_experiments.recovery import Plan, run_recovery
+from uavrt.recording.layout import require_writable
+from uavrt_experiments.recovery.run import Plan, run_recovery
 from uavrt_experiments.tables import drawn
 
 

@@ -7,8 +7,8 @@ from rich.console import Console
 
 from uavrt.cli.kinds import Count, Counts, Minutes
 from uavrt.cli.outputs import print_json
-from uavrt.supervisor.tree import SHAPES
-from uavrt_experiments.resources import THESIS_MINUTES, Plan, run_resources, run_shapes
+from uavrt.supervisor.tree.shapes import SHAPES
+from uavrt_experiments.resources.run import THESIS_MINUTES, Plan, run_resources, run_shapes
 
 LOADS = Plan().loads
 """Numbers of tags, one after the other."""

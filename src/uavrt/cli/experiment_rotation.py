@@ -53,18 +53,20 @@ def rotation(
     if flight is not None:
         _real(flight, bearing, start_heading, antenna, output)
         return
-    from uavrt_experiments.rotation import (
-        BEARING_DEG,
-        case_lines,
+    from uavrt_experiments.rotation.cart import BEARING_DEG
+    from uavrt_experiments.rotation.run import (
         cases,
-        legend_lines,
-        polarization_lines,
         polarization_table,
         start_sweep,
+        wall_survey,
+    )
+    from uavrt_experiments.rotation.words import (
+        case_lines,
+        legend_lines,
+        polarization_lines,
         sweep_lines,
         verdict_lines,
         wall_lines,
-        wall_survey,
     )
 
     print("turns from samples, with and without a wall …", file=sys.stderr)
@@ -82,7 +84,7 @@ def rotation(
     ]
     print("\n\n".join("\n".join(lines) for lines in parts))
     if output is not None:
-        from uavrt_experiments.rotation import rotation_page
+        from uavrt_experiments.rotation.figures import rotation_page
 
         rows = [(case.name, case.reading, BEARING_DEG) for case in found]
         output.write_text(rotation_page("Rotation test", rows, parts), encoding="utf-8")
@@ -95,8 +97,8 @@ def _real(
     antenna: str,
     output: Path | None,
 ) -> None:
-    from uavrt.analysis.measure import antenna_named
-    from uavrt_experiments.rotation import real_rotations
+    from uavrt.analysis.measure.antenna_files import antenna_named
+    from uavrt_experiments.rotation.real import real_rotations
 
     found = real_rotations(
         flight,
@@ -107,7 +109,7 @@ def _real(
     parts = [one.lines() for one in found]
     print("\n".join("\n".join(lines) for lines in parts))
     if output is not None:
-        from uavrt_experiments.rotation import rotation_page
+        from uavrt_experiments.rotation.figures import rotation_page
 
         rows = [(f"tag {one.tag_id}", one.reading, bearing) for one in found]
         output.write_text(rotation_page(flight.name, rows, parts), encoding="utf-8")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from uavrt_experiments.kept import KeptOutcomes
     from uavrt_experiments.result import Row
-    from uavrt_experiments.search import Flown
+    from uavrt_experiments.search.table import Flown
 
 
 def search(
@@ -79,7 +79,8 @@ def search(
     """
     from uavrt.errors import UsageError
     from uavrt_experiments.kept import KeptOutcomes
-    from uavrt_experiments.search import SCENARIOS, made_with
+    from uavrt_experiments.search.campaign import made_with
+    from uavrt_experiments.search.catalogue import SCENARIOS
     from uavrt_experiments.tables import bars_kept, write_rows
 
     if only is not None and only not in SCENARIOS:
@@ -142,19 +143,11 @@ def _through_tables(
 ) -> "tuple[list[Row], bool]":
     """Fly tables and print them; get all rows, and whether it was stopped before its end."""
     from uavrt_experiments.measured import measured_now
-    from uavrt_experiments.search import (
-        FOLDERS,
-        SCENARIOS,
-        draw,
-        fly_all,
-        honesty,
-        page_section,
-        plan,
-        put_section,
-        results,
-        section,
-        so_far,
-    )
+    from uavrt_experiments.search.campaign import FOLDERS, fly_all, plan, so_far
+    from uavrt_experiments.search.catalogue import SCENARIOS
+    from uavrt_experiments.search.page import page_section, put_section
+    from uavrt_experiments.search.pictures import draw
+    from uavrt_experiments.search.table import honesty, results, section
 
     # Of the code that was loaded: an edit while it runs must not count.
     code = measured_now(FOLDERS)
@@ -200,7 +193,8 @@ def _through_processes(
 ) -> "tuple[list[Row], bool]":
     """Fly searches by the real processes and print them; see `_through_tables`."""
     from uavrt_experiments.measured import measured_now
-    from uavrt_experiments.search import (
+    from uavrt_experiments.search.page import put_section
+    from uavrt_experiments.search.processes import (
         PROCESS_FOLDERS,
         PROCESSES,
         flights_so_far,
@@ -208,7 +202,6 @@ def _through_processes(
         process_page,
         process_rows,
         process_section,
-        put_section,
     )
 
     code = measured_now(PROCESS_FOLDERS)

@@ -73,7 +73,7 @@ def export(
         "bag" in the flight directory for --mcap.
     """
     if mcap:
-        from uavrt.analysis.measure import export_bag
+        from uavrt.analysis.measure.bag import export_bag
 
         target = flight / "bag" if output is None else output
         inside = target / "bag" if formats and output else target
@@ -83,10 +83,10 @@ def export(
         print(bag.file)
         if not formats:
             return
-    from uavrt.analysis import read_survey
-    from uavrt.analysis.export import EXPORT_FORMATS, export_survey
-    from uavrt.analysis.measure import antenna_named
-    from uavrt.localization import ReadAs
+    from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
+    from uavrt.analysis.measure.antenna_files import antenna_named
+    from uavrt.analysis.survey import read_survey
+    from uavrt.localization.flight_estimates import ReadAs
 
     chosen = [form for form in EXPORT_FORMATS if not formats or form in formats]
     if unknown := sorted(set(formats or ()) - set(EXPORT_FORMATS)):

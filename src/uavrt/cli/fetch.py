@@ -19,21 +19,18 @@ from rich.progress import (
 from uavrt.cli.kinds import Seconds
 from uavrt.clock import Clock
 from uavrt.errors import ConfigError
-from uavrt.ground.fetch import (
-    BAND,
-    CHANNELS,
+from uavrt.ground.fetch.drone_files import DroneFiles
+from uavrt.ground.fetch.flight_list import drone_flights
+from uavrt.ground.fetch.ftp_client import (
     MOST_DEEP,
     MOST_ENTRIES,
-    DroneFiles,
     FileClient,
     RemoteEntry,
-    drone_flights,
     fetch_file,
-    is_samples,
     require_room,
-    sample_part,
 )
-from uavrt.mavlink import read_signing_key
+from uavrt.ground.fetch.sample_files import BAND, CHANNELS, is_samples, sample_part
+from uavrt.mavlink.signing import read_signing_key
 
 WIFI_BYTES_PER_S, RADIO_BYTES_PER_S = 500e3, 3e3
 """What file transfer brings, roughly: MAVLink FTP over Wi-Fi, and at 57600 baud."""

@@ -13,33 +13,19 @@ from cyclopts import Parameter
 
 from uavrt.cli.kinds import Component, Metres, Minutes, Seconds
 from uavrt.clock import Clock
-from uavrt.config import read_text
+from uavrt.config.text_files import read_text
 from uavrt.errors import ConfigError, FormatError, LinkError, UavrtError
 from uavrt.foreign import SHAPES
-from uavrt.ground.link import (
-    GroundEvent,
-    GroundLink,
-    LinkKeys,
-    ask,
-    confirm,
-    motion_request,
-    read_link_keys,
-    stop,
-)
-from uavrt.guidance import (
-    NOT_CHECKED,
-    NOT_CHECKED_ABOARD,
-    OFFER_HOLDS_S,
-    Limits,
-    Order,
-    area_in,
-    fence_file,
-    keep_out_in,
-    survey_file,
-    survey_items,
-)
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.keys import LinkKeys, read_link_keys
+from uavrt.ground.link.motion import ask, confirm, motion_request, stop
+from uavrt.ground.link.protocol import GroundEvent
+from uavrt.guidance.area_text import area_in, keep_out_in
+from uavrt.guidance.mission import NOT_CHECKED, NOT_CHECKED_ABOARD, survey_items
+from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order
+from uavrt.guidance.plan_file import fence_file, survey_file
 from uavrt.messages import KeepOut, MotionRequest, SurveyPattern
-from uavrt.tunnel import MotionState
+from uavrt.tunnel.motion import MotionState
 
 DEFAULT_ADDRESS = "udpin://127.0.0.1:14550"
 WORD = "fly"

@@ -18,12 +18,12 @@ from uavrt.cli.kinds import Component, Port, Vehicles
 from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.screen import has_screen
 from uavrt.cli.terminal_lines import TerminalLines
-from uavrt.config import read_tags
+from uavrt.commands import SystemState
+from uavrt.config.tag_files import read_tags
 from uavrt.errors import ConfigError
-from uavrt.ground import Station, StationSettings, json_line
-from uavrt.ground.link import read_link_keys
-from uavrt.messages import SystemState
-from uavrt.recording import ended as queries_ended
+from uavrt.ground.link.keys import read_link_keys
+from uavrt.ground.station import Station, StationSettings, json_line
+from uavrt.recording.plain_database import ended as queries_ended
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LOOPBACK = "127.0.0.1"
@@ -173,7 +173,8 @@ def ground(
         _run(lambda: Station(settings, show), lines)
         return
     with _ground_extra():
-        from uavrt.ground.web import PageSettings, PageStation, ServerSettings
+        from uavrt.ground.web.page import PageSettings, PageStation
+        from uavrt.ground.web.server import ServerSettings
     page_settings = PageSettings(
         directory=output or Path.home() / "uavrt-flights",
         address=" ".join(mavlink) or None,

@@ -23,11 +23,13 @@ from uavrt.errors import ConfigError, FormatError, RecordingError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from uavrt.analysis import IntegratedTag, SilenceRecord, SilentMap
-    from uavrt.localization import AntennaPattern
+    from uavrt.analysis.integrated_records import SilenceRecord
+    from uavrt.analysis.silence import SilentMap
+    from uavrt.analysis.whole_flight import IntegratedTag
+    from uavrt.localization.antenna import AntennaPattern
     from uavrt.messages import Tag
-    from uavrt.recording import Flight
-    from uavrt.terrain import Elevation
+    from uavrt.recording.flight_reader import Flight
+    from uavrt.terrain.elevation import Elevation
 
 
 def integrate(
@@ -126,8 +128,8 @@ def integrate(
     as_json
         Print a list of objects, with the times of all pulses.
     """
-    from uavrt.analysis.measure import read_tag_source
-    from uavrt.localization import pattern_named
+    from uavrt.analysis.measure.tag_source import read_tag_source
+    from uavrt.localization.antenna import pattern_named
 
     if others and recording is not None:
         raise ConfigError(
@@ -195,7 +197,7 @@ def _flights(
     yaw_offset: float,
 ) -> "list[Flight]":
     """Read the flights that are named."""
-    from uavrt.recording import read_flight
+    from uavrt.recording.flight_reader import read_flight
 
     if first is None:
         raise ConfigError(
@@ -228,7 +230,8 @@ def _tracked(
     yaw_offset: float,
 ) -> "tuple[list[Flight], tuple[str, ...]]":
     """Make a flight of a track; and what it does not tell."""
-    from uavrt.analysis.tracks import flight_of_track, read_track
+    from uavrt.analysis.tracks.flown import flight_of_track
+    from uavrt.analysis.tracks.recognised import read_track
 
     if flight is not None:
         raise ConfigError(
@@ -254,8 +257,8 @@ def _antenna(flown: "list[Flight]", asked: str | None) -> tuple[str, bool]:
 
     And whether it is assumed, as nobody told.
     """
-    from uavrt.analysis import antenna_is_told, flight_antenna
-    from uavrt.analysis.measure import antenna_named
+    from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
+    from uavrt.analysis.measure.antenna_files import antenna_named
 
     if asked is not None:
         return antenna_named(asked), False
@@ -315,7 +318,7 @@ def _together(
     ids: tuple[int, ...],
 ) -> tuple[bool, _Told]:
     """Judge several flights, tag by tag: the energies of all would not fit in memory."""
-    from uavrt.analysis import common_tags, judge_together, share_alone
+    from uavrt.analysis.several_flights import common_tags, judge_together, share_alone
     from uavrt.cli.integrated_words import record_of_flights, sentence_of_flights
 
     shared = common_tags(flights, listed)
@@ -359,8 +362,9 @@ def _judged(
     on_tag: "Callable[[int], None] | None",
 ) -> "list[IntegratedTag]":
     """Judge a flight by the samples that were named, or by its own."""
-    from uavrt.analysis import integrate_flight, integrate_kept
-    from uavrt.radio import open_recording
+    from uavrt.analysis.kept_samples import integrate_kept
+    from uavrt.analysis.whole_flight import integrate_flight
+    from uavrt.radio.opening import open_recording
 
     how: dict[str, Any] = {
         "frequency_window_hz": asked.frequency_window_hz,
@@ -401,7 +405,8 @@ def _silent(
     asked: _Asked, flight: "Flight", results: "list[IntegratedTag]"
 ) -> "dict[int, SilentMap]":
     """Map where tags that were not found are not, by tag; what hinders it is told."""
-    from uavrt.analysis import silent_maps, verdict_of
+    from uavrt.analysis.hindsight import verdict_of
+    from uavrt.analysis.silence import silent_maps
 
     try:
         with _mapping() as on_pulse:
@@ -420,7 +425,7 @@ def _silent(
 
 def _silence(one: "SilentMap | None", files: dict[int, list[Path]]) -> "SilenceRecord | None":
     """Sum up a map for JSON."""
-    from uavrt.analysis import SilenceRecord
+    from uavrt.analysis.integrated_records import SilenceRecord
 
     return None if one is None else SilenceRecord.of(one, files.get(one.tag_id, []))
 
@@ -433,7 +438,9 @@ def _keep(
     plot: Path | None,
 ) -> dict[int, list[Path]]:
     """Write what was found beside the flight, pictures and maps, as asked; the maps, by tag."""
-    from uavrt.analysis import save_integrated, write_fold_pictures, write_silence
+    from uavrt.analysis.coverage_files import write_silence
+    from uavrt.analysis.fold_pictures import write_fold_pictures
+    from uavrt.analysis.hindsight import save_integrated
 
     ids = [one.tag.tag_id for one in results]
     files: dict[int, list[Path]] = {}
@@ -481,8 +488,8 @@ def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
     ConfigError
         It kept no samples, or several recordings.
     """
-    from uavrt.analysis import channel_of, kept_channels
-    from uavrt.recording import FlightLayout
+    from uavrt.analysis.kept_samples import channel_of, kept_channels
+    from uavrt.recording.layout import FlightLayout
 
     found = sorted(FlightLayout(flight).iq_directory.glob("*.sigmf-meta"))
     kept = kept_channels(flight)

@@ -6,13 +6,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from uavrt.analysis import IntegratedTag, SilenceRecord, SilentMap, TagOfFlights
-    from uavrt.integration import OtherTrain, PlaceBelief
+    from uavrt.analysis.integrated_records import SilenceRecord
+    from uavrt.analysis.several_flights import TagOfFlights
+    from uavrt.analysis.silence import SilentMap
+    from uavrt.analysis.whole_flight import IntegratedTag
+    from uavrt.integration.judging import OtherTrain
+    from uavrt.integration.train_place import PlaceBelief
 
 
 def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
     """Say in words what the flight says of a tag, and of where it is not."""
-    from uavrt.analysis import chance_in_words
+    from uavrt.analysis.whole_flight import chance_in_words
 
     chance = chance_in_words(one.train.false_alarm_probability)
     what = "bursts" if one.tag.coded else "pulses"
@@ -40,7 +44,7 @@ def sentence(one: "IntegratedTag", silent: "SilentMap | None" = None) -> str:
 
 def slots_in_words(one: "IntegratedTag") -> str:
     """Say how many slots a train has, and of how many more can be said."""
-    from uavrt.analysis import slots_of
+    from uavrt.analysis.hindsight import slots_of
 
     slots = slots_of(one)
     count, kept = len(slots.at_rate), int(slots.at_rate.sum())
@@ -54,7 +58,8 @@ def slots_in_words(one: "IntegratedTag") -> str:
 
 
 def _where(place: "PlaceBelief", flown: str = "the flight") -> list[str]:
-    from uavrt.analysis import parts_of, where_in_words
+    from uavrt.analysis.hindsight import parts_of
+    from uavrt.analysis.verdict_words import where_in_words
 
     return where_in_words(place, parts_of(place), flown)
 
@@ -76,7 +81,7 @@ def _other(other: "OtherTrain") -> str:
 
 def _silence(silent: "SilentMap") -> list[str]:
     """Say where a tag is not, and what the map does not hold for."""
-    from uavrt.analysis import around_in_words
+    from uavrt.analysis.silence import around_in_words
 
     found = silent.coverage
     return [
@@ -89,14 +94,14 @@ def _silence(silent: "SilentMap") -> list[str]:
 
 def record(one: "IntegratedTag", silence: "SilenceRecord | None" = None) -> dict[str, Any]:
     """Make JSON of what a flight says of a tag."""
-    from uavrt.analysis import integrated_record
+    from uavrt.analysis.integrated_records import integrated_record
 
     return asdict(integrated_record(one, silence))
 
 
 def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]") -> str:
     """Say in words what several flights say of a tag."""
-    from uavrt.analysis import chance_in_words
+    from uavrt.analysis.whole_flight import chance_in_words
 
     count = len(one.flights)
     chance = chance_in_words(one.false_alarm_probability, count)
@@ -133,7 +138,7 @@ def record_of_flights(
 
     Interval and frequency are of the flight that shows it most clearly; pulses are of all.
     """
-    from uavrt.analysis import PlaceRecord
+    from uavrt.analysis.integrated_records import PlaceRecord
 
     each = [
         record(flight, silence) for flight, silence in zip(one.flights, silences, strict=True)

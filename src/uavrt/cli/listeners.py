@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import Ros2Settings, is_ros_namespace
+from uavrt.config.settings import Ros2Settings, is_ros_namespace
 from uavrt.errors import UsageError, needs_extra
-from uavrt.ipc import PulseDatagramSender
+from uavrt.ipc.pulse_datagram import PulseDatagramSender
 from uavrt.messages import ChannelBlock, Pulse, SearchReport, Tag
-from uavrt.radio import parse_udp_address
-from uavrt.ros2 import DETECTOR, heartbeat, pulse_to_ros
+from uavrt.radio.udp_address import parse_udp_address
+from uavrt.ros2.convert import heartbeat, pulse_to_ros
+from uavrt.ros2.graph import DETECTOR
 
 HEARTBEAT_S = 1.0
 
@@ -76,7 +77,7 @@ class RosPulses(Listener):
 
     def __init__(self, interfaces: str, tags: Sequence[Tag], namespace: str = "") -> None:
         with needs_extra("ros2", "ROS 2"):
-            from uavrt.ros2 import Participant
+            from uavrt.ros2.dds import Participant
         named = tuple(name for name in interfaces.split(",") if name not in ("", "lo"))
         if not is_ros_namespace(namespace):
             raise UsageError(
@@ -115,7 +116,7 @@ class Plots(Listener):
     def __init__(
         self, directory: Path, tags: Sequence[Tag], frequency_window_hz: float
     ) -> None:
-        from uavrt.analysis import DetectionPlots
+        from uavrt.analysis.plots import DetectionPlots
 
         self._plots: DetectionPlots = DetectionPlots(
             directory, tags, frequency_window_hz=frequency_window_hz

@@ -17,7 +17,8 @@ from uavrt.clock import told_utc
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
-    from uavrt.localization import Position, TagPosition
+    from uavrt.localization.flight_estimates import TagPosition
+    from uavrt.localization.results import Position
 
 _TIMES_TOLD = 12
 """Of a way, in words; --json has all."""
@@ -75,10 +76,11 @@ def localize(
     as_json
         Print a list of objects; of a tag without a position it holds the `reason`.
     """
-    from uavrt.analysis import position_record, read_positions
-    from uavrt.analysis.measure import antenna_named
-    from uavrt.config import read_tags
-    from uavrt.localization import ReadAs
+    from uavrt.analysis.measure.antenna_files import antenna_named
+    from uavrt.analysis.positions import read_positions
+    from uavrt.analysis.records import position_record
+    from uavrt.config.tag_files import read_tags
+    from uavrt.localization.flight_estimates import ReadAs
 
     if not flights:
         raise ConfigError("no flight was named", remedy="Name a flight or a log")
@@ -120,7 +122,7 @@ def _of_several_frequencies(found: Sequence["TagPosition"]) -> frozenset[int]:
 
 def _sentence(one: "TagPosition", several: frozenset[int]) -> str:
     """What is known of a tag; with its frequency where its number stands for several."""
-    from uavrt.analysis.measure import remarks_of
+    from uavrt.analysis.measure.shapes import remarks_of
 
     found = one.position
     tag = f"tag {one.tag_id} ({one.name})" if one.name else f"tag {one.tag_id}"

@@ -13,16 +13,12 @@ from rich.live import Live
 
 from uavrt.cli.outputs import print_json
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
-from uavrt.config import read_tags
+from uavrt.config.tag_files import read_tags
 from uavrt.errors import UavrtError
 from uavrt.messages import SystemStatus
-from uavrt.monitor import (
-    MonitorView,
-    StatusReader,
-    start_detection,
-    status_socket_path,
-    stop_detection,
-)
+from uavrt.monitor.operate import start_detection, stop_detection
+from uavrt.monitor.reader import StatusReader, status_socket_path
+from uavrt.monitor.view import MonitorView
 from uavrt.recording.outline import read_outline
 
 REFRESH_S = 0.25

@@ -10,7 +10,8 @@ def tell_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None
     """Warn of each pair of codes; the half-width of the search is by default the usual one."""
     if not any(tag.coded for tag in tags):
         return
-    from uavrt.config import DetectionSettings, words_of_near_codes
+    from uavrt.config.code_rules import words_of_near_codes
+    from uavrt.config.settings import DetectionSettings
 
     usual_hz = DetectionSettings().frequency_window_hz
     for words in words_of_near_codes(tags, usual_hz if window_hz is None else window_hz):

@@ -21,7 +21,7 @@ from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
     from uavrt.messages import Tag
-    from uavrt.planning import LinkBudget
+    from uavrt.planning.link_budget import LinkBudget
 
 PROBABILITIES = (0.5, 0.9)
 _PULSES, _FREQUENCY_HZ, _PULSE_WIDTH_S = (3, 10, 20, 40), 150e6, 0.020
@@ -94,7 +94,7 @@ def range(
     as_json
         Print a list of objects.
     """
-    from uavrt.planning import LinkBudget
+    from uavrt.planning.link_budget import LinkBudget
 
     if tags is not None:
         _refuse(
@@ -160,7 +160,7 @@ def _refuse(given: dict[str, bool], why: str) -> None:
 def _tags(
     path: Path | None, pulses: tuple[int, ...], frequency_hz: float, pulse_width_s: float
 ) -> "list[Tag]":
-    from uavrt.config import read_tags
+    from uavrt.config.tag_files import read_tags
     from uavrt.messages import Tag
 
     if path is not None:
@@ -181,7 +181,7 @@ def _tags(
 
 
 def _row(tag: "Tag", budget: "LinkBudget") -> dict[str, Any]:
-    from uavrt.detection import enr_needed_db
+    from uavrt.detection.sensitivity import enr_needed_db
 
     half, most = (enr_needed_db(tag, probability) for probability in PROBABILITIES)
     return {"tag_id": tag.tag_id, "k": tag.k, **_reach((half, most), budget)}
@@ -191,9 +191,9 @@ def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, floa
     """ENR of the strongest pulse that a whole flight turning on the spot needs."""
     import numpy as np
 
-    from uavrt.analysis.measure import antenna_named
-    from uavrt.localization import pattern_named
-    from uavrt.planning import LEAST_PULSES, whole_flight_enr_db
+    from uavrt.analysis.measure.antenna_files import antenna_named
+    from uavrt.localization.antenna import pattern_named
+    from uavrt.planning.whole_flight import LEAST_PULSES, whole_flight_enr_db
 
     if pulses < LEAST_PULSES:
         raise ConfigError(
@@ -209,7 +209,7 @@ def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, floa
 
 def _noise(flight: Path) -> dict[str, Any]:
     """What a past flight tells of the drone's noise."""
-    from uavrt.analysis import flight_noise_of
+    from uavrt.analysis.flight_noise import flight_noise_of
 
     found = flight_noise_of(flight)
     return {

@@ -16,8 +16,10 @@ from uavrt.errors import FormatError, UsageError
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from uavrt.analysis import MapFile, SilentMap, Survey
-    from uavrt.terrain import Elevation
+    from uavrt.analysis.map_files import MapFile
+    from uavrt.analysis.silence import SilentMap
+    from uavrt.analysis.survey import Survey
+    from uavrt.terrain.elevation import Elevation
 
 
 def report(
@@ -86,10 +88,11 @@ def report(
     if not html and not pdf:
         raise UsageError("there is nothing to write", remedy="Leave out --no-html or --no-pdf")
     require_content([flight])
-    from uavrt.analysis import maps_in, read_survey
-    from uavrt.analysis.measure import antenna_named
-    from uavrt.analysis.report import write_report
-    from uavrt.localization import ReadAs
+    from uavrt.analysis.map_files import maps_in
+    from uavrt.analysis.measure.antenna_files import antenna_named
+    from uavrt.analysis.report.written import write_report
+    from uavrt.analysis.survey import read_survey
+    from uavrt.localization.flight_estimates import ReadAs
 
     elevation = elevation_of(dem, sea=sea)
     how = ReadAs(
@@ -133,8 +136,9 @@ def _silences(
     from rich.console import Console
     from rich.progress import Progress
 
-    from uavrt.analysis import silent_map
-    from uavrt.recording import FlightLayout, read_flight
+    from uavrt.analysis.silence import silent_map
+    from uavrt.recording.flight_reader import read_flight
+    from uavrt.recording.layout import FlightLayout
 
     if survey.info is None or not FlightLayout(flight).database.is_file():
         raise UsageError(
@@ -165,7 +169,7 @@ def _tell(bar: "Progress", task: "TaskID", done: int, total: int) -> None:
 
 
 def _named_map(path: Path) -> "MapFile":
-    from uavrt.analysis import RASTERS, read_map
+    from uavrt.analysis.map_files import RASTERS, read_map
 
     found = read_map(path)
     if found.tiles not in RASTERS:

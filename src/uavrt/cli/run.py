@@ -13,13 +13,17 @@ from cyclopts import Parameter
 from uavrt.cli.kinds import Port
 from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.run_ground import run_both, with_local_link
-from uavrt.config import MavlinkSettings, Settings, load_settings, read_tags
+from uavrt.config.loader import load_settings
+from uavrt.config.settings import MavlinkSettings, Settings
+from uavrt.config.tag_files import read_tags
 from uavrt.errors import ConfigError
-from uavrt.mavlink import parse_address, read_signing_key
-from uavrt.monitor import status_socket_path
-from uavrt.processes import pose_address
-from uavrt.recording import require_writable
-from uavrt.tunnel import Exchange, read_key
+from uavrt.mavlink.address import parse_address
+from uavrt.mavlink.signing import read_signing_key
+from uavrt.monitor.reader import status_socket_path
+from uavrt.processes.own_pose import pose_address
+from uavrt.recording.layout import require_writable
+from uavrt.tunnel.exchange import Exchange
+from uavrt.tunnel.seal import read_key
 
 DEFAULT_CONFIG = Path("uavrt.toml")
 

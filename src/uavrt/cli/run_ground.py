@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 
 from uavrt.cli.screen import has_page
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError
 
 GROUND_STOP_S = 20.0

@@ -12,10 +12,10 @@ from rich.table import Table
 from uavrt.cli.outputs import check_place, print_json
 from uavrt.cli.words import counted
 from uavrt.clock import iso_utc
-from uavrt.recording import TableWriter
+from uavrt.recording.csv_line import TableWriter
 
 if TYPE_CHECKING:
-    from uavrt.analysis import Season
+    from uavrt.analysis.season import Season
 
 
 def season(
@@ -40,7 +40,7 @@ def season(
     as_json
         Print one JSON object.
     """
-    from uavrt.analysis import read_season
+    from uavrt.analysis.season import read_season
 
     if output is not None:
         check_place(output, overwrite=overwrite)
@@ -56,7 +56,7 @@ def season(
 
 
 def _write(found: "Season", path: Path) -> None:
-    from uavrt.analysis import AnimalOfSeason
+    from uavrt.analysis.season import AnimalOfSeason
 
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = TableWriter(file)

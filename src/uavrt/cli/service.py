@@ -11,12 +11,12 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from uavrt.cli.examples import examples
-from uavrt.computer import Installation, ServicePlan
-from uavrt.computer import install as install_service
-from uavrt.computer import remove as remove_service
-from uavrt.computer import status as service_status
-from uavrt.computer.service import check_plan
-from uavrt.config import load_settings
+from uavrt.computer.service import ServicePlan, check_plan
+from uavrt.computer.service import install as install_service
+from uavrt.computer.service import remove as remove_service
+from uavrt.computer.service import status as service_status
+from uavrt.computer.versions import Installation
+from uavrt.config.loader import load_settings
 from uavrt.errors import UsageError
 
 service = App(

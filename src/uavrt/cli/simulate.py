@@ -9,13 +9,11 @@ from rich.console import Console
 from rich.progress import Progress
 
 from uavrt.cli.kinds import Hertz, Seconds, Seed
-from uavrt.simulation import (
-    SampleFormat,
-    Scenario,
-    demo_scenario,
-    load_scenario,
-    simulate_to_directory,
-)
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.recording import simulate_to_directory
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.scenario_file import load_scenario
+from uavrt.simulation.synthesis import SampleFormat
 
 
 def simulate(

@@ -6,7 +6,7 @@ from pathlib import Path
 from cyclopts import App
 
 from uavrt.cli.examples import examples
-from uavrt.computer import data_home, install_starter, remove_starter
+from uavrt.computer.starter import data_home, install_starter, remove_starter
 from uavrt.errors import UsageError
 
 starter = App(name="starter", help="Put the ground station into the desktop's menu (Linux).")

@@ -18,9 +18,11 @@ from uavrt.errors import ConfigError, TagFileError, UavrtError
 from uavrt.foreign import TAGS, read_file
 
 if TYPE_CHECKING:
-    from uavrt.analysis.measure import MeasuredCode, MeasuredRate, MeasuredTag, TagSource
+    from uavrt.analysis.measure.coded_bursts import MeasuredCode
+    from uavrt.analysis.measure.measured_tag import MeasuredRate, MeasuredTag
+    from uavrt.analysis.measure.tag_source import TagSource
     from uavrt.messages import Tag
-    from uavrt.radio import RecordingSource
+    from uavrt.radio.recording import RecordingSource
 
 tags = App(
     name="tags", help="Check and convert tag files (TagInfo.txt, tags.toml); measure tags."
@@ -45,7 +47,7 @@ def check(
     config
         The drone's settings: sample rate, radio frequency and search window.
     """
-    from uavrt.config import tags_with_overrides, warnings_of_band
+    from uavrt.config.parameters import tags_with_overrides, warnings_of_band
     from uavrt.detection.search_plan import plan_search
 
     found = _read(file).tags
@@ -90,7 +92,7 @@ def convert(source: Path, target: Path, *, overwrite: bool = False) -> None:
     overwrite
         Replace the target if it exists.
     """
-    from uavrt.config import check_tag_file_name, write_tags
+    from uavrt.config.tag_files import check_tag_file_name, write_tags
 
     known = _read(source)
     found = known.tags
@@ -131,9 +133,10 @@ def correct(
     overwrite
         Replace the output if it exists.
     """
-    from uavrt.config import TagCorrection, correction_of, write_tags
-    from uavrt.detection import gain_in_words
-    from uavrt.recording import read_beeps
+    from uavrt.config.tag_corrections import TagCorrection, correction_of
+    from uavrt.config.tag_files import write_tags
+    from uavrt.detection.sensitivity import gain_in_words
+    from uavrt.recording.flight_reader import read_beeps
 
     found = {tag.tag_id: tag for tag in _read(file).tags}
     beeps = [beep for flight in flights for beep in read_beeps(flight)]
@@ -158,8 +161,8 @@ def correct(
 
 def _read(path: Path) -> "TagSource":
     """Read whatever describes tags, by the rules of tag files."""
-    from uavrt.analysis.measure import TagSource, read_tag_source
-    from uavrt.config import faults_of_tags
+    from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
+    from uavrt.config.tag_files import faults_of_tags
 
     if path.suffix.lower() == ".db":
         return TagSource(tags=_of_tagtracker(path))
@@ -172,7 +175,7 @@ def _read(path: Path) -> "TagSource":
 
 def _of_tagtracker(path: Path) -> "tuple[Tag, ...]":
     """Tags of TagTracker's ``TagInfo.db``, with the ``TagManufacturer.db`` beside it."""
-    from uavrt.ground.web import import_rows, tags_from_rows
+    from uavrt.ground.store.tag_table import import_rows, tags_from_rows
 
     found, faults = tags_from_rows(import_rows(_databases(path)))
     if faults:
@@ -196,7 +199,7 @@ def _databases(path: Path) -> dict[str, str]:
 
 def _tell_unselected(path: Path) -> None:
     """Say which tags TagTracker does not search for: our tag files have no such mark."""
-    from uavrt.ground.web import not_selected
+    from uavrt.ground.store.tag_table import not_selected
 
     left_out = not_selected(_databases(path)) if path.suffix.lower() == ".db" else None
     for number in left_out or ():
@@ -253,10 +256,13 @@ def measure(
     overwrite
         Replace the output if it exists.
     """
-    from uavrt.analysis.measure import MeasuredTag, measure_tags
+    from uavrt.analysis.measure.measure_tag import measure_tags
+    from uavrt.analysis.measure.measured_tag import MeasuredTag
     from uavrt.cli.detect import start_time_ns
-    from uavrt.config import MAX_ID, check_tag_file_name, format_tags_toml, write_tags
-    from uavrt.radio import open_recording
+    from uavrt.config.tag_files import check_tag_file_name, write_tags
+    from uavrt.config.tag_rules import MAX_ID
+    from uavrt.config.tags_toml import format_tags_toml
+    from uavrt.radio.opening import open_recording
 
     if not 1 <= id <= MAX_ID:
         raise ConfigError(f"a tag cannot have the number {id}", remedy="Give --id from 1 on")
@@ -334,7 +340,7 @@ def _with_sigma(number: float, sigma: float) -> str:
 
 def _check_center(center_frequency_hz: float | None) -> None:
     """Refuse megahertz for hertz before the work."""
-    from uavrt.config import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
+    from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 
     if center_frequency_hz is not None and not (
         MIN_FREQUENCY_HZ <= center_frequency_hz <= MAX_FREQUENCY_HZ
@@ -346,7 +352,7 @@ def _check_center(center_frequency_hz: float | None) -> None:
 
 def _check_entries(entries: "Sequence[Tag]") -> None:
     """Write nothing that `uavrt tags check` would refuse."""
-    from uavrt.config import faults_of_tags
+    from uavrt.config.tag_files import faults_of_tags
 
     faults = faults_of_tags(entries)
     if faults:
@@ -411,8 +417,10 @@ def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
 
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
     """Report which tags of one band may be taken for each other, and what would part them."""
-    from uavrt.config import DetectionSettings, tags_by_band, words_of_near_codes
-    from uavrt.detection.track import part, small_ratio
+    from uavrt.config.code_rules import words_of_near_codes
+    from uavrt.config.settings import DetectionSettings
+    from uavrt.config.tag_bands import tags_by_band
+    from uavrt.detection.track.senders import part, small_ratio
 
     window_hz = DetectionSettings().frequency_window_hz
     yield from words_of_near_codes(found, window_hz)

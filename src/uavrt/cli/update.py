@@ -16,21 +16,14 @@ import uavrt
 from uavrt.cli.kinds import Seconds
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.clock import monotonic_s
-from uavrt.computer import (
-    Installation,
-    Needs,
-    Seen,
-    Trial,
-    Verdict,
-    armed_by_link,
-    require_still,
-    runs_from,
-)
 from uavrt.computer import update as updating
-from uavrt.config import Settings
+from uavrt.computer.autopilot_setup import armed_by_link
+from uavrt.computer.trial import Needs, Seen, Trial, Verdict, require_still
+from uavrt.computer.versions import Installation, runs_from
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError, UsageError
-from uavrt.monitor import StatusReader, status_socket_path
-from uavrt.supervisor.tree import PROCESSES
+from uavrt.monitor.reader import StatusReader, status_socket_path
+from uavrt.supervisor.tree.table import PROCESSES
 
 RESTART = "systemctl restart uavrt.service"
 LOOK_S = 3.0

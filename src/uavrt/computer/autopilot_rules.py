@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from uavrt.errors import ConfigError
-from uavrt.mavlink import STATION_SYSTEM_ID
+from uavrt.mavlink.discovery import STATION_SYSTEM_ID
 
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
 """Number of a port for MAV_n_CONFIG, and its name in SER_…_BAUD."""

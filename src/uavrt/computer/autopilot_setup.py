@@ -12,8 +12,9 @@ from uavrt.computer.autopilot_rules import (
 )
 from uavrt.computer.finding import Finding
 from uavrt.errors import LinkError, UavrtError
-from uavrt.mavlink import Address, ParameterClient, parse_address
+from uavrt.mavlink.address import Address, parse_address
 from uavrt.mavlink.dialect import MavAutopilot
+from uavrt.mavlink.parameter_client import ParameterClient
 
 LISTEN_S = 6.0
 WHAT = "autopilot"

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from math import inf, isfinite, log10
 from statistics import median
 
+from uavrt.commands import SystemState
 from uavrt.computer.finding import Finding
-from uavrt.messages import Poses, PulsePose, SearchReport, SystemState, Tag
+from uavrt.messages import Poses, PulsePose, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, rough_duration
 
 DETECTOR_SILENT_S = 15.0

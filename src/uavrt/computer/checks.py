@@ -20,12 +20,16 @@ from uavrt.card import (
     clock_is_lost,
 )
 from uavrt.clock import Clock, monotonic_s
+from uavrt.commands import SystemState
 from uavrt.computer.finding import Finding
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
-from uavrt.mavlink import Connection, Handlers, parse_address
-from uavrt.messages import SystemState, SystemStatus
-from uavrt.radio import check_device, usb_radios
+from uavrt.mavlink.address import parse_address
+from uavrt.mavlink.component import Handlers
+from uavrt.mavlink.connection import Connection
+from uavrt.messages import SystemStatus
+from uavrt.radio.checking import check_device
+from uavrt.radio.devices import usb_radios
 
 THERMAL = Path("/sys/class/thermal")
 LISTEN_S = 4.0

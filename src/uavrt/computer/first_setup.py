@@ -22,12 +22,15 @@ from uavrt.computer.checks import check_autopilot, check_permissions, check_radi
 from uavrt.computer.finding import Finding
 from uavrt.computer.update_file import split_keys
 from uavrt.computer.versions import Installation
-from uavrt.config import RADIOS, Settings, change_settings, load_settings
+from uavrt.config.loader import load_settings
+from uavrt.config.radios import RADIOS
+from uavrt.config.setting_writer import change_settings
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError, UsageError
-from uavrt.localization import PATTERNS
-from uavrt.mavlink import parse_address
+from uavrt.localization.antenna import PATTERNS
+from uavrt.mavlink.address import parse_address
 from uavrt.messages import SystemStatus
-from uavrt.radio import usb_radios
+from uavrt.radio.devices import usb_radios
 
 STEPS = ("name", "antenna", "radio", "autopilot", "keys")
 DONE = "set-up-done"

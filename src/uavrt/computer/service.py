@@ -16,7 +16,7 @@ from pathlib import Path
 
 from uavrt.atomic_file import write_atomically
 from uavrt.computer.update import python_module
-from uavrt.config import RADIOS
+from uavrt.config.radios import RADIOS
 from uavrt.errors import UsageError
 
 UNIT = "uavrt.service"

@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
-from uavrt.config import Settings
+from uavrt.commands import SystemState
+from uavrt.config.settings import Settings
 from uavrt.errors import UsageError
-from uavrt.messages import Poses, SystemState, SystemStatus
+from uavrt.messages import Poses, SystemStatus
 
 HOLD_S = 60.0
 """So long must everything be there."""

@@ -33,7 +33,8 @@ Shape = Literal["workers", "stages", "one"]
 OperatingModeName = Literal[
     "freqSearchSoftLock", "freqSearchHardLock", "freqKnownHardLock", "freqAllNeverLock"
 ]
-"""Names of `uavrt.detection.OperatingMode`, those of the original's ``detectorConfig.txt``."""
+"""Names of `uavrt.detection.modes.OperatingMode`, those of the original's
+``detectorConfig.txt``."""
 NamedValuesName = Literal["all", "snr", "off"]
 RADIO_GROUP = "uavrt.radios"
 """Entry points of this group add kinds of radio (docs/how-to/extend.md)."""

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from uavrt.atomic_file import write_atomically
 from uavrt.config.code_lists import is_code_csv, parse_code_csv, parse_code_yaml
+from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
 from uavrt.config.tag_info import format_tag_info, parse_tag_info
-from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft, tags_from_drafts
+from uavrt.config.tag_rules import tags_from_drafts
 from uavrt.config.tags_toml import format_tags_toml, parse_tags_toml
 from uavrt.config.text_files import decode_text
 from uavrt.errors import ConfigError, TagFileError

@@ -12,15 +12,8 @@ tag has one rate only. A line says by its numbers which of the two it has: a fre
 import re
 from collections.abc import Sequence
 
-from uavrt.config.tag_rules import (
-    MAX_FREQUENCY_HZ,
-    MIN_FREQUENCY_HZ,
-    MIN_PULSE_WIDTH_MS,
-    Entry,
-    Fault,
-    Quantity,
-    TagDraft,
-)
+from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
+from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ, MIN_PULSE_WIDTH_MS
 from uavrt.messages import Tag
 
 COLUMNS: tuple[tuple[str, Quantity], ...] = (

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from uavrt.config.code_rules import MAX_GAPS
-from uavrt.config.tag_rules import Entry, Fault, Quantity, TagDraft
+from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
 from uavrt.config.toml_lines import Path, find_lines, line_of
 from uavrt.foreign import MOST_FAULTS, TAGS, check_toml
 from uavrt.messages import Tag

@@ -22,7 +22,7 @@ from types import MappingProxyType
 from typing import Any
 
 from uavrt.blas import blas_environment
-from uavrt.config import (
+from uavrt.config.settings import (
     AntennaSettings,
     MavlinkSettings,
     RadioSettings,
@@ -30,8 +30,8 @@ from uavrt.config import (
     Settings,
 )
 from uavrt.errors import LinkError, UavrtError
-from uavrt.ipc import LineBuffer
-from uavrt.simulation import Scenario
+from uavrt.ipc.link import LineBuffer
+from uavrt.simulation.scenario import Scenario
 
 STOP_TIMEOUT_S = 15.0
 PORTS = range(61_000, 65_400)

@@ -12,10 +12,11 @@ from typing import Self
 import msgspec
 
 from uavrt.clock import Clock
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
-from uavrt.monitor import StatusReader, status_socket_path
-from uavrt.simulation import Scenario, write_scenario
+from uavrt.monitor.reader import StatusReader, status_socket_path
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.scenario_file import write_scenario
 from uavrt.units import ns_from_s
 
 

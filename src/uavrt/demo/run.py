@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.live import Live
 
 from uavrt.clock import Clock
-from uavrt.config import Ros2Settings, Settings, write_tags
+from uavrt.config.settings import Ros2Settings, Settings
+from uavrt.config.tag_files import write_tags
 from uavrt.demo.programs import DemoPaths, Program, free_ros_domain, free_udp_port
 from uavrt.demo.rig import Rig, SimulatedDrone
 from uavrt.demo.summary import DemoSummary, summarize_tag
@@ -20,11 +21,14 @@ from uavrt.demo.view import DemoView, TagView
 from uavrt.demo.watch import RECEIVER, Cpu, samples_lost
 from uavrt.demo.workplace import require_free_port, workplace
 from uavrt.errors import UavrtError
-from uavrt.ground.store import read_ground_pulses
+from uavrt.ground.store.stored import read_ground_pulses
 from uavrt.messages import Pulse, SystemStatus
-from uavrt.monitor import StatusReader
-from uavrt.recording import read_flight, require_writable
-from uavrt.simulation import Flight, Scenario, World
+from uavrt.monitor.reader import StatusReader
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.layout import require_writable
+from uavrt.simulation.flight import Flight
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.world import World
 from uavrt.units import ns_from_s
 
 START_LEAD_S = 2.5

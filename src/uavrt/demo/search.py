@@ -10,7 +10,7 @@ from typing import Literal
 import msgspec
 from rich.table import Table
 
-from uavrt.config import GuidanceSettings, Settings
+from uavrt.config.settings import GuidanceSettings, Settings
 from uavrt.demo.programs import DemoPaths, Program, free_udp_port
 from uavrt.demo.rig import Rig, starting_in
 from uavrt.demo.telling import in_plain_words, with_figures
@@ -18,8 +18,8 @@ from uavrt.demo.workplace import workplace
 from uavrt.errors import UavrtError
 from uavrt.geodesy import distance_m
 from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemStatus
-from uavrt.recording import require_writable
-from uavrt.simulation import Scenario
+from uavrt.recording.layout import require_writable
+from uavrt.simulation.scenario import Scenario
 from uavrt.units import ns_from_s
 
 RADIUS_M = 260.0

@@ -13,7 +13,8 @@ from uavrt.demo.rig import Rig
 from uavrt.demo.search import START_LEAD_S, Among, SearchDemo, SearchSummary
 from uavrt.demo.workplace import workplace
 from uavrt.errors import UavrtError
-from uavrt.simulation import FlownPath, Scenario
+from uavrt.simulation.flown_path import FlownPath
+from uavrt.simulation.scenario import Scenario
 from uavrt.units import ns_from_s
 
 STEP_NS = ns_from_s(0.2)

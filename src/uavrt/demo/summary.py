@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from rich.table import Table
 
 from uavrt.messages import Pulse, Tag
-from uavrt.simulation import TruePulse
+from uavrt.simulation.world import TruePulse
 from uavrt.units import db_from_power, ns_from_s, power_from_db
 
 DETECTABLE_ENR_DB = 14.0

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from uavrt.clock import cpu_s, monotonic_s
 from uavrt.demo.programs import Program
 from uavrt.messages import ProcessStatus, SystemStatus
-from uavrt.supervisor.tree import children_of, usage_of
+from uavrt.supervisor.start.usage import children_of, usage_of
 
 RADIO = "radio (simulated)"
 AUTOPILOT = "autopilot (simulated)"

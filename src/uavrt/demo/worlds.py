@@ -6,13 +6,9 @@ from pathlib import Path
 
 from uavrt.demo.search import RADIUS_M
 from uavrt.errors import UsageError
-from uavrt.simulation import (
-    Scenario,
-    demo_scenario,
-    load_scenario,
-    search_scenario,
-    searched_scenario,
-)
+from uavrt.simulation.demo_world import demo_scenario, search_scenario, searched_scenario
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.scenario_file import load_scenario
 
 FLIGHT_S = 120.0
 """Of the built-in world, unless told."""

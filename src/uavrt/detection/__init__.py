@@ -1,44 +1,33 @@
-"""Detect a tag's pulses in the samples of a channel."""
+"""Detect a tag's pulses in the samples of a channel.
+
+`detector` is one tag, `group` many, `coded` coded tags; a block goes through `signal`, `search`
+and `track`. `beeps` finds what is not listed. `bounds`, `sensitivity` and `search_costs` say
+what can be found, and what it takes.
+"""
 
 from typing import TYPE_CHECKING
 
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.config import Receiver
-    from uavrt.detection.detector import PulseDetector
-    from uavrt.detection.group import DetectorGroup
-    from uavrt.detection.modes import OperatingMode
-    from uavrt.detection.reporting import report_every_s
-    from uavrt.detection.sensitivity import (
-        detection_probability,
-        enr_needed_db,
-        gain_in_words,
-    )
-    from uavrt.detection.signal import Counters
+    from uavrt.config.ghost_places import Receiver as Receiver
+    from uavrt.detection.detector import PulseDetector as PulseDetector
+    from uavrt.detection.group import DetectorGroup as DetectorGroup
+    from uavrt.detection.modes import OperatingMode as OperatingMode
+    from uavrt.detection.reporting import report_every_s as report_every_s
+    from uavrt.detection.sensitivity import detection_probability as detection_probability
+    from uavrt.detection.sensitivity import enr_needed_db as enr_needed_db
+    from uavrt.detection.signal.samples import Counters as Counters
 
-__all__ = [
-    "Counters",
-    "DetectorGroup",
-    "OperatingMode",
-    "PulseDetector",
-    "Receiver",
-    "detection_probability",
-    "enr_needed_db",
-    "gain_in_words",
-    "report_every_s",
-]
-__getattr__ = lazily(
+__all__, __getattr__ = lazily(
     __name__,
     {
-        "Counters": "signal",
-        "DetectorGroup": "group",
-        "OperatingMode": "modes",
-        "PulseDetector": "detector",
-        "Receiver": "uavrt.config",
-        "detection_probability": "sensitivity",
-        "enr_needed_db": "sensitivity",
-        "gain_in_words": "sensitivity",
-        "report_every_s": "reporting",
+        "uavrt.config.ghost_places": "Receiver",
+        "detector": "PulseDetector",
+        "group": "DetectorGroup",
+        "modes": "OperatingMode",
+        "reporting": "report_every_s",
+        "sensitivity": "detection_probability enr_needed_db",
+        "signal.samples": "Counters",
     },
 )

@@ -11,32 +11,25 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.bounds import Bounds
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
-from uavrt.detection.search import Candidate, RateSearch, SearchBand, make_grid
-from uavrt.detection.signal import (
-    Cleaner,
-    Counters,
-    Intake,
-    LongestBlock,
-    Measured,
-    Refiner,
-    apart_hz,
-    in_channel_hz,
-)
-from uavrt.detection.track import (
-    Bursts,
-    Follower,
-    Judge,
-    OnAir,
-    Reporter,
-    Senders,
-    Track,
-    forget_old,
-    joined,
-    share_a_pulse,
-)
+from uavrt.detection.search.band import SearchBand
+from uavrt.detection.search.grid import make_grid
+from uavrt.detection.search.hypotheses import Candidate, RateSearch
+from uavrt.detection.search.refine import Measured, Refiner
+from uavrt.detection.signal.block_order import Intake, LongestBlock
+from uavrt.detection.signal.frequency_circle import apart_hz, in_channel_hz
+from uavrt.detection.signal.samples import Counters
+from uavrt.detection.signal.signal_cleaning import Cleaner
+from uavrt.detection.track.bounds import Bounds
+from uavrt.detection.track.bursts import Bursts
+from uavrt.detection.track.chance import OnAir
+from uavrt.detection.track.following import Follower
+from uavrt.detection.track.judging import Judge, share_a_pulse
+from uavrt.detection.track.reporting import Reporter
+from uavrt.detection.track.senders import Senders
+from uavrt.detection.track.tracks import Track
+from uavrt.detection.track.unlocked import forget_old, joined
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 

@@ -13,8 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config import DetectionSettings
-from uavrt.detection import DetectorGroup, OperatingMode, PulseDetector
+from uavrt.config.settings import DetectionSettings
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.group import DetectorGroup
+from uavrt.detection.modes import OperatingMode
 from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from uavrt.config import DetectionSettings
+from uavrt.config.settings import DetectionSettings
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search_costs import search_cost

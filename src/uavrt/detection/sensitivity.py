@@ -14,12 +14,11 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.stats import ncx2
 
-from uavrt.detection.coded import FALSE_PER_HOUR, sum_limit
-from uavrt.detection.search import (
-    CELL_LIMIT,
+from uavrt.detection.coded.limits import FALSE_PER_HOUR, sum_limit
+from uavrt.detection.search.hypotheses import CELL_LIMIT, jitter_reach
+from uavrt.detection.search.thresholds import (
     decision_interval_s,
     effective_hypotheses,
-    jitter_reach,
     spread,
     threshold,
 )

@@ -9,50 +9,26 @@ from typing import TYPE_CHECKING
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.dsp.block_times import BlockTimes
-    from uavrt.dsp.carriers import Carriers
-    from uavrt.dsp.channelizer import Channelizer
-    from uavrt.dsp.clipping import ClippedTimes, Clipping
-    from uavrt.dsp.decimator import Decimator
-    from uavrt.dsp.fourier import transform_columns
-    from uavrt.dsp.frontend import FrontEnd
-    from uavrt.dsp.input_check import InputCheck
-    from uavrt.dsp.plan import FrontEndPlan, channel_center_hz
-    from uavrt.dsp.sliding_medians import medians
-    from uavrt.dsp.tuner import TunerPlan, tune
+    from uavrt.dsp.carriers import Carriers as Carriers
+    from uavrt.dsp.channelizer import Channelizer as Channelizer
+    from uavrt.dsp.clipping import ClippedTimes as ClippedTimes
+    from uavrt.dsp.clipping import Clipping as Clipping
+    from uavrt.dsp.decimator import Decimator as Decimator
+    from uavrt.dsp.frontend import FrontEnd as FrontEnd
+    from uavrt.dsp.plan import FrontEndPlan as FrontEndPlan
+    from uavrt.dsp.plan import channel_center_hz as channel_center_hz
+    from uavrt.dsp.tuner import TunerPlan as TunerPlan
+    from uavrt.dsp.tuner import tune as tune
 
-__all__ = [
-    "BlockTimes",
-    "Carriers",
-    "Channelizer",
-    "ClippedTimes",
-    "Clipping",
-    "Decimator",
-    "FrontEnd",
-    "FrontEndPlan",
-    "InputCheck",
-    "TunerPlan",
-    "channel_center_hz",
-    "medians",
-    "transform_columns",
-    "tune",
-]
-__getattr__ = lazily(
+__all__, __getattr__ = lazily(
     __name__,
     {
-        "BlockTimes": "block_times",
-        "Carriers": "carriers",
-        "Channelizer": "channelizer",
-        "ClippedTimes": "clipping",
-        "Clipping": "clipping",
-        "Decimator": "decimator",
-        "FrontEnd": "frontend",
-        "FrontEndPlan": "plan",
-        "InputCheck": "input_check",
-        "TunerPlan": "tuner",
-        "channel_center_hz": "plan",
-        "medians": "sliding_medians",
-        "transform_columns": "fourier",
-        "tune": "tuner",
+        "carriers": "Carriers",
+        "channelizer": "Channelizer",
+        "clipping": "ClippedTimes Clipping",
+        "decimator": "Decimator",
+        "frontend": "FrontEnd",
+        "plan": "FrontEndPlan channel_center_hz",
+        "tuner": "TunerPlan tune",
     },
 )

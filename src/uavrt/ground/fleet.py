@@ -13,11 +13,15 @@ from typing import Any
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import UavrtError, UsageError
-from uavrt.ground.link import NO_KEYS, GivenWays, GroundEvent, LinkKeys, Links
+from uavrt.ground.link.given_ways import GivenWays
+from uavrt.ground.link.keys import NO_KEYS, LinkKeys
+from uavrt.ground.link.parallel_links import Links
+from uavrt.ground.link.protocol import GroundEvent
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store import GroundStore
-from uavrt.ground.web import vehicle_record
-from uavrt.mavlink import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Signing
+from uavrt.ground.snapshots import vehicle_record
+from uavrt.ground.store.settings import GroundStore
+from uavrt.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID
+from uavrt.mavlink.signing import Signing
 from uavrt.messages import BurstInside, Course, PulsePose
 
 MOST_VEHICLES = 16

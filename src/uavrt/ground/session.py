@@ -11,53 +11,40 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from uavrt import tunnel
 from uavrt.clock import Clock, monotonic_s
-from uavrt.computer import Bench, Finding, FlightFacts, first_flight
-from uavrt.config import RecordingSettings
+from uavrt.commands import SystemState
+from uavrt.computer.bench import Bench, FlightFacts, first_flight
+from uavrt.computer.finding import Finding
+from uavrt.config.settings import RecordingSettings
 from uavrt.errors import ConfigError, LinkError, RecordingError, UavrtError, UsageError
-from uavrt.ground.fetch import Downloads
-from uavrt.ground.link import (
-    NO_KEYS,
-    Acknowledged,
-    ClockSkew,
-    Commands,
-    DetectorAlive,
-    DroneHeartbeat,
-    Flying,
-    GroundEvent,
-    GroundLink,
-    LinkKeys,
-    Links,
-    MyPlace,
-    Receipts,
-    VehicleIdentity,
-    VehicleWatch,
-    open_receipts,
-)
-from uavrt.ground.store import (
-    Estimates,
-    Estimator,
-    EventLog,
-    FlightKeeper,
-    FlightLibrary,
-    GroundStore,
-    flight_under_way,
-)
-from uavrt.ground.web import (
-    Busy,
-    Commander,
-    Hub,
-    Situation,
-    hello,
-    pose_record,
-    rows_from_tags,
-    snapshot,
-    table_version,
-)
-from uavrt.localization import HeardInTurn
+from uavrt.ground.commanding_page import Commander
+from uavrt.ground.fetch.downloads import Downloads
+from uavrt.ground.link.actions import Busy, Situation
+from uavrt.ground.link.clock_skew import ClockSkew
+from uavrt.ground.link.commands import Commands
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.flying import Flying
+from uavrt.ground.link.keys import NO_KEYS, LinkKeys
+from uavrt.ground.link.my_place import MyPlace
+from uavrt.ground.link.parallel_links import Links
+from uavrt.ground.link.protocol import Acknowledged, DetectorAlive, DroneHeartbeat, GroundEvent
+from uavrt.ground.link.stored_pulses import open_receipts
+from uavrt.ground.link.vehicle import VehicleWatch
+from uavrt.ground.link.vehicle_identity import VehicleIdentity
+from uavrt.ground.listeners import Hub
+from uavrt.ground.snapshots import hello, pose_record, snapshot
+from uavrt.ground.store.beside_drone import flight_under_way
+from uavrt.ground.store.estimates import Estimates, Estimator
+from uavrt.ground.store.event_log import EventLog
+from uavrt.ground.store.flight_keeper import FlightKeeper
+from uavrt.ground.store.flights import FlightLibrary
+from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.store.tag_table import rows_from_tags, table_version
+from uavrt.localization.flight_estimates import HeardInTurn
 from uavrt.log import get_logger
-from uavrt.mavlink import Frame, parse_address
+from uavrt.mavlink.address import parse_address
+from uavrt.mavlink.frame import Frame
 from uavrt.messages import (
     Beep,
     BurstInside,
@@ -66,19 +53,15 @@ from uavrt.messages import (
     PulsePose,
     SearchReport,
     StatusText,
-    SystemState,
     Tag,
     keep_beep,
 )
-from uavrt.recording import (
-    Mark,
-    battery_note,
-    home_note,
-    pulse_record,
-    read_beeps,
-    vehicle_note,
-)
-from uavrt.tunnel import MotionState
+from uavrt.recording.flight_reader import read_beeps
+from uavrt.recording.outline import battery_note
+from uavrt.recording.places import Mark, home_note, vehicle_note
+from uavrt.recording.pulse_files import pulse_record
+from uavrt.tunnel.motion import MotionState
+from uavrt.tunnel.wire import command_name
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
@@ -451,7 +434,7 @@ class GroundSession:
                 self.flight.add_text(event.severity, event.text, now_ns)
                 self.note(event.severity, event.text, source="drone")
             case Acknowledged():
-                name = tunnel.command_name(event.command)
+                name = command_name(event.command)
                 answer = "done" if event.accepted else "refused"
                 text = f"{name}: {answer}" + (f" – {event.message}" if event.message else "")
                 self.note(6 if event.accepted else 4, text, source="acknowledgement")

@@ -14,29 +14,20 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.clock import Clock, monotonic_s
+from uavrt.commands import SystemState
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.fleet import Fleet
-from uavrt.ground.link import (
-    NO_KEYS,
-    Acknowledged,
-    DroneHeartbeat,
-    GroundEvent,
-    GroundLink,
-    LinkKeys,
-)
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.keys import NO_KEYS, LinkKeys
+from uavrt.ground.link.protocol import Acknowledged, DroneHeartbeat, GroundEvent
 from uavrt.ground.session import ESSENTIAL, GroundSession
-from uavrt.ground.store import PULSES_NAME, GroundStore, PulseLines
-from uavrt.messages import (
-    BurstInside,
-    PulsePose,
-    SearchReport,
-    StatusText,
-    SystemState,
-    Tag,
-)
-from uavrt.recording import ended as queries_ended
-from uavrt.recording import inside_record, pulse_record
-from uavrt.tunnel import command_name, digest_in, tag_list_digest
+from uavrt.ground.store.settings import GroundStore
+from uavrt.ground.store.stored import PULSES_NAME, PulseLines
+from uavrt.messages import BurstInside, PulsePose, SearchReport, StatusText, Tag
+from uavrt.recording.plain_database import ended as queries_ended
+from uavrt.recording.pulse_files import inside_record, pulse_record
+from uavrt.tunnel.tag_lists import digest_in, tag_list_digest
+from uavrt.tunnel.wire import command_name
 
 START_RETRY_S = 2.0
 QUIET_S = 1.0

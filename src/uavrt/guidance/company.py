@@ -14,7 +14,7 @@ from uavrt.guidance.neighbours import SEPARATION, nearest_m, strips_of
 from uavrt.guidance.orders import Place, VehicleNow
 from uavrt.guidance.pilot import standing_place
 from uavrt.messages import Course, Neighbour
-from uavrt.planning import Beside
+from uavrt.planning.beside import Beside
 from uavrt.tangent_plane import TangentPlane
 
 if TYPE_CHECKING:

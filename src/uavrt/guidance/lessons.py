@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from uavrt.guidance.orders import VehicleNow
-from uavrt.planning import EnergyModel
+from uavrt.planning.energy import EnergyModel
 
 LEARNS_PERCENT = 3.0
 """Of the battery between two lessons."""

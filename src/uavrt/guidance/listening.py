@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from math import atan2, degrees, log10
 
 from uavrt.attitude import rotated
-from uavrt.detection import report_every_s
-from uavrt.localization import Listening
+from uavrt.detection.reporting import report_every_s
+from uavrt.localization.position.level_belief import Listening
 from uavrt.messages import PulsePose, SearchReport, Tag
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
@@ -72,7 +72,8 @@ class _Ear:
 def threshold_db(k: int, *, coded: bool = False) -> float:
     """ENR at which half of the groups of K equal pulses are found; or of K coded bursts.
 
-    A line through what `uavrt.detection.enr_needed_db` gives for tags of 20 ms, of exact and of
+    A line through what `uavrt.detection.sensitivity.enr_needed_db` gives for tags of 20 ms, of
+    exact and of
     usual intervals: 11.4 dB for one pulse, 7.8 and 8.6 for three, 4.1 and 5.3 for ten. To work
     it out on the drone would take scipy.stats, twice as much memory as the guide has. One coded
     burst of four pulses takes 9.7 dB a pulse, three 6.0, ten 2.7.

@@ -17,7 +17,7 @@ from uavrt.guidance.heights import check_height
 from uavrt.guidance.orders import Limits, Order, Place
 from uavrt.guidance.plans import MARGIN_M, check_keep_out, survey_places, voids_of
 from uavrt.messages import KeepOut, VehicleFence
-from uavrt.planning import Polygon, SearchArea
+from uavrt.planning.area import Polygon, SearchArea
 from uavrt.tangent_plane import TangentPlane
 
 MissionKind = Literal["mission", "fence"]

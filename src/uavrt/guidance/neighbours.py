@@ -11,16 +11,11 @@ import numpy as np
 
 from uavrt.guidance.orders import Place
 from uavrt.messages import Neighbour
-from uavrt.planning import (
-    Beliefs,
-    Beside,
-    Path,
-    Separation,
-    Start,
-    Strip,
-    VehicleState,
-    shared_out,
-)
+from uavrt.planning.beliefs import Beliefs
+from uavrt.planning.beside import Beside, Separation, Strip
+from uavrt.planning.division import Start
+from uavrt.planning.shares import shared_out
+from uavrt.planning.vehicle import Path, VehicleState
 from uavrt.tangent_plane import TangentPlane
 
 MISSING_S = 10.0

@@ -8,7 +8,8 @@ from uavrt.guidance.heights import LOWEST_M
 from uavrt.messages import KeepOut, Motion
 
 if TYPE_CHECKING:
-    from uavrt.planning import EnergyModel, Wind
+    from uavrt.planning.energy import EnergyModel
+    from uavrt.planning.vehicle import Wind
 
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""

@@ -24,7 +24,7 @@ def survey_file(order: Order, speed_m_s: float) -> str:
     Parameters
     ----------
     order : Order
-        As for `uavrt.guidance.survey_items`.
+        As for `uavrt.guidance.mission.survey_items`.
     speed_m_s : float
 
     Raises

@@ -12,18 +12,9 @@ from uavrt.guidance.lessons import energy_of
 from uavrt.guidance.manners import Manners
 from uavrt.guidance.orders import Limits, Order, Place, VehicleNow
 from uavrt.messages import KeepOut
-from uavrt.planning import (
-    Battery,
-    Circle,
-    EnergyModel,
-    Multirotor,
-    Polygon,
-    SearchArea,
-    VehicleState,
-    Wind,
-    headwind,
-    survey_lines,
-)
+from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
+from uavrt.planning.energy import Battery, EnergyModel
+from uavrt.planning.vehicle import Multirotor, VehicleState, Wind, headwind
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import VehicleNow
 from uavrt.messages import VehicleReport
-from uavrt.planning import Wind
+from uavrt.planning.vehicle import Wind
 
 _SHARED = (
     *("latitude_deg", "longitude_deg", "altitude_amsl_m", "altitude_relative_m"),

@@ -34,7 +34,8 @@ from uavrt.guidance.plans import (
     rotation,
     too_windy,
 )
-from uavrt.localization import AntennaPattern, TagPrior, TrackEstimate
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.position.trackers import TagPrior, TrackEstimate
 from uavrt.messages import (
     FoundTag,
     Neighbour,
@@ -44,31 +45,20 @@ from uavrt.messages import (
     SoughtTag,
     Tag,
 )
-from uavrt.planning import (
-    Action,
-    Battery,
-    Beliefs,
-    Beside,
-    Decision,
-    FlyTo,
-    Found,
-    Hold,
-    HonestStop,
-    KeepAway,
-    MiRate,
-    Planner,
-    Polygon,
-    Return,
-    Rotate,
-    Search,
-    SearchArea,
-    SearchSettings,
-    TagBelief,
-    VehicleState,
-    planner_named,
-)
+from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
+from uavrt.planning.area import Polygon, SearchArea
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.beside import Beside
+from uavrt.planning.energy import Battery
+from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.planners.mi_rate import MiRate
+from uavrt.planning.planners.registry import planner_named
+from uavrt.planning.search import Found, Search, SearchSettings
+from uavrt.planning.situation import Decision, Planner
+from uavrt.planning.stopping import HonestStop
+from uavrt.planning.vehicle import VehicleState
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import HillLosses
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import s_from_ns, wrap_degrees_360
 
 CYCLE_S = 5.0

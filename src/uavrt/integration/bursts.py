@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, special, stats
 
-from uavrt.config import GAP_TOLERANCE_S
+from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.messages import Tag
 
 _STRETCHES = (0.0, -0.67, 0.67)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search import Grid, Spectrogram, make_grid, sliding_maximum
+from uavrt.detection.search.grid import Grid, Spectrogram, make_grid, sliding_maximum
 from uavrt.dsp.zero_runs import zero_runs
 from uavrt.integration.bursts import SinglePulses, burst_columns, pulse_starts_s
 from uavrt.messages import Tag

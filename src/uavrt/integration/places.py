@@ -8,20 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    MONOPOLE,
-    AntennaPattern,
-    Headings,
-    PoseColumns,
-    monopole_gain_db,
-)
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_db
+from uavrt.localization.headings import Headings
+from uavrt.localization.heard import PoseColumns
 from uavrt.tangent_plane import TangentPlane, plane_around
-from uavrt.terrain import HillLosses
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 _Floats = NDArray[np.float64]
 EXPONENT = 2.5
-"""Of the fall with distance; the mean of `uavrt.localization.Propagation`."""
+"""Of the fall with distance; the mean of
+`uavrt.localization.position.level_evidence.Propagation`."""
 _BEARINGS = 72
 BEARING_STEP_DEG = 360.0 / _BEARINGS
 _NEAREST_M, _FARTHEST_M = 40.0, 5000.0

@@ -48,7 +48,8 @@ _EXPONENTS = (2.0, 2.5, 3.0, 3.5, 4.0)
 _EXPONENT_SHARES = np.diff(
     special.ndtr((np.array([-np.inf, 2.25, 2.75, 3.25, 3.75, np.inf]) - EXPONENT) / 0.7)
 )
-"""As `uavrt.localization.Propagation` believes in what is nearest to each. A quarter of that is
+"""As `uavrt.localization.position.level_evidence.Propagation` believes in what is nearest to
+each. A quarter of that is
 below free space, and counts for it: left out, tags that are seen freely seem farther away."""
 _SAME_RANGE_DB = 0.3
 """Where a place was as far all the time, the exponent tells nothing."""

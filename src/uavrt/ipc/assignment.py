@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.messages import FlightInfo, Tag
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from uavrt import messages
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.ipc.assignment import Assignment
 
 

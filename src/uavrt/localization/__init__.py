@@ -1,285 +1,77 @@
-"""From pulses to bearings, from bearings and powers to positions; no I/O, no clocks."""
+"""From pulses to bearings, from bearings and powers to positions; no I/O, no clocks.
+
+`bearing` and `position` hold the estimators, `antenna` the patterns, `results` the records.
+`flight_estimates` applies them to a whole flight, `survey_errors` says how far to trust them.
+"""
 
 from typing import TYPE_CHECKING
 
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.localization.angles import difference_deg, widest_gap_deg
-    from uavrt.localization.antenna import (
-        MONOPOLE,
-        PATTERNS,
-        AntennaPattern,
-        monopole_gain_db,
-        pattern_named,
-    )
+    from uavrt.localization.antenna import MONOPOLE as MONOPOLE
+    from uavrt.localization.antenna import PATTERNS as PATTERNS
+    from uavrt.localization.antenna import AntennaPattern as AntennaPattern
+    from uavrt.localization.antenna import pattern_named as pattern_named
     from uavrt.localization.bearing.array_bearings import (
-        amplitude_monopulse,
-        circle_steering,
-        pair_steering,
-        switched_bearing,
+        amplitude_monopulse as amplitude_monopulse,
     )
-    from uavrt.localization.bearing.estimate import BearingData, estimate_bearing
-    from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
-    from uavrt.localization.bearing.live_bearings import bearing_from_drone
+    from uavrt.localization.bearing.array_bearings import switched_bearing as switched_bearing
+    from uavrt.localization.bearing.estimate import BearingData as BearingData
+    from uavrt.localization.bearing.estimate import estimate_bearing as estimate_bearing
+    from uavrt.localization.bearing.learned_pattern import TurnPulses as TurnPulses
+    from uavrt.localization.bearing.learned_pattern import learn_pattern as learn_pattern
+    from uavrt.localization.bearing.switched_pulse import SwitchedPulse as SwitchedPulse
+    from uavrt.localization.bearing.switched_pulse import SwitchSchedule as SwitchSchedule
     from uavrt.localization.bearing.switched_pulse import (
-        SwitchedPulse,
-        SwitchSchedule,
-        measure_switched_pulse,
+        measure_switched_pulse as measure_switched_pulse,
     )
-    from uavrt.localization.bearing.turns import Turn, find_turns
-    from uavrt.localization.flight_estimates import (
-        LEAST_TURNS,
-        ONE_FLIGHT_S,
-        OTHER_TAG_HZ,
-        Cache,
-        Estimated,
-        Found,
-        HeardInTurn,
-        ReadAs,
-        TagBearing,
-        TagPosition,
-        antenna_as_shown,
-        bearings_of,
-        estimate,
-        find,
-        found_of,
-        heard_in_turns,
-        place,
-        power_track,
-        stands,
-        survey,
-        teaching,
-    )
-    from uavrt.localization.headings import Headings, yaws_deg
-    from uavrt.localization.heard import (
-        LEAST_TAG_HZ,
-        Heard,
-        OverGround,
-        PoseColumns,
-        PulseColumns,
-        Rhythm,
-        apart_in_words,
-    )
-    from uavrt.localization.listeners import strengths_of
-    from uavrt.localization.position.estimate import estimate_position
-    from uavrt.localization.position.level_belief import Listening
-    from uavrt.localization.position.level_evidence import Propagation
-    from uavrt.localization.position.power_evidence import PowerTrack
-    from uavrt.localization.position.regions import region_outlines
-    from uavrt.localization.position.stations import Stations
-    from uavrt.localization.position.strengths import Strengths
-    from uavrt.localization.position.strongest import (
-        SignalSection,
-        SignalSurface,
-        StrongestSignal,
-        height_bands,
-        in_band,
-        signal_section,
-        signal_surface,
-        strongest_signal,
-    )
-    from uavrt.localization.position.trackers import (
-        Expectation,
-        Hypotheses,
-        ParticleTracker,
-        Spread,
-        TagPrior,
-        TrackEstimate,
-    )
-    from uavrt.localization.results import (
-        ACCEPTED_EVIDENCE,
-        ArrayMethod,
-        Bearing,
-        BearingMethod,
-        Caution,
-        Ellipse,
-        Position,
-        PositionGrid,
-        PositionMethod,
-        TrackPoint,
-    )
-    from uavrt.localization.survey_errors import FOREIGN_SHARE, HEIGHT_SIGMA_M
-    from uavrt.tangent_plane import TangentPlane
+    from uavrt.localization.bearing.turns import Turn as Turn
+    from uavrt.localization.bearing.turns import find_turns as find_turns
+    from uavrt.localization.position.estimate import estimate_position as estimate_position
+    from uavrt.localization.position.level_belief import Listening as Listening
+    from uavrt.localization.position.level_evidence import Propagation as Propagation
+    from uavrt.localization.position.power_evidence import PowerTrack as PowerTrack
+    from uavrt.localization.position.regions import region_outlines as region_outlines
+    from uavrt.localization.position.stations import Stations as Stations
+    from uavrt.localization.position.strengths import Strengths as Strengths
+    from uavrt.localization.position.strongest import SignalSurface as SignalSurface
+    from uavrt.localization.position.strongest import StrongestSignal as StrongestSignal
+    from uavrt.localization.position.strongest import signal_surface as signal_surface
+    from uavrt.localization.position.strongest import strongest_signal as strongest_signal
+    from uavrt.localization.position.trackers import ParticleTracker as ParticleTracker
+    from uavrt.localization.position.trackers import TagPrior as TagPrior
+    from uavrt.localization.position.trackers import TrackEstimate as TrackEstimate
+    from uavrt.localization.results import ArrayMethod as ArrayMethod
+    from uavrt.localization.results import Bearing as Bearing
+    from uavrt.localization.results import BearingMethod as BearingMethod
+    from uavrt.localization.results import Caution as Caution
+    from uavrt.localization.results import Ellipse as Ellipse
+    from uavrt.localization.results import Position as Position
+    from uavrt.localization.results import PositionGrid as PositionGrid
+    from uavrt.localization.results import PositionMethod as PositionMethod
+    from uavrt.localization.results import TrackPoint as TrackPoint
 
-__all__ = [
-    "ACCEPTED_EVIDENCE",
-    "FOREIGN_SHARE",
-    "HEIGHT_SIGMA_M",
-    "LEAST_TAG_HZ",
-    "LEAST_TURNS",
-    "MONOPOLE",
-    "ONE_FLIGHT_S",
-    "OTHER_TAG_HZ",
-    "PATTERNS",
-    "AntennaPattern",
-    "ArrayMethod",
-    "Bearing",
-    "BearingData",
-    "BearingMethod",
-    "Cache",
-    "Caution",
-    "Ellipse",
-    "Estimated",
-    "Expectation",
-    "Found",
-    "Headings",
-    "Heard",
-    "HeardInTurn",
-    "Hypotheses",
-    "Listening",
-    "OverGround",
-    "ParticleTracker",
-    "PoseColumns",
-    "Position",
-    "PositionGrid",
-    "PositionMethod",
-    "PowerTrack",
-    "Propagation",
-    "PulseColumns",
-    "ReadAs",
-    "Rhythm",
-    "SignalSection",
-    "SignalSurface",
-    "Spread",
-    "Stations",
-    "Strengths",
-    "StrongestSignal",
-    "SwitchSchedule",
-    "SwitchedPulse",
-    "TagBearing",
-    "TagPosition",
-    "TagPrior",
-    "TangentPlane",
-    "TrackEstimate",
-    "TrackPoint",
-    "Turn",
-    "TurnPulses",
-    "amplitude_monopulse",
-    "antenna_as_shown",
-    "apart_in_words",
-    "bearing_from_drone",
-    "bearings_of",
-    "circle_steering",
-    "difference_deg",
-    "estimate",
-    "estimate_bearing",
-    "estimate_position",
-    "find",
-    "find_turns",
-    "found_of",
-    "heard_in_turns",
-    "height_bands",
-    "in_band",
-    "integrate",
-    "learn_pattern",
-    "measure_switched_pulse",
-    "monopole_gain_db",
-    "pair_steering",
-    "pattern_named",
-    "place",
-    "power_track",
-    "region_outlines",
-    "signal_section",
-    "signal_surface",
-    "stands",
-    "strengths_of",
-    "strongest_signal",
-    "survey",
-    "switched_bearing",
-    "teaching",
-    "widest_gap_deg",
-    "yaws_deg",
-]
-__getattr__ = lazily(
+__all__, __getattr__ = lazily(
     __name__,
     {
-        "FOREIGN_SHARE": "survey_errors",
-        "Caution": "results",
-        "ACCEPTED_EVIDENCE": "results",
-        "AntennaPattern": "antenna",
-        "ArrayMethod": "results",
-        "Bearing": "results",
-        "BearingData": "bearing.estimate",
-        "BearingMethod": "results",
-        "Ellipse": "results",
-        "Expectation": "position.trackers",
-        "HEIGHT_SIGMA_M": "survey_errors",
-        "Headings": "headings",
-        "HeardInTurn": "flight_estimates",
-        "Hypotheses": "position.trackers",
-        "LEAST_TURNS": "flight_estimates",
-        "Listening": "position.level_belief",
-        "ONE_FLIGHT_S": "flight_estimates",
-        "MONOPOLE": "antenna",
-        "PATTERNS": "antenna",
-        "ParticleTracker": "position.trackers",
-        "OverGround": "heard",
-        "PoseColumns": "heard",
-        "Position": "results",
-        "TrackPoint": "results",
-        "PositionGrid": "results",
-        "PositionMethod": "results",
-        "PowerTrack": "position.power_evidence",
-        "Propagation": "position.level_evidence",
-        "PulseColumns": "heard",
-        "Rhythm": "heard",
-        "SignalSection": "position.strongest",
-        "SignalSurface": "position.strongest",
-        "Spread": "position.trackers",
-        "Stations": "position.stations",
-        "Strengths": "position.strengths",
-        "strengths_of": "listeners",
-        "StrongestSignal": "position.strongest",
-        "SwitchSchedule": "bearing.switched_pulse",
-        "SwitchedPulse": "bearing.switched_pulse",
-        "TagPrior": "position.trackers",
-        "TangentPlane": "uavrt.tangent_plane",
-        "TrackEstimate": "position.trackers",
-        "Turn": "bearing.turns",
-        "TurnPulses": "bearing.learned_pattern",
-        "amplitude_monopulse": "bearing.array_bearings",
-        "antenna_as_shown": "flight_estimates",
-        "apart_in_words": "heard",
-        "circle_steering": "bearing.array_bearings",
-        "difference_deg": "angles",
-        "estimate_bearing": "bearing.estimate",
-        "estimate_position": "position.estimate",
-        "find_turns": "bearing.turns",
-        "height_bands": "position.strongest",
-        "in_band": "position.strongest",
-        "integrate": "uavrt.analysis.integrated_samples",
-        "learn_pattern": "bearing.learned_pattern",
-        "measure_switched_pulse": "bearing.switched_pulse",
-        "monopole_gain_db": "antenna",
-        "pair_steering": "bearing.array_bearings",
-        "pattern_named": "antenna",
-        "region_outlines": "position.regions",
-        "signal_section": "position.strongest",
-        "signal_surface": "position.strongest",
-        "strongest_signal": "position.strongest",
-        "switched_bearing": "bearing.array_bearings",
-        "teaching": "flight_estimates",
-        "widest_gap_deg": "angles",
-        "yaws_deg": "headings",
-        "bearing_from_drone": "bearing.live_bearings",
-        "OTHER_TAG_HZ": "flight_estimates",
-        "Cache": "flight_estimates",
-        "Estimated": "flight_estimates",
-        "Found": "flight_estimates",
-        "ReadAs": "flight_estimates",
-        "TagBearing": "flight_estimates",
-        "TagPosition": "flight_estimates",
-        "bearings_of": "flight_estimates",
-        "estimate": "flight_estimates",
-        "find": "flight_estimates",
-        "found_of": "flight_estimates",
-        "heard_in_turns": "flight_estimates",
-        "place": "flight_estimates",
-        "power_track": "flight_estimates",
-        "stands": "flight_estimates",
-        "survey": "flight_estimates",
-        "LEAST_TAG_HZ": "heard",
-        "Heard": "heard",
+        "uavrt.analysis.integrated_samples": "integrate",
+        "antenna": "AntennaPattern MONOPOLE PATTERNS pattern_named",
+        "bearing.array_bearings": "amplitude_monopulse switched_bearing",
+        "bearing.estimate": "BearingData estimate_bearing",
+        "bearing.learned_pattern": "TurnPulses learn_pattern",
+        "bearing.switched_pulse": "SwitchSchedule SwitchedPulse measure_switched_pulse",
+        "bearing.turns": "Turn find_turns",
+        "position.estimate": "estimate_position",
+        "position.level_belief": "Listening",
+        "position.level_evidence": "Propagation",
+        "position.power_evidence": "PowerTrack",
+        "position.regions": "region_outlines",
+        "position.stations": "Stations",
+        "position.strengths": "Strengths",
+        "position.strongest": "SignalSurface StrongestSignal signal_surface strongest_signal",
+        "position.trackers": "ParticleTracker TagPrior TrackEstimate",
+        "results": "ArrayMethod Bearing BearingMethod Caution Ellipse Position PositionGrid "
+        "PositionMethod TrackPoint",
     },
 )

@@ -30,10 +30,10 @@ from uavrt.localization.position.estimate import (
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import Strengths
+from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
 from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
-from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
 from uavrt.tangent_plane import plane_around
-from uavrt.terrain import Elevation
+from uavrt.terrain.elevation import Elevation
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 OWN_HEADING_SIGMA_DEG = 1.0

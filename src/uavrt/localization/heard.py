@@ -12,7 +12,8 @@ from uavrt.localization.bearing.turns import CLIMB_M
 from uavrt.localization.headings import Headings
 from uavrt.messages import Pose, PulsePose, Tag
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import Elevation, HillLosses
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 POSE_STEP_NS = 180_000_000

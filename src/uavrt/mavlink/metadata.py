@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from uavrt.config import OFFERED, Parameter
+from uavrt.config.parameters import OFFERED, Parameter
 from uavrt.mavlink.ftp_wire import checksum
 
 GENERAL_PATH = "metadata/general.json"

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from math import isfinite, isnan
 
-from uavrt.guidance import MissionItem, MissionKind
+from uavrt.guidance.mission import MissionItem, MissionKind
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavMissionResult, MavMissionType
 from uavrt.mavlink.discovery import Peer

@@ -21,7 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from uavrt.config import MavlinkSettings, read_key_file
+from uavrt.config.key_files import read_key_file
+from uavrt.config.settings import MavlinkSettings
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavComponent
 from uavrt.mavlink.frame import SIGNATURE_SIZE, Frame

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from math import degrees, isfinite
 
-from uavrt.guidance import (
-    AutopilotName,
+from uavrt.guidance.manners import AutopilotName
+from uavrt.guidance.observed import (
     BootTimeSeen,
     FailsafeSeen,
     HomeSeen,
@@ -15,8 +15,8 @@ from uavrt.guidance import (
     PositionSeen,
     SticksSeen,
     TargetSeen,
-    VehicleCommand,
 )
+from uavrt.guidance.wishes import VehicleCommand
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import (
     MavCmd,

@@ -4,9 +4,10 @@ import os
 from collections.abc import Sequence
 
 from uavrt.clock import monotonic_s
-from uavrt.config import check_start
+from uavrt.commands import CommandName
+from uavrt.config.parameters import check_start
 from uavrt.errors import CommandRefused, UavrtError
-from uavrt.messages import Command, CommandName, CommandReply, Tag
+from uavrt.messages import Command, CommandReply, Tag
 from uavrt.monitor.reader import StatusReader
 
 REPLY_S = 15.0

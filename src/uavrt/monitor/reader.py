@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.clock import monotonic_s
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
-from uavrt.ipc import LineBuffer, decode_record, encode_record
+from uavrt.ipc.link import LineBuffer
+from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import SystemStatus
 
 SOCKET_NAME = "status.sock"

@@ -1,174 +1,60 @@
-"""Where to fly next to find tagged animals: beliefs, drone, area, energy, planners; no I/O."""
+"""Where to fly next to find tagged animals; no I/O.
+
+`beliefs` hold where a tag may be, `vehicle` and `energy` what the drone can reach, `area` where
+it may fly. `search` asks one of the `planners` for the next way; `stopping` says when a tag is
+found, `division` and `shares` share an area among drones, `coverage` what was heard of it.
+"""
 
 from typing import TYPE_CHECKING
 
 from uavrt.lazy import lazily
 
 if TYPE_CHECKING:
-    from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
-    from uavrt.planning.area import Circle, Polygon, SearchArea, survey_lines
-    from uavrt.planning.beliefs import Beliefs, ModelCheck, TagBelief
-    from uavrt.planning.beside import Beside, Separation, Strip
-    from uavrt.planning.coverage import (
-        Absence,
-        Coverage,
-        ListeningWay,
-        absence,
-        coverage_of,
-        listening_way,
-    )
-    from uavrt.planning.division import Start
-    from uavrt.planning.energy import Battery, EnergyModel
-    from uavrt.planning.keep_away import KeepAway
-    from uavrt.planning.level import at_100_m
-    from uavrt.planning.link_budget import LinkBudget
-    from uavrt.planning.planners import (
-        DEFAULT_PLANNER,
-        PLANNERS,
-        MiRate,
-        Shannon,
-        planner_named,
-    )
-    from uavrt.planning.propagation import GroundReflection
-    from uavrt.planning.search import Found, Search, SearchSettings
-    from uavrt.planning.shares import shared_out
-    from uavrt.planning.situation import Candidate, Decision, Planner, Situation
-    from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
-    from uavrt.planning.vehicle import (
-        FixedWing,
-        Multirotor,
-        Path,
-        Vehicle,
-        VehicleState,
-        Wind,
-        flown,
-        headwind,
-        reachable,
-    )
-    from uavrt.planning.whole_flight import (
-        LEAST_PULSES,
-        WholeFlightSum,
-        whole_flight_enr_db,
-    )
+    from uavrt.planning.actions import FlyTo as FlyTo
+    from uavrt.planning.actions import Hold as Hold
+    from uavrt.planning.actions import Return as Return
+    from uavrt.planning.actions import Rotate as Rotate
+    from uavrt.planning.area import Circle as Circle
+    from uavrt.planning.area import Polygon as Polygon
+    from uavrt.planning.area import SearchArea as SearchArea
+    from uavrt.planning.beliefs import Beliefs as Beliefs
+    from uavrt.planning.beliefs import TagBelief as TagBelief
+    from uavrt.planning.energy import Battery as Battery
+    from uavrt.planning.energy import EnergyModel as EnergyModel
+    from uavrt.planning.link_budget import LinkBudget as LinkBudget
+    from uavrt.planning.planners.mi_rate import MiRate as MiRate
+    from uavrt.planning.planners.registry import PLANNERS as PLANNERS
+    from uavrt.planning.planners.registry import planner_named as planner_named
+    from uavrt.planning.propagation import GroundReflection as GroundReflection
+    from uavrt.planning.search import Search as Search
+    from uavrt.planning.search import SearchSettings as SearchSettings
+    from uavrt.planning.situation import Candidate as Candidate
+    from uavrt.planning.situation import Decision as Decision
+    from uavrt.planning.situation import Planner as Planner
+    from uavrt.planning.situation import Situation as Situation
+    from uavrt.planning.stopping import HonestStop as HonestStop
+    from uavrt.planning.stopping import StopRule as StopRule
+    from uavrt.planning.vehicle import FixedWing as FixedWing
+    from uavrt.planning.vehicle import Multirotor as Multirotor
+    from uavrt.planning.vehicle import Path as Path
+    from uavrt.planning.vehicle import Vehicle as Vehicle
+    from uavrt.planning.vehicle import VehicleState as VehicleState
+    from uavrt.planning.vehicle import Wind as Wind
 
-__all__ = [
-    "DEFAULT_PLANNER",
-    "LEAST_PULSES",
-    "PLANNERS",
-    "Absence",
-    "Action",
-    "Battery",
-    "Beliefs",
-    "Beside",
-    "Candidate",
-    "Circle",
-    "Coverage",
-    "Decision",
-    "DeterminantStop",
-    "EnergyModel",
-    "FixedWing",
-    "FlyTo",
-    "Found",
-    "GroundReflection",
-    "Hold",
-    "HonestStop",
-    "KeepAway",
-    "LinkBudget",
-    "ListeningWay",
-    "LongestAxisStop",
-    "MiRate",
-    "ModelCheck",
-    "Multirotor",
-    "Path",
-    "Planner",
-    "Polygon",
-    "Return",
-    "Rotate",
-    "Search",
-    "SearchArea",
-    "SearchSettings",
-    "Separation",
-    "Shannon",
-    "Situation",
-    "Start",
-    "StopRule",
-    "Strip",
-    "TagBelief",
-    "Vehicle",
-    "VehicleState",
-    "WholeFlightSum",
-    "Wind",
-    "absence",
-    "at_100_m",
-    "coverage_of",
-    "flown",
-    "headwind",
-    "listening_way",
-    "planner_named",
-    "reachable",
-    "shared_out",
-    "survey_lines",
-    "whole_flight_enr_db",
-]
-__getattr__ = lazily(
+__all__, __getattr__ = lazily(
     __name__,
     {
-        "LEAST_PULSES": "whole_flight",
-        "WholeFlightSum": "whole_flight",
-        "whole_flight_enr_db": "whole_flight",
-        "listening_way": "coverage",
-        "coverage_of": "coverage",
-        "absence": "coverage",
-        "ListeningWay": "coverage",
-        "Coverage": "coverage",
-        "Absence": "coverage",
-        "Action": "actions",
-        "Battery": "energy",
-        "Beliefs": "beliefs",
-        "Candidate": "situation",
-        "Circle": "area",
-        "DEFAULT_PLANNER": "planners",
-        "Decision": "situation",
-        "DeterminantStop": "stopping",
-        "EnergyModel": "energy",
-        "FixedWing": "vehicle",
-        "FlyTo": "actions",
-        "Found": "search",
-        "GroundReflection": "propagation",
-        "Hold": "actions",
-        "HonestStop": "stopping",
-        "KeepAway": "keep_away",
-        "LinkBudget": "link_budget",
-        "LongestAxisStop": "stopping",
-        "MiRate": "planners",
-        "ModelCheck": "beliefs",
-        "Multirotor": "vehicle",
-        "PLANNERS": "planners",
-        "Path": "vehicle",
-        "Planner": "situation",
-        "Polygon": "area",
-        "Return": "actions",
-        "Rotate": "actions",
-        "Search": "search",
-        "SearchArea": "area",
-        "SearchSettings": "search",
-        "Separation": "beside",
-        "shared_out": "shares",
-        "Start": "division",
-        "Strip": "beside",
-        "Beside": "beside",
-        "Shannon": "planners",
-        "Situation": "situation",
-        "StopRule": "stopping",
-        "TagBelief": "beliefs",
-        "Vehicle": "vehicle",
-        "VehicleState": "vehicle",
-        "Wind": "vehicle",
-        "at_100_m": "level",
-        "flown": "vehicle",
-        "headwind": "vehicle",
-        "planner_named": "planners",
-        "reachable": "vehicle",
-        "survey_lines": "area",
+        "actions": "FlyTo Hold Return Rotate",
+        "area": "Circle Polygon SearchArea",
+        "beliefs": "Beliefs TagBelief",
+        "energy": "Battery EnergyModel",
+        "link_budget": "LinkBudget",
+        "planners.mi_rate": "MiRate",
+        "planners.registry": "PLANNERS planner_named",
+        "propagation": "GroundReflection",
+        "search": "Search SearchSettings",
+        "situation": "Candidate Decision Planner Situation",
+        "stopping": "HonestStop StopRule",
+        "vehicle": "FixedWing Multirotor Path Vehicle VehicleState Wind",
     },
 )

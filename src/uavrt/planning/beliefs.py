@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri_exp
 
 from uavrt.errors import ConfigError
-from uavrt.localization import (
+from uavrt.localization.position.level_belief import Listening, by_chance_density
+from uavrt.localization.position.trackers import (
     Expectation,
     Hypotheses,
-    Listening,
     ParticleTracker,
     Spread,
     TagPrior,
     TrackEstimate,
 )
-from uavrt.localization.position.level_belief import by_chance_density
 
 _Floats = NDArray[np.float64]
 _FADES = 0.95

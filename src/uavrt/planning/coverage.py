@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import roots_hermitenorm
 
-from uavrt.detection import detection_probability
-from uavrt.localization import MONOPOLE, AntennaPattern, Headings, monopole_gain_db
+from uavrt.detection.sensitivity import detection_probability
+from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_db
+from uavrt.localization.headings import Headings
 from uavrt.messages import Tag
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.planning.whole_flight import LEAST_PULSES, WholeFlightSum
-from uavrt.terrain import GroundGrid, terrain_loss_map
+from uavrt.terrain.squares import GroundGrid
+from uavrt.terrain.viewshed import terrain_loss_map
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]

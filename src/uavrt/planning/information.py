@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization import Hypotheses, TagPrior
 from uavrt.localization.position.level_belief import REFERENCE_M, antenna_gain_db
 from uavrt.localization.position.loss_error import ALIKE_M, LossError, doubtful_db
+from uavrt.localization.position.trackers import Hypotheses, TagPrior
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.vehicle import Legs
 

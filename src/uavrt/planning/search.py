@@ -7,7 +7,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from uavrt.errors import PlanError
-from uavrt.localization import Listening, TrackEstimate
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.planning.actions import FlyTo, Return
 from uavrt.planning.area import SearchArea, check_reach
 from uavrt.planning.beliefs import Beliefs

@@ -11,7 +11,7 @@ from uavrt.attitude import (
     product,
     rotated,
 )
-from uavrt.config import AntennaSettings
+from uavrt.config.settings import AntennaSettings
 from uavrt.geodesy import moved
 from uavrt.messages import Pose
 

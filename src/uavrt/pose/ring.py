@@ -14,7 +14,7 @@ noise of 0.1° would become 5°/s; over 0.2 s it is 0.5°/s.
 import math
 
 from uavrt.attitude import Quaternion, normalised, slerp
-from uavrt.config import AntennaSettings
+from uavrt.config.settings import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, Pose, PositionSample
 from uavrt.pose.mounting import Mounting

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from uavrt.detection.beeps import BeepSearch
+from uavrt.detection.beeps.search import BeepSearch
 from uavrt.log import get_logger
 from uavrt.messages import Beep, IQBlock
 

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from uavrt.config import RadioSettings
-from uavrt.dsp import FrontEnd
-from uavrt.ipc import ProcessFrame
+from uavrt.config.settings import RadioSettings
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.ipc.process import ProcessFrame
 from uavrt.messages import FlightInfo, IQBlock
-from uavrt.radio import SampleCheck
-from uavrt.recording import FlightLayout, IQRecorder
+from uavrt.radio.sanity import SampleCheck
+from uavrt.recording.iq_recorder import IQRecorder
+from uavrt.recording.layout import FlightLayout
 from uavrt.recording.sample_file import BYTES_PER_SAMPLE
 
 

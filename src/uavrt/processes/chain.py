@@ -6,7 +6,7 @@ them (`uavrt.supervisor.tree.shapes`).
 
 from collections.abc import Mapping
 
-from uavrt.ipc import ProcessFrame
+from uavrt.ipc.process import ProcessFrame
 from uavrt.messages import FlightInfo
 from uavrt.processes.detector import DetectorBank, Searcher
 from uavrt.processes.receiver import Receiver, run

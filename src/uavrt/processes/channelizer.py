@@ -12,9 +12,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavrt.dsp import FrontEnd
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import UavrtError
-from uavrt.ipc import ChannelReceiver, ChannelSender, ProcessFrame
+from uavrt.ipc.process import ProcessFrame
+from uavrt.ipc.samples import ChannelReceiver, ChannelSender
 from uavrt.messages import ChannelBlock, FlightInfo, IQBlock
 from uavrt.processes.kept_channels import KeptChannels
 

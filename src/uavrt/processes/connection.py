@@ -12,31 +12,31 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from uavrt.clock import monotonic_s
-from uavrt.config import PARAMETERS, Settings
+from uavrt.commands import SystemState
+from uavrt.config.parameters import PARAMETERS
+from uavrt.config.settings import Settings
 from uavrt.errors import (
     ConfigError,
     LinkError,
     RecordingError,
     TunnelError,
 )
-from uavrt.ipc import ProcessFrame, SupervisorGone
+from uavrt.ipc.link import SupervisorGone
+from uavrt.ipc.process import ProcessFrame
 from uavrt.log import get_logger
-from uavrt.mavlink import (
-    WATCHED_HZ,
-    Address,
-    Connection,
-    FileServer,
-    FileTree,
-    Handlers,
-    Message,
-    Peer,
-    Priority,
-    Requests,
-    component_metadata,
-    parse_address,
-    signing_from,
-)
+from uavrt.mavlink.address import Address, parse_address
+from uavrt.mavlink.component import Handlers
+from uavrt.mavlink.connection import Connection
 from uavrt.mavlink.dialect import ParamRequestList, ParamValue, RadioStatus
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.ftp_files import FileTree
+from uavrt.mavlink.ftp_server import FileServer
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.metadata import component_metadata
+from uavrt.mavlink.pacing import Priority
+from uavrt.mavlink.parameters import Requests
+from uavrt.mavlink.signing import signing_from
+from uavrt.mavlink.vehicle_messages import WATCHED_HZ
 from uavrt.messages import (
     STATION_COUNTER,
     Beep,
@@ -54,7 +54,6 @@ from uavrt.messages import (
     Recorded,
     SearchReport,
     StatusText,
-    SystemState,
     SystemStatus,
     VehicleWish,
 )
@@ -67,32 +66,26 @@ from uavrt.processes.parameter_desk import ParameterDesk
 from uavrt.processes.pose_desk import PoseDesk
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.processes.signing_memory import SigningMemory
-from uavrt.recording import DiskThread, heard_tags
-from uavrt.tunnel import (
+from uavrt.recording.disk_thread import DiskThread
+from uavrt.recording.heard import heard_tags
+from uavrt.tunnel.delivery import PulseDelivery
+from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.gate import Gate
+from uavrt.tunnel.link_messages import UNSEALED
+from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
+from uavrt.tunnel.motion import MotionState, encode_state, number_of
+from uavrt.tunnel.neighbours import encode_course
+from uavrt.tunnel.private import COURSE_TYPE, MOTION_STATE_TYPE, SEALED_TYPE, SESSION_TYPE
+from uavrt.tunnel.seal import (
     ALIVE_INSIDE,
-    BEARING_TYPE,
     CODED_TAG_INSIDE,
-    COURSE_TYPE,
     MOTION_INSIDE,
-    MOTION_STATE_TYPE,
     NEIGHBOUR_INSIDE,
     PARAMETER_INSIDE,
-    PAYLOAD_TYPE,
     PLAIN_INSIDE,
     RECEIPT_INSIDE,
-    SEALED_TYPE,
-    SESSION_TYPE,
-    UNSEALED,
-    Answer,
-    Exchange,
-    Gate,
-    MotionState,
-    PulseDelivery,
-    encode_bearing,
-    encode_course,
-    encode_state,
-    number_of,
 )
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()

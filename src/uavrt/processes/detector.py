@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config import DetectionSettings
-from uavrt.detection import DetectorGroup, PulseDetector, Receiver
-from uavrt.dsp import ClippedTimes
+from uavrt.config.ghost_places import Receiver
+from uavrt.config.settings import DetectionSettings
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.group import DetectorGroup
+from uavrt.dsp.clipping import ClippedTimes
 from uavrt.errors import UavrtError
-from uavrt.ipc import ChannelReceiver, ProcessFrame
+from uavrt.ipc.process import ProcessFrame
+from uavrt.ipc.samples import ChannelReceiver
 from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock, FlightInfo, Pulse, SearchReport, Tag
 from uavrt.processes.hang_watch import HangWatch
@@ -23,7 +26,7 @@ from uavrt.processes.latencies import Latencies
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 if TYPE_CHECKING:
-    from uavrt.detection.coded import CodedDetector
+    from uavrt.detection.coded.detector import CodedDetector
 
 log = get_logger()
 

@@ -9,8 +9,8 @@ import os
 from dataclasses import dataclass
 
 from uavrt.errors import UsageError
-from uavrt.ipc import ProcessFrame
-from uavrt.localization.bearing.live_bearings import LiveBearings
+from uavrt.ipc.process import ProcessFrame
+from uavrt.localization.live_bearings import LiveBearings
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo, Health, LiveBearing, Poses, PulsePose
 from uavrt.on_ground import told_of_ground

@@ -9,10 +9,12 @@ from collections.abc import Callable
 from math import inf
 
 from uavrt.errors import FormatError
-from uavrt.guidance import fence_of
+from uavrt.guidance.mission import fence_of
 from uavrt.log import get_logger
-from uavrt.mavlink import Message, MissionDownload, Peer
 from uavrt.mavlink.dialect import MavComponent
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.mission_transfer import MissionDownload
 from uavrt.messages import VehicleFence
 
 log = get_logger()

@@ -11,11 +11,17 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from uavrt.config import RadioSettings
-from uavrt.mavlink import Disk, Peer, Priority, TextLimiter, TunnelSender, at_once
+from uavrt.commands import SystemState
+from uavrt.config.settings import RadioSettings
 from uavrt.mavlink.dialect import MavSeverity, OnboardComputerStatus
-from uavrt.messages import Beep, ProcessStatus, SearchReport, StatusText, SystemState, keep_beep
-from uavrt.tunnel import BEEP_TYPE, Exchange, encode_beep
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.ftp_server import Disk, at_once
+from uavrt.mavlink.pacing import Priority
+from uavrt.mavlink.sender import TunnelSender
+from uavrt.mavlink.statustext import TextLimiter
+from uavrt.messages import Beep, ProcessStatus, SearchReport, StatusText, keep_beep
+from uavrt.tunnel.beep import BEEP_TYPE, encode_beep
+from uavrt.tunnel.exchange import Exchange
 from uavrt.units import ns_from_s
 
 HEARTBEAT_NS = ns_from_s(1.0)

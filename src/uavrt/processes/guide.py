@@ -14,31 +14,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from uavrt.clock import monotonic_s
-from uavrt.config import GuidanceSettings, Settings
+from uavrt.config.settings import GuidanceSettings, Settings
 from uavrt.errors import ConfigError, PlanError, UavrtError
 from uavrt.foreign import SHAPES, read_file
 from uavrt.geodesy import distance_m
-from uavrt.guidance import (
-    HOME_MOVED_M,
-    TAG_HEIGHT_M,
-    Choice,
-    Company,
-    Equipment,
-    GroundAround,
-    Lessons,
-    Limits,
-    Order,
-    Pilot,
-    Seeker,
-    VehicleNow,
-    keep_out_in,
-    manners_of,
-    now_of,
-    plan_of,
-)
+from uavrt.guidance.area_text import keep_out_in
+from uavrt.guidance.authority import HOME_MOVED_M
+from uavrt.guidance.company import Company
+from uavrt.guidance.ground import GroundAround
+from uavrt.guidance.lessons import Lessons
+from uavrt.guidance.manners import manners_of
+from uavrt.guidance.orders import Limits, Order, VehicleNow
+from uavrt.guidance.pilot import Pilot
+from uavrt.guidance.plans import plan_of
+from uavrt.guidance.reports import now_of
+from uavrt.guidance.seeker import TAG_HEIGHT_M, Choice, Equipment, Seeker
 from uavrt.heap import heap_of_short_arrays
-from uavrt.ipc import ProcessFrame
-from uavrt.localization import MONOPOLE, pattern_named
+from uavrt.ipc.process import ProcessFrame
+from uavrt.localization.antenna import MONOPOLE, pattern_named
 from uavrt.log import get_logger
 from uavrt.messages import (
     FlightInfo,
@@ -57,10 +50,10 @@ from uavrt.messages import (
 )
 from uavrt.processes.thinker import Failed, Thinker
 from uavrt.tangent_plane import TangentPlane
-from uavrt.tunnel import cut_text
+from uavrt.tunnel.motion import cut_text
 
 if TYPE_CHECKING:
-    from uavrt.terrain import HillLosses
+    from uavrt.terrain.hill_losses import HillLosses
 
 log = get_logger()
 
@@ -107,7 +100,7 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
     """The ground around home; raises `FormatError` or `PlanError` where it cannot be told."""
     if settings.terrain is None:
         return None
-    from uavrt.terrain import open_elevation
+    from uavrt.terrain.elevation_files import open_elevation
 
     plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
     heights_at = open_elevation(Path(settings.terrain)).heights_m
@@ -133,7 +126,8 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
     """What the ground around home takes from pulses; raises `FormatError`."""
     if settings.terrain is None:
         return None
-    from uavrt.terrain import HillLosses, open_elevation
+    from uavrt.terrain.elevation_files import open_elevation
+    from uavrt.terrain.hill_losses import HillLosses
 
     elevation = open_elevation(Path(settings.terrain))
     return HillLosses(

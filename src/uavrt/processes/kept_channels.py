@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from uavrt.ipc import ProcessFrame
+from uavrt.ipc.process import ProcessFrame
 from uavrt.messages import ChannelBlock, FlightInfo
-from uavrt.recording import ChannelRecorder
+from uavrt.recording.channel_recorder import ChannelRecorder
 
 
 class KeptChannels:

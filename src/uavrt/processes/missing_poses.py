@@ -8,10 +8,10 @@ vehicle. Belongs to the recorder process.
 from collections import OrderedDict
 from collections.abc import Iterable
 
-from uavrt.config import AntennaSettings
+from uavrt.config.settings import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, Pose, PositionSample, Pulse, PulsePose
-from uavrt.pose import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
+from uavrt.pose.ring import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
 from uavrt.units import ns_from_s
 
 REACH_NS = ns_from_s(MAX_GAP_S + MAX_EXTRAPOLATION_S)

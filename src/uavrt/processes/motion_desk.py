@@ -10,30 +10,22 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from uavrt.clock import monotonic_s
-from uavrt.config import GuidanceSettings
+from uavrt.commands import CommandName
+from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused, TunnelError
-from uavrt.guidance import (
-    MANNERS,
-    Authority,
-    AutopilotName,
-    Boot,
-    Standing,
-    target_amsl_m,
-    with_place,
-)
+from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.heights import target_amsl_m
+from uavrt.guidance.manners import MANNERS, AutopilotName
+from uavrt.guidance.observed import Boot
+from uavrt.guidance.reports import with_place
 from uavrt.log import get_logger
-from uavrt.mavlink import (
-    Address,
-    Message,
-    command_message,
-    dialect,
-    kind_of,
-    observations,
-    wind_of,
-)
+from uavrt.mavlink import dialect
+from uavrt.mavlink.address import Address
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.vehicle_messages import command_message, kind_of, observations
+from uavrt.mavlink.wind import wind_of
 from uavrt.messages import (
     Command,
-    CommandName,
     CommandReply,
     FlyThere,
     MotionOffer,
@@ -44,15 +36,15 @@ from uavrt.messages import (
     Wish,
 )
 from uavrt.processes.fence_watch import FenceWatch
-from uavrt.tunnel import (
+from uavrt.tunnel.motion import (
     MotionConfirmation,
     MotionState,
     MotionStop,
     StateKind,
     decode_motion,
-    decode_neighbour,
     encode_state,
 )
+from uavrt.tunnel.neighbours import decode_neighbour
 
 log = get_logger()
 

@@ -6,9 +6,9 @@ They never hold up a pulse: they leave when no pulse waits, and few of them.
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping
 
-from uavrt.config import NamedValuesName
-from uavrt.mavlink import value_name
+from uavrt.config.settings import NamedValuesName
 from uavrt.mavlink.dialect import NamedValueFloat
+from uavrt.mavlink.named_value import value_name
 from uavrt.messages import Pulse
 from uavrt.units import ns_from_s
 

@@ -9,11 +9,13 @@ from collections import Counter
 from collections.abc import Callable
 
 from uavrt.attitude import from_euler_deg
-from uavrt.config import PoseSettings
+from uavrt.config.settings import PoseSettings
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.gpsd import WATCH, GpsdParser, GpsdReport
 from uavrt.log import get_logger
-from uavrt.mavlink import Address, Link, keep_open, parse_address
+from uavrt.mavlink.address import Address, parse_address
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.transport import keep_open
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.nmea import BAUD, Sentence, SentenceParser
 from uavrt.units import ns_from_s, wrap_degrees_360

@@ -8,10 +8,10 @@ from collections import OrderedDict
 from collections.abc import Callable
 from math import isnan
 
-from uavrt.config import OFFERED, RUN, Settings, parameter_values
+from uavrt.config.parameters import OFFERED, RUN, parameter_values
+from uavrt.config.settings import Settings
 from uavrt.errors import TunnelError
 from uavrt.log import get_logger
-from uavrt.mavlink import ParameterServer, Peer, Requests
 from uavrt.mavlink.dialect import (
     MavParamType,
     ParamRequestList,
@@ -19,8 +19,10 @@ from uavrt.mavlink.dialect import (
     ParamSet,
     ParamValue,
 )
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.parameters import ParameterServer, Requests
 from uavrt.messages import Command, CommandReply, StatusText
-from uavrt.tunnel import parameter_of
+from uavrt.tunnel.seal import parameter_of
 
 log = get_logger()
 

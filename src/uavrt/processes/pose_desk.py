@@ -8,9 +8,9 @@ from contextlib import suppress
 from dataclasses import replace
 
 from uavrt.clock import Clock
-from uavrt.config import PoseSettings, Settings
+from uavrt.config.settings import PoseSettings, Settings
 from uavrt.errors import PoseUnavailable, UavrtError
-from uavrt.ipc import TOPICS
+from uavrt.ipc.topics import TOPICS
 from uavrt.log import get_logger
 from uavrt.messages import (
     AttitudeSample,
@@ -21,7 +21,8 @@ from uavrt.messages import (
     PulsePose,
     StatusText,
 )
-from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.pose.attacher import PoseAttacher
+from uavrt.pose.ring import PoseRing
 from uavrt.processes.own_pose import SILENCE_NS, WAIT_S, OwnPose
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 

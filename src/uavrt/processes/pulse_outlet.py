@@ -12,17 +12,12 @@ from pathlib import Path
 
 from uavrt.errors import RecordingError, TunnelError
 from uavrt.log import get_logger
-from uavrt.mavlink import Disk, at_once
+from uavrt.mavlink.ftp_server import Disk, at_once
 from uavrt.messages import Delivered, PulsePose
-from uavrt.recording import undelivered
-from uavrt.tunnel import (
-    BURST_TYPE,
-    PLAIN,
-    ItemKey,
-    Receipt,
-    ReliableSender,
-    encode_burst,
-)
+from uavrt.recording.spool import undelivered
+from uavrt.tunnel.burst import BURST_TYPE, encode_burst
+from uavrt.tunnel.private import Receipt
+from uavrt.tunnel.reliable import PLAIN, ItemKey, ReliableSender
 from uavrt.units import ns_from_s
 
 log = get_logger()

@@ -12,19 +12,28 @@ from pathlib import Path
 from typing import Protocol
 
 from uavrt.clock import monotonic_s
-from uavrt.config import Receiver as RadioBand
-from uavrt.config import Settings
-from uavrt.detection.beeps import BeepSearch
-from uavrt.dsp import Carriers, Clipping, FrontEnd, InputCheck
+from uavrt.config.ghost_places import Receiver as RadioBand
+from uavrt.config.settings import Settings
+from uavrt.detection.beeps.search import BeepSearch
+from uavrt.dsp.carriers import Carriers
+from uavrt.dsp.clipping import Clipping
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.dsp.input_check import InputCheck
 from uavrt.errors import RecordingError, UavrtError
-from uavrt.ipc import ChannelSender, ProcessFrame
+from uavrt.ipc.process import ProcessFrame
+from uavrt.ipc.samples import ChannelSender
 from uavrt.log import get_logger
 from uavrt.messages import Beep, BeepKind, ChannelBlock, FlightInfo, IQBlock, keep_beep
 from uavrt.processes.beep_listener import BeepListener
 from uavrt.processes.capture import Capture
 from uavrt.processes.kept_channels import KeptChannels
-from uavrt.radio import ChannelOutput, SampleCheck, SampleSource, open_radio, unchosen
-from uavrt.recording import FlightLayout, IQRecorder
+from uavrt.radio.channel_output import ChannelOutput
+from uavrt.radio.devices import unchosen
+from uavrt.radio.opening import open_radio
+from uavrt.radio.sanity import SampleCheck
+from uavrt.radio.source import SampleSource
+from uavrt.recording.iq_recorder import IQRecorder
+from uavrt.recording.layout import FlightLayout
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()

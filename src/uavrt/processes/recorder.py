@@ -13,7 +13,8 @@ from pathlib import Path
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import RecordingError
-from uavrt.ipc import ProcessFrame, SupervisorGone
+from uavrt.ipc.link import SupervisorGone
+from uavrt.ipc.process import ProcessFrame
 from uavrt.log import get_logger
 from uavrt.messages import (
     Beep,
@@ -35,7 +36,9 @@ from uavrt.messages import (
 from uavrt.processes.commit_times import CommitTimes
 from uavrt.processes.missing_poses import REACH_NS, AwaitedPoses, made_up
 from uavrt.processes.told_health import ToldHealth
-from uavrt.recording import FlightRecorder, WriterLock, note_deliveries
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.spool import note_deliveries
+from uavrt.recording.writer_lock import WriterLock
 
 log = get_logger()
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import ConfigError, LinkError
-from uavrt.ipc import ProcessFrame
+from uavrt.ipc.process import ProcessFrame
 from uavrt.log import get_logger
 from uavrt.messages import FlightInfo
-from uavrt.ros2 import Gateway
+from uavrt.ros2.gateway import Gateway
 
 if TYPE_CHECKING:
-    from uavrt.ros2 import Participant
+    from uavrt.ros2.dds import Participant
 
 log = get_logger()
 
@@ -46,7 +46,7 @@ def join(frame: ProcessFrame) -> "Participant | None":
     while frame.running:
         try:
             # Imported here: without the extra, the gateway says so and stays off.
-            from uavrt.ros2 import Participant
+            from uavrt.ros2.dds import Participant
 
             return Participant(frame.assignment.settings.ros2)
         except ImportError as error:

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from uavrt.clock import boot_id
-from uavrt.mavlink import Signing, SigningTimes
+from uavrt.mavlink.signing import Signing, SigningTimes
 from uavrt.recording.kept_file import KeptFile
 
 TIMES_NAME = "signing_times.json"

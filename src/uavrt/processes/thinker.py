@@ -9,7 +9,8 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from uavrt.guidance import Choice, Seeker, VehicleNow
+from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.seeker import Choice, Seeker
 from uavrt.log import get_logger
 from uavrt.messages import Neighbour, PulsePose, SearchNote, SearchReport
 

@@ -9,7 +9,8 @@ import os
 from collections.abc import Callable, Iterable
 from enum import Enum, auto
 
-from uavrt.config import RADIOS, RadioRow, RadioSettings
+from uavrt.config.radios import RADIOS, RadioRow
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioError, RadioMissing, RadioStalled, RadioStopped
 from uavrt.radio.devices import SYSFS_USB, UsbRadio, usb_radios
 

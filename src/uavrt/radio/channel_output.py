@@ -7,8 +7,8 @@ mode: 0.2 % of a core for one channel, 0.3 % for ten, 1.3 % for all hundred (mea
 
 from collections.abc import Mapping, Sequence
 
-from uavrt.config import UdpChannelSettings
-from uavrt.dsp import FrontEnd
+from uavrt.config.settings import UdpChannelSettings
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.messages import IQBlock, Tag
 from uavrt.radio.channel_datagram import channel_port
 from uavrt.radio.channel_sender import ChannelDatagramSender

@@ -4,7 +4,8 @@ from contextlib import closing
 from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import RADIOS, RadioSettings
+from uavrt.config.radios import RADIOS
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioAmbiguous, RadioStopped
 from uavrt.radio.answers import stalled
 from uavrt.radio.devices import unchosen

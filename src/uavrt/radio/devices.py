@@ -9,7 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.config import RADIOS, RadioSettings
+from uavrt.config.radios import RADIOS
+from uavrt.config.settings import RadioSettings
 
 SYSFS_USB = Path("/sys/bus/usb/devices")
 NODES = Path("/dev/bus/usb")

@@ -5,7 +5,7 @@ from pathlib import Path, PurePath
 from typing import Literal
 
 from uavrt.clock import Clock
-from uavrt.config import RADIO_GROUP, RadioSettings
+from uavrt.config.settings import RADIO_GROUP, RadioSettings
 from uavrt.errors import FormatError
 from uavrt.plugins import Registry
 from uavrt.radio.channel_source import ChannelDatagramSource

@@ -13,7 +13,8 @@ from dataclasses import replace
 from typing import Final
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import RadioRow, RadioSettings
+from uavrt.config.radios import RadioRow
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioError, RadioMissing, RadioStalled
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock

@@ -6,7 +6,9 @@ linked.
 
 from collections.abc import Callable
 
-from uavrt.config import RADIOS, RadioRow, RadioSettings, tuned_frequency
+from uavrt.config.parameters import tuned_frequency
+from uavrt.config.radios import RADIOS, RadioRow
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import ConfigError
 
 PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if row.receive}

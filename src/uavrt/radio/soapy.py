@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import RadioSettings
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioError, RadioMissing
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock

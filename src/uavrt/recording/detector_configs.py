@@ -14,7 +14,7 @@ from typing import Literal
 
 from uavrt.atomic_file import write_atomically
 from uavrt.clock import iso_utc
-from uavrt.config import (
+from uavrt.config.tag_rules import (
     MAX_FREQUENCY_HZ,
     MAX_INTERVAL_MS,
     MAX_K,
@@ -57,7 +57,8 @@ class DetectorConfig:
     data_port: int
     log_path: str = ""
     operating_mode: str = "freqSearchHardLock"
-    """One of the original's four (`uavrt.detection.OperatingMode`); theirs is the default."""
+    """One of the original's four (`uavrt.detection.modes.OperatingMode`); theirs is the
+    default."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
     """Stretches not to search, from and to, relative to the channel's centre."""
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import uavrt
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import DetectionSettings, Settings
+from uavrt.config.settings import DetectionSettings, Settings
 from uavrt.errors import RecordingError
 from uavrt.messages import (
     Beep,

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.clock import flight_stamp
-from uavrt.config import RADIOS
+from uavrt.config.radios import RADIOS
 from uavrt.errors import RecordingError
 
 _RADIO_PROCESSES = {"radio", *(row.receive for row in RADIOS.values())}

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from uavrt.config import read_tags
+from uavrt.config.tag_files import read_tags
 from uavrt.errors import UavrtError
 from uavrt.messages import Tag
 

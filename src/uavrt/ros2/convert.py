@@ -6,7 +6,8 @@ Units differ only here: ROS 2 pulses are in megahertz, tags in hertz and millise
 import math
 from collections.abc import Mapping
 
-from uavrt.config import Entry, Fault, Quantity, TagDraft, tags_from_drafts
+from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
+from uavrt.config.tag_rules import tags_from_drafts
 from uavrt.errors import FormatError
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
 from uavrt.ros2.messages import (

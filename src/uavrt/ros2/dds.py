@@ -42,7 +42,7 @@ from cyclonedds.sub import DataReader, Subscriber
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from uavrt.config import Ros2Settings
+from uavrt.config.settings import Ros2Settings
 from uavrt.errors import ConfigError, LinkError
 from uavrt.log import get_logger
 from uavrt.ros2 import messages

@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from uavrt.allowance import Allowance
-from uavrt.config import Settings, check_start
+from uavrt.commands import CommandName, SystemState
+from uavrt.config.parameters import check_start
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError, FormatError, LinkError
 from uavrt.messages import (
     Command,
-    CommandName,
     CommandReply,
     FlightInfo,
     Pose,
@@ -20,10 +21,9 @@ from uavrt.messages import (
     Pulse,
     PulsePose,
     StatusText,
-    SystemState,
     SystemStatus,
 )
-from uavrt.pose import Mounting
+from uavrt.pose.mounting import Mounting
 from uavrt.ros2 import convert, graph
 from uavrt.ros2.bus import Bus
 from uavrt.ros2.cdr import decode

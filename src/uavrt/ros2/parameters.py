@@ -8,7 +8,8 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from uavrt.config import OFFERED, RUN, Parameter, Settings, parameter_values, with_parameter
+from uavrt.config.parameters import OFFERED, RUN, Parameter, parameter_values, with_parameter
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import CommandReply
 from uavrt.ros2.parameter_messages import (

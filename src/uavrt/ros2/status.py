@@ -7,8 +7,9 @@ number, the receiver, and each tag.
 
 from collections.abc import Iterator
 
-from uavrt.config import Settings
-from uavrt.messages import ProcessStatus, SystemState, SystemStatus
+from uavrt.commands import SystemState
+from uavrt.config.settings import Settings
+from uavrt.messages import ProcessStatus, SystemStatus
 from uavrt.ros2.convert import key_values
 from uavrt.ros2.messages import ERROR, OK, STALE, WARN, DiagnosticStatus, KeyValue
 

@@ -7,8 +7,8 @@ restart only: `active` is what the last start has found.
 from collections.abc import Mapping
 from typing import Literal
 
-from uavrt.mavlink import ParameterServer, Requests
 from uavrt.mavlink.dialect import MavParamType, ParamValue
+from uavrt.mavlink.parameters import ParameterServer, Requests
 
 Flavour = Literal["px4", "ardupilot"]
 

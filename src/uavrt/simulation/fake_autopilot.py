@@ -18,8 +18,11 @@ from typing import Literal
 
 from uavrt.clock import Clock
 from uavrt.log import get_logger
-from uavrt.mavlink import GCS_SYSTEM_ID, Frame, FrameParser, FrameWriter, Message, dialect
+from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavProtocolCapability, MavResult
+from uavrt.mavlink.discovery import GCS_SYSTEM_ID
+from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
 from uavrt.messages import Pose
 from uavrt.simulation.autopilot_parameters import (
     COMPANION_PORT,

@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Literal
 
 from uavrt.attitude import from_euler_deg
-from uavrt.mavlink import Message, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
 from uavrt.messages import Pose
 from uavrt.simulation.flown_path import PathWriter
 from uavrt.simulation.flying import FlyingVehicle

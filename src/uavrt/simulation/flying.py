@@ -10,8 +10,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from uavrt.mavlink import Message, dialect
+from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavResult
+from uavrt.mavlink.message import Message
 from uavrt.simulation import geometry
 
 Flavour = Literal["px4", "ardupilot"]

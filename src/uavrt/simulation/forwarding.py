@@ -9,7 +9,7 @@ thesis's Tables 5.10 to 5.13.
 import random
 from collections import deque
 
-from uavrt.mavlink import Frame
+from uavrt.mavlink.frame import Frame
 from uavrt.units import ns_from_s
 
 RING_BYTES = 583

@@ -9,19 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from uavrt.mavlink import (
-    Frame,
-    FrameParser,
-    FrameWriter,
-    Message,
-    PacedQueue,
-    Priority,
-    Tunnelled,
-    dialect,
-)
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.pacing import PacedQueue, Priority, Tunnelled
 from uavrt.simulation.forwarding import ForwardRing
 from uavrt.simulation.radio_link import STATUS_NS, RadioLink, RadioLinkSettings, VirtualTime
-from uavrt.tunnel import RECEIPT_TYPE, Receipt, ReliableSender, payload_hash
+from uavrt.tunnel.private import RECEIPT_TYPE, Receipt, payload_hash
+from uavrt.tunnel.reliable import ReliableSender
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 PASS_NS = 8_333_333

@@ -8,8 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-from uavrt.mavlink import Message, dialect
+from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavMissionResult, MavMissionType
+from uavrt.mavlink.message import Message
 
 Flavour = Literal["px4", "ardupilot"]
 Place = tuple[int, int]

@@ -12,7 +12,7 @@ from typing import Any
 
 import uavrt
 from uavrt.clock import iso_utc
-from uavrt.config import write_tags
+from uavrt.config.tag_files import write_tags
 from uavrt.errors import ConfigError, RecordingError
 from uavrt.messages import Pose
 from uavrt.simulation.scenario import Scenario

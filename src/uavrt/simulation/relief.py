@@ -16,7 +16,7 @@ from scipy.special import fresnel
 
 from uavrt.simulation import geometry
 from uavrt.simulation.record import ScenarioRecord
-from uavrt.terrain import open_elevation
+from uavrt.terrain.elevation_files import open_elevation
 
 _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]

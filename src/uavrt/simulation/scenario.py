@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
-from uavrt.config import BURST_TOLERANCE_MS, CODED_K, MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
+from uavrt.config.code_rules import BURST_TOLERANCE_MS, CODED_K
+from uavrt.config.tag_rules import MAX_FREQUENCY_HZ, MIN_FREQUENCY_HZ
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Pose, Tag
 from uavrt.simulation import geometry
 from uavrt.simulation.antenna import Antenna

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from uavrt.clock import iso_utc, parse_iso_utc
-from uavrt.config import faults_of_tags
+from uavrt.config.tag_files import faults_of_tags
 from uavrt.errors import ConfigError
 from uavrt.foreign import SETTINGS, check_toml, read_file, shortened
 from uavrt.simulation.scenario import Scenario

@@ -2,7 +2,8 @@
 
 import math
 
-from uavrt.mavlink import Message, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
 from uavrt.messages import Pose
 
 

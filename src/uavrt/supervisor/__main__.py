@@ -14,7 +14,7 @@ signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 import sys  # noqa: E402
 
 from uavrt.log import configure_logging  # noqa: E402
-from uavrt.supervisor.tree import Launcher  # noqa: E402
+from uavrt.supervisor.start.launcher import Launcher  # noqa: E402
 
 
 def main() -> int:

@@ -12,9 +12,10 @@ from functools import partial
 from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import Settings
+from uavrt.commands import SystemState
+from uavrt.config.settings import Settings
 from uavrt.heap import HeapKeeper
-from uavrt.ipc import TOPICS, decode_record, encode_record, topic_of
+from uavrt.ipc.topics import TOPICS, decode_record, encode_record, topic_of
 from uavrt.log import get_logger
 from uavrt.messages import (
     STATION_COUNTER,
@@ -23,35 +24,27 @@ from uavrt.messages import (
     FlightInfo,
     Health,
     StatusText,
-    SystemState,
     SystemStatus,
     Taken,
 )
-from uavrt.supervisor.mission import (
-    DiskGuard,
-    FlightProgress,
-    LastPulses,
-    Mission,
-    Operations,
-    RadioQuestion,
-    StateStore,
-    WallClockWatch,
-    ask_tuner,
-    in_background,
-)
-from uavrt.supervisor.tree import (
-    SUPERVISOR_TOPICS,
-    Fleet,
-    Instance,
-    Launcher,
-    OutputLog,
-    SystemdNotifier,
-    consumers_of,
-    own_usage,
-    rows_for,
-    self_status,
-    warning_text,
-)
+from uavrt.supervisor.mission.background import in_background
+from uavrt.supervisor.mission.disk_guard import DiskGuard
+from uavrt.supervisor.mission.last_pulses import LastPulses
+from uavrt.supervisor.mission.operations import Operations
+from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.progress import FlightProgress
+from uavrt.supervisor.mission.radio_check import RadioQuestion
+from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.supervisor.mission.tuning import ask_tuner
+from uavrt.supervisor.mission.wall_clock import WallClockWatch
+from uavrt.supervisor.start.launcher import Launcher
+from uavrt.supervisor.start.usage import own_usage
+from uavrt.supervisor.tree.child_output import OutputLog, warning_text
+from uavrt.supervisor.tree.fleet import Fleet
+from uavrt.supervisor.tree.instance import Instance, self_status
+from uavrt.supervisor.tree.shapes import rows_for
+from uavrt.supervisor.tree.systemd import SystemdNotifier
+from uavrt.supervisor.tree.table import SUPERVISOR_TOPICS, consumers_of
 
 log = get_logger()
 

@@ -8,7 +8,7 @@ radio or autopilot reports that itself. So one gap, however long, is forgiven.
 from collections import deque
 from itertools import pairwise
 
-from uavrt.ipc import TOPICS
+from uavrt.ipc.topics import TOPICS
 
 RECORDS = 20
 """Of a topic in a row are judged, for each tag where a topic has one for each."""

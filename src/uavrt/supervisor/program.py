@@ -9,13 +9,14 @@ from contextlib import suppress
 
 import msgspec
 
-from uavrt.config import Settings
+from uavrt.commands import SystemState
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
-from uavrt.ipc import adopt_orphans
+from uavrt.ipc.parent import adopt_orphans
 from uavrt.log import get_logger
-from uavrt.messages import Command, SystemState, Tag
+from uavrt.messages import Command, Tag
 from uavrt.supervisor.core import Supervisor
-from uavrt.supervisor.tree import Launcher
+from uavrt.supervisor.start.launcher import Launcher
 from uavrt.supervisor.viewers import Viewers, require_unserved
 
 

@@ -16,7 +16,7 @@ import socket
 from collections.abc import Iterator
 
 from uavrt.errors import ConfigError
-from uavrt.ipc import decode_record, encode_record
+from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.log import get_logger
 from uavrt.messages import Command
 from uavrt.supervisor.core import Supervisor

@@ -2,7 +2,8 @@
 
 The single edge is its equation 31, the edge that stands for all of a profile is Bullington's of
 its §4.5.1, with the earth's radius at 4/3. Level ground hides a low tag a little, too, and that
-is part of what the reflected ray takes away (`uavrt.planning.GroundReflection`); so the loss of
+is part of what the reflected ray takes away (`uavrt.planning.propagation.GroundReflection`);
+so the loss of
 terrain is what its profile costs beyond a level one, as in §4.5.2 of the recommendation:
 
     terrain loss = max(0, Bullington(profile) - Bullington(level ground))

@@ -2,10 +2,10 @@
 
 from typing import cast
 
-from uavrt.commands import BARE, COMMAND_OF_NUMBER
+from uavrt.commands import BARE, COMMAND_OF_NUMBER, CommandId, Generation
 from uavrt.errors import TunnelError
 from uavrt.tunnel import g0, g1, g2
-from uavrt.tunnel.wire import MAX_PAYLOAD, CommandId, Generation
+from uavrt.tunnel.wire import MAX_PAYLOAD
 
 TunnelMessage = g0.Messages | g1.Messages | g2.Messages
 

@@ -8,10 +8,10 @@ type 60008 of the manual's tunnel reference.
 import math
 from dataclasses import dataclass
 
+from uavrt.commands import CommandId
 from uavrt.errors import TunnelError
 from uavrt.messages import Tag
 from uavrt.tunnel.layout import Layout
-from uavrt.tunnel.wire import CommandId
 
 CODED_TAG_TYPE = 60_008
 MOST_GAPS = 7

@@ -4,16 +4,9 @@ import math
 from collections.abc import Mapping
 
 from uavrt.attitude import euler_deg, from_euler_deg
+from uavrt.commands import Generation, SystemState
 from uavrt.errors import TunnelError
-from uavrt.messages import (
-    DetectionStatus,
-    Pose,
-    Pulse,
-    PulsePose,
-    SearchReport,
-    SystemState,
-    Tag,
-)
+from uavrt.messages import DetectionStatus, Pose, Pulse, PulsePose, SearchReport, Tag
 from uavrt.on_earth import OffEarthError, is_attitude, place_on_earth
 from uavrt.tunnel.g0 import FAILURE, SUCCESS, AckG0, PulseG0, TagG0
 from uavrt.tunnel.g1 import (
@@ -29,7 +22,6 @@ from uavrt.tunnel.g1 import (
     TagG1,
 )
 from uavrt.tunnel.g2 import AckG2, PulseG2, PulseG2v1
-from uavrt.tunnel.wire import Generation
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ms
 
 LATEST_S = 9.2e9

@@ -11,17 +11,16 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from uavrt.clock import monotonic_s
-from uavrt.commands import COMMAND_OF_NUMBER, COMMANDS
-from uavrt.errors import ConfigError, TunnelError
-from uavrt.messages import (
-    Command,
+from uavrt.commands import (
+    COMMAND_OF_NUMBER,
+    COMMANDS,
+    CommandId,
     CommandName,
-    CommandReply,
-    Operation,
-    PulsePose,
-    SearchReport,
+    Generation,
     SystemState,
 )
+from uavrt.errors import ConfigError, TunnelError
+from uavrt.messages import Command, CommandReply, Operation, PulsePose, SearchReport
 from uavrt.tunnel import g2
 from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode, generation_of
 from uavrt.tunnel.coded_tag import CodedTag
@@ -37,7 +36,6 @@ from uavrt.tunnel.convert import (
 from uavrt.tunnel.g0 import HeaderMessage, TagG0
 from uavrt.tunnel.g1 import RawCapture, StartDetection, TagG1
 from uavrt.tunnel.requests import RequestCache, TagUpload, open_upload
-from uavrt.tunnel.wire import CommandId, Generation
 
 Asker = tuple[int, int]
 """System and component id of a ground station."""

@@ -58,9 +58,9 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from uavrt.commands import BARE, COMMAND_OF_NUMBER
+from uavrt.commands import BARE, COMMAND_OF_NUMBER, CommandId
 from uavrt.errors import TunnelError
-from uavrt.tunnel.wire import CommandId, Decoders, Fixed, decoders_by_length, decoders_of, pack
+from uavrt.tunnel.wire import Decoders, Fixed, decoders_by_length, decoders_of, pack
 
 HEADER = struct.Struct("<I")
 

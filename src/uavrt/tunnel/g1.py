@@ -77,18 +77,10 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+from uavrt.commands import CommandId, SystemState
 from uavrt.errors import TunnelError
-from uavrt.messages import SystemState
 from uavrt.tunnel.g0 import HeaderMessage
-from uavrt.tunnel.wire import (
-    CommandId,
-    Decoders,
-    Fixed,
-    decoders_by_length,
-    decoders_of,
-    pack,
-    unpack,
-)
+from uavrt.tunnel.wire import Decoders, Fixed, decoders_by_length, decoders_of, pack, unpack
 
 STATUS_SUBTHRESHOLD = 0
 STATUS_DETECTED = 1

@@ -31,18 +31,10 @@ import struct
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
+from uavrt.commands import CommandId, Generation
 from uavrt.errors import TunnelError
 from uavrt.tunnel.g1 import PulseG1, StartDetection, TagG1
-from uavrt.tunnel.wire import (
-    CommandId,
-    Decoders,
-    Fixed,
-    Generation,
-    check,
-    decoders_by_length,
-    decoders_of,
-    pack,
-)
+from uavrt.tunnel.wire import Decoders, Fixed, check, decoders_by_length, decoders_of, pack
 
 HEADER = struct.Struct("<II")
 UPLOAD = struct.Struct("<IIII")

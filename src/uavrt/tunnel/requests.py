@@ -8,10 +8,10 @@ them again, good and bad alike.
 from collections import OrderedDict
 from dataclasses import dataclass, field
 
+from uavrt.commands import CommandId
 from uavrt.errors import TunnelError
 from uavrt.tunnel.coded_tag import CodedTag
 from uavrt.tunnel.g2 import TagG2, UploadG2
-from uavrt.tunnel.wire import CommandId
 
 KEPT = 16
 KEPT_S = 120.0

@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavrt.config import read_key_file
+from uavrt.config.key_files import read_key_file
 from uavrt.errors import TunnelError
 
 SEALED_SIZE = 20

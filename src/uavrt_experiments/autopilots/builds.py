@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from uavrt.demo import free_udp_port
+from uavrt.demo.programs import free_udp_port
 from uavrt.errors import LinkError, UsageError
 from uavrt.simulation.flying import Flavour
 

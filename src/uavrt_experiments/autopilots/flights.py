@@ -15,9 +15,9 @@ from uavrt.attitude import yaw_deg
 from uavrt.clock import monotonic_s
 from uavrt.errors import LinkError, UavrtError, UsageError
 from uavrt.geodesy import moved
-from uavrt.ground.link import ask, confirm, motion_request, stop
+from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.messages import PulsePose
-from uavrt.recording import read_flight
+from uavrt.recording.flight_reader import read_flight
 from uavrt.units import s_from_ns, wrap_degrees_180
 from uavrt_experiments.autopilots.builds import Build
 from uavrt_experiments.autopilots.hand import CENTRED_US, HEIGHT_M

@@ -12,16 +12,14 @@ from uavrt.attitude import yaw_deg
 from uavrt.clock import monotonic_s
 from uavrt.errors import UavrtError
 from uavrt.geodesy import distance_m, moved
-from uavrt.guidance import VehicleCommand
-from uavrt.mavlink import (
-    FrameWriter,
-    Message,
-    attitude_sample,
-    command_message,
-    dialect,
-    station_heartbeat,
-)
+from uavrt.guidance.wishes import VehicleCommand
+from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavModeFlag
+from uavrt.mavlink.discovery import station_heartbeat
+from uavrt.mavlink.frame import FrameWriter
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.samples import attitude_sample
+from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.simulation.flying import FULL_SCALE_DEG, MODES, NOWHERE, Flavour
 from uavrt_experiments.autopilots.tap import Kept, Tap
 

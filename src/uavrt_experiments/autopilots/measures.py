@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from uavrt.mavlink import Message, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
 from uavrt.simulation.flying import FULL_SCALE_DEG, is_motion
 from uavrt.simulation.geometry import TangentPlane
 from uavrt.units import wrap_degrees_180

@@ -13,16 +13,18 @@ import msgspec
 
 from uavrt.attitude import from_euler_deg
 from uavrt.clock import Clock
-from uavrt.config import GuidanceSettings
-from uavrt.demo import DemoPaths, Program, drone_settings, free_udp_port
+from uavrt.config.settings import GuidanceSettings
+from uavrt.demo.programs import DemoPaths, Program, drone_settings, free_udp_port
 from uavrt.errors import UavrtError
-from uavrt.ground.link import GroundLink
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import dialect
 from uavrt.messages import Pose, PulsePose, SystemStatus
-from uavrt.monitor import StatusReader
-from uavrt.simulation import search_scenario, write_scenario
+from uavrt.monitor.reader import StatusReader
+from uavrt.simulation.demo_world import search_scenario
 from uavrt.simulation.flown_path import PathWriter
-from uavrt.tunnel import MotionState, read_key
+from uavrt.simulation.scenario_file import write_scenario
+from uavrt.tunnel.motion import MotionState
+from uavrt.tunnel.seal import read_key
 from uavrt.units import ns_from_s, s_from_ns
 from uavrt_experiments.autopilots.builds import Build
 from uavrt_experiments.autopilots.hand import Hand

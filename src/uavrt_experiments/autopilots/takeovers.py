@@ -7,8 +7,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from uavrt.guidance import FailsafeSeen
-from uavrt.mavlink import Message, dialect, observations
+from uavrt.guidance.observed import FailsafeSeen
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.vehicle_messages import observations
 from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.hand import CENTRED_US, FORCED, Hand

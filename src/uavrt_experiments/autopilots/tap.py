@@ -7,7 +7,8 @@ from pathlib import Path
 
 from uavrt.analysis.tracks.tlog import stamped_frames
 from uavrt.clock import Clock
-from uavrt.mavlink import Frame, FrameParser, FrameWriter, Message
+from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
 from uavrt.simulation.datagrams import DatagramPort
 from uavrt.units import s_from_ns
 

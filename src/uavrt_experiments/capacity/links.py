@@ -10,7 +10,11 @@ import time
 from dataclasses import dataclass
 
 from uavrt.errors import LinkError
-from uavrt.mavlink import Frame, FrameWriter, Link, PacedQueue, Priority, dialect, open_link
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.pacing import PacedQueue, Priority
+from uavrt.mavlink.transport import open_link
 from uavrt.units import NANOSECONDS_PER_SECOND
 from uavrt_experiments.result import Row
 

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-from uavrt.mavlink import Frame, LinkRate, PacedQueue, Priority
-from uavrt.simulation import PASS_NS, ForwardRing
-from uavrt.tunnel import Outgoing
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.pacing import PacedQueue, Priority
+from uavrt.mavlink.rate import LinkRate
+from uavrt.simulation.forwarding import PASS_NS, ForwardRing
+from uavrt.tunnel.reliable import Outgoing
 from uavrt_experiments.capacity.thesis import FEW, ODD, RECEIVED, TOLERANCE
 from uavrt_experiments.result import Row
 

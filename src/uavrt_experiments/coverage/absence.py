@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.planning import Coverage, absence
+from uavrt.planning.coverage import Coverage, absence
 from uavrt_experiments.coverage.hilly import (
     CELL_M,
     HALF_M,

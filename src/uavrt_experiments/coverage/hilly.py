@@ -10,25 +10,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection import detection_probability
-from uavrt.integration import distinct, judge, places_around, pulse_weights, slot_energies
-from uavrt.localization import PATTERNS, Headings, PoseColumns
+from uavrt.detection.sensitivity import detection_probability
+from uavrt.integration.energy_grid import slot_energies
+from uavrt.integration.judging import judge
+from uavrt.integration.places import distinct, places_around
+from uavrt.integration.whole_flight import pulse_weights
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.headings import Headings
+from uavrt.localization.heard import PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
-from uavrt.planning import LinkBudget, ListeningWay, coverage_of, listening_way
-from uavrt.simulation import (
-    Antenna,
-    Flight,
-    Home,
-    Leg,
-    Propagation,
-    Scenario,
-    SimulatedTag,
-    World,
-)
-from uavrt.terrain import GroundGrid, HillLosses
+from uavrt.planning.coverage import ListeningWay, coverage_of, listening_way
+from uavrt.planning.link_budget import LinkBudget
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.propagation import Propagation
+from uavrt.simulation.scenario import Home, Scenario, SimulatedTag
+from uavrt.simulation.world import World
+from uavrt.terrain.hill_losses import HillLosses
+from uavrt.terrain.squares import GroundGrid
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
-from uavrt_experiments.detection import TruePulse, add_pulse, noise
-from uavrt_experiments.search import PLANE, Hills, elevation_of
+from uavrt_experiments.detection.signals import TruePulse, add_pulse, noise
+from uavrt_experiments.search.terrain import PLANE, Hills, elevation_of
 
 _Floats = NDArray[np.float64]
 HALF_M = 1500.0

@@ -15,13 +15,15 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from uavrt.localization import PowerTrack, estimate_position, monopole_gain_db
-from uavrt.simulation import Relief
-from uavrt.terrain import HillLosses
+from uavrt.localization.antenna import monopole_gain_db
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.simulation.relief import Relief
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt_experiments.figures import measured, median, share
 from uavrt_experiments.kept import KeptOutcomes
 from uavrt_experiments.result import Row
-from uavrt_experiments.search import PLANE, Hills, elevation_of
+from uavrt_experiments.search.terrain import PLANE, Hills, elevation_of
 
 _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavrt.analysis.measure import DetectionChain
+from uavrt.analysis.measure.recorded_pulses import DetectionChain
 from uavrt.messages import IQBlock, Pulse
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.cases import Case

@@ -14,10 +14,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import Measurement, measure_tags
-from uavrt.config import Receiver
-from uavrt.detection.beeps import BeepSearch, PointSearch, Train, find_trains
-from uavrt.dsp import FrontEnd
+from uavrt.analysis.measure.measure_tag import Measurement, measure_tags
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.beeps.points import PointSearch
+from uavrt.detection.beeps.search import BeepSearch
+from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.clock import cpu_s
-from uavrt.detection.coded import Cells, CodedDetector
+from uavrt.detection.coded.cells import Cells
+from uavrt.detection.coded.detector import CodedDetector
 from uavrt.messages import Pulse, Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.cases import Case, Experiment

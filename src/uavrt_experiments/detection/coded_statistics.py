@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config import GAP_TOLERANCE_S
+from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.evidence import (
     evidence,
     evidence_of_sums,

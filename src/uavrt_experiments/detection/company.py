@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavrt.detection import PulseDetector
+from uavrt.detection.detector import PulseDetector
 from uavrt.messages import Pulse
 from uavrt_experiments.detection.cases import Case, Experiment
 from uavrt_experiments.detection.signals import (

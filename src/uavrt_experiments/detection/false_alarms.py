@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search import decision_interval_s
+from uavrt.detection.search.thresholds import decision_interval_s
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection import original
 from uavrt_experiments.detection.cases import Case, Experiment

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import DetectionChain
+from uavrt.analysis.measure.recorded_pulses import DetectionChain
 from uavrt.messages import IQBlock, Pulse, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND
 from uavrt_experiments.detection.cases import Case, Experiment

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.group import DetectorGroup
 from uavrt.messages import Pulse
 from uavrt_experiments.detection.cases import Case, Experiment
 from uavrt_experiments.detection.signals import (

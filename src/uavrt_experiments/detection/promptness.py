@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavrt.detection import PulseDetector
+from uavrt.detection.detector import PulseDetector
 from uavrt.messages import Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection import original

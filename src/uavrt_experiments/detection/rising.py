@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import DetectionChain
-from uavrt.detection.search import decision_interval_s
+from uavrt.analysis.measure.recorded_pulses import DetectionChain
+from uavrt.detection.search.thresholds import decision_interval_s
 from uavrt.messages import IQBlock, Pulse, Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.cases import Case, Experiment

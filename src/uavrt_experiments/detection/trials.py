@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection import OperatingMode, PulseDetector
-from uavrt.detection.search import decision_span_s
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.modes import OperatingMode
+from uavrt.detection.search.thresholds import decision_span_s
 from uavrt.messages import Pulse, Tag
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.signals import (

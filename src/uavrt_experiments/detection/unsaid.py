@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from uavrt.messages import IQBlock
-from uavrt.radio import HOLD_S, Placer, block_length
-from uavrt.simulation import DeliveredStream, Delivery
+from uavrt.radio.placing import HOLD_S, Placer
+from uavrt.radio.stream import block_length
+from uavrt.simulation.arrivals import DeliveredStream, Delivery
 from uavrt.units import ns_from_s
 from uavrt_experiments.detection.cases import Case
 from uavrt_experiments.detection.signals import START_NS

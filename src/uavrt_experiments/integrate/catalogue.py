@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from uavrt_experiments.detection import Experiment
+from uavrt_experiments.detection.cases import Experiment
 from uavrt_experiments.integrate.cost import I5
 from uavrt_experiments.integrate.false_alarms import I1
 from uavrt_experiments.integrate.place import I4

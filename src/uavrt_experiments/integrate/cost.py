@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavrt_experiments.detection import Case, Experiment
+from uavrt_experiments.detection.cases import Case, Experiment
 from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import INTERVAL_S, World, looked_at, silence, turning
 from uavrt_experiments.result import Row

@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavrt_experiments.detection import Case, Experiment, coloured_noise, noise
+from uavrt_experiments.detection.cases import Case, Experiment
+from uavrt_experiments.detection.interference import coloured_noise
+from uavrt_experiments.detection.signals import noise
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,
     RATE_HZ,

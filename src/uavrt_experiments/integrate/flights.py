@@ -9,21 +9,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.integration import (
-    Judgement,
-    Places,
-    SlotEnergies,
-    distinct,
-    judge,
-    places_around,
-    pulse_weights,
-    slot_energies,
-)
-from uavrt.localization import PATTERNS, AntennaPattern, PoseColumns
+from uavrt.integration.energy_grid import SlotEnergies, slot_energies
+from uavrt.integration.judging import Judgement, judge
+from uavrt.integration.places import Places, distinct, places_around
+from uavrt.integration.whole_flight import pulse_weights
+from uavrt.localization.antenna import PATTERNS, AntennaPattern
+from uavrt.localization.heard import PoseColumns
 from uavrt.messages import Tag
 from uavrt.tangent_plane import TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND
-from uavrt_experiments.detection import START_NS, THESIS_TAG, TruePulse, add_pulse, noise
+from uavrt_experiments.detection.signals import (
+    START_NS,
+    THESIS_TAG,
+    TruePulse,
+    add_pulse,
+    noise,
+)
 
 RATE_HZ = 3750.0
 INTERVAL_S = THESIS_TAG.pulse_intervals_s[0]

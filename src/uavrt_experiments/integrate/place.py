@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import integrate, special
 
-from uavrt.integration import HeardTrain, PlaceBelief, place_belief, train_pulses
-from uavrt.localization import PATTERNS
+from uavrt.integration.heard_train import HeardTrain, train_pulses
+from uavrt.integration.train_place import PlaceBelief, place_belief
+from uavrt.localization.antenna import PATTERNS
 from uavrt.units import wrap_degrees_180
-from uavrt_experiments.detection import Case, Experiment
+from uavrt_experiments.detection.cases import Case, Experiment
 from uavrt_experiments.figures import measured, median, share
 from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import (
@@ -30,7 +31,7 @@ from uavrt_experiments.integrate.flights import (
     turning,
 )
 from uavrt_experiments.integrate.sensitivity import best_train, narrow_world
-from uavrt_experiments.localization import disturbed
+from uavrt_experiments.localization.bearing_bars import disturbed
 from uavrt_experiments.result import Row
 
 _Floats = NDArray[np.float64]

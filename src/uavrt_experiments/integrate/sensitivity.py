@@ -12,17 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavrt.integration import (
+from uavrt.integration.drifting import search_drifting
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.whole_flight import (
     FoldedTrain,
-    SlotEnergies,
     Weights,
     chance,
     hypotheses_of,
     low_rank_weights,
     pulse_weights,
-    search_drifting,
 )
-from uavrt_experiments.detection import Case, Experiment
+from uavrt_experiments.detection.cases import Case, Experiment
 from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,

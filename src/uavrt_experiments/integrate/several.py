@@ -8,23 +8,16 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.integration import (
-    HeardTrain,
-    JointTrain,
-    Listened,
-    Places,
-    SlotEnergies,
-    common_gains,
-    distinct,
-    place_belief,
-    places_around,
-    pulse_weights,
-    search_together,
-    train_pulses,
-)
-from uavrt.localization import PATTERNS
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.heard_train import HeardTrain, train_pulses
+from uavrt.integration.places import Places, common_gains, distinct, places_around
+from uavrt.integration.together import JointTrain, Listened, search_together
+from uavrt.integration.train_place import place_belief
+from uavrt.integration.whole_flight import pulse_weights
+from uavrt.localization.antenna import PATTERNS
 from uavrt.units import ns_from_s
-from uavrt_experiments.detection import START_NS, Case, Experiment
+from uavrt_experiments.detection.cases import Case, Experiment
+from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.figures import measured, median, share
 from uavrt_experiments.integrate.false_alarms import NOMINAL, chance_rows, tilted, white
 from uavrt_experiments.integrate.flights import (

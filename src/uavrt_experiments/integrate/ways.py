@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavrt.detection import PulseDetector
-from uavrt.integration import GrowingEnergies, SlotEnergies
-from uavrt_experiments.detection import START_NS, Case, Experiment
+from uavrt.detection.detector import PulseDetector
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.growing import GrowingEnergies
+from uavrt_experiments.detection.cases import Case, Experiment
+from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.integrate.false_alarms import NOMINAL
 from uavrt_experiments.integrate.flights import (
     RATE_HZ,

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.localization import (
-    ArrayMethod,
-    SwitchSchedule,
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.bearing.array_bearings import (
+    Steering,
     circle_steering,
-    difference_deg,
-    measure_switched_pulse,
     pair_steering,
     switched_bearing,
+    switched_bound_deg,
 )
-from uavrt.localization.bearing.array_bearings import Steering, switched_bound_deg
-from uavrt.simulation import AntennaSwitch, gate, position_weights
+from uavrt.localization.bearing.switched_pulse import SwitchSchedule, measure_switched_pulse
+from uavrt.localization.results import ArrayMethod
+from uavrt.simulation.antenna_switch import AntennaSwitch, gate, position_weights
 from uavrt.units import wrap_degrees_360
 from uavrt_experiments.figures import measured, rms, share
 from uavrt_experiments.result import Row

@@ -6,15 +6,11 @@ from functools import partial
 import numpy as np
 from numpy.random import Generator
 
-from uavrt.localization import (
-    PATTERNS,
-    AntennaPattern,
-    BearingMethod,
-    TurnPulses,
-    difference_deg,
-    estimate_bearing,
-    learn_pattern,
-)
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS, AntennaPattern
+from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
+from uavrt.localization.results import BearingMethod
 from uavrt_experiments.figures import measured, median, rms, share
 from uavrt_experiments.localization.rotations import (
     RotationCase,

@@ -10,21 +10,18 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.localization import (
-    HEIGHT_SIGMA_M,
-    Position,
-    PowerTrack,
-    Stations,
-    TangentPlane,
-    estimate_position,
-)
 from uavrt.localization.position.common_errors import (
     WALKING_M_S,
     WALKING_SHARE,
     WRONG_COMPASS_DEG,
     WRONG_COMPASS_SHARE,
 )
-from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
+from uavrt.localization.position.estimate import HEADING_SIGMA_DEG, estimate_position
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.results import Position
+from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
 from uavrt_experiments.localization.position_bars import survey
 from uavrt_experiments.result import Row

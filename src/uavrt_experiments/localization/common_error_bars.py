@@ -6,21 +6,18 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.localization import (
-    PATTERNS,
-    Bearing,
-    Position,
-    Stations,
-    TangentPlane,
-    estimate_bearing,
-    estimate_position,
-)
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.bearing.estimate import estimate_bearing
 from uavrt.localization.position.common_errors import (
     WALKING_M_S,
     WALKING_SHARE,
     WRONG_COMPASS_DEG,
     WRONG_COMPASS_SHARE,
 )
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.results import Bearing, Position
+from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
 from uavrt_experiments.localization.rotations import matched_power
 from uavrt_experiments.result import Row

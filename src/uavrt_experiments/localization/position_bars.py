@@ -8,16 +8,13 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    Position,
-    PositionMethod,
-    PowerTrack,
-    Propagation,
-    Stations,
-    TangentPlane,
-    estimate_position,
-    monopole_gain_db,
-)
+from uavrt.localization.antenna import monopole_gain_db
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.results import Position, PositionMethod
+from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, median, share, tenth_worst
 from uavrt_experiments.result import Row
 

@@ -6,14 +6,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from uavrt.localization import (
-    PATTERNS,
-    AntennaPattern,
-    Bearing,
-    BearingMethod,
-    difference_deg,
-    estimate_bearing,
-)
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS, AntennaPattern
+from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.results import Bearing, BearingMethod
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]

@@ -5,8 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
-from uavrt.localization import FOREIGN_SHARE, Position, TangentPlane, estimate_position
+from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.survey_errors import FOREIGN_SHARE
+from uavrt.localization.results import Position
+from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.figures import measured, share
 from uavrt_experiments.localization.circle_bars import height_error_m
 from uavrt_experiments.localization.position_bars import survey

@@ -6,11 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from uavrt.config import write_tags
-from uavrt.demo import DemoPaths, Rig, starting_in
+from uavrt.config.tag_files import write_tags
+from uavrt.demo.programs import DemoPaths
+from uavrt.demo.rig import Rig, starting_in
 from uavrt.errors import UavrtError
-from uavrt.ground.store import PULSES_NAME
-from uavrt.simulation import demo_scenario
+from uavrt.ground.store.stored import PULSES_NAME
+from uavrt.simulation.demo_world import demo_scenario
 from uavrt_experiments.packets.matching import Match, match_logs
 
 LEAD_S = 2.5

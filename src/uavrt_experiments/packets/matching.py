@@ -14,7 +14,9 @@ from pathlib import Path
 
 from uavrt.errors import FormatError
 from uavrt.messages import PulsePose
-from uavrt.recording import read_flight, read_pulse_file, read_pulse_pose_log
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.pulse_files import read_pulse_file
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 from uavrt.units import ns_from_s
 from uavrt_experiments.result import Row
 

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-from uavrt.ground.link import Receipts
-from uavrt.simulation import LinkTrial, RadioLinkSettings, TrialSettings
+from uavrt.ground.link.delivery_receipts import Receipts
+from uavrt.simulation.link_trial import LinkTrial, TrialSettings
+from uavrt.simulation.radio_link import RadioLinkSettings
 from uavrt_experiments.result import Row
 
 PULSES = 1486

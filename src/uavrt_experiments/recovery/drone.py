@@ -15,8 +15,9 @@ from typing import Self
 import msgspec
 
 from uavrt.clock import monotonic_s
-from uavrt.config import DetectionSettings
-from uavrt.demo import DemoPaths, Rig, starting_in
+from uavrt.config.settings import DetectionSettings
+from uavrt.demo.programs import DemoPaths
+from uavrt.demo.rig import Rig, starting_in
 from uavrt.errors import UavrtError
 from uavrt.messages import (
     Health,
@@ -27,10 +28,10 @@ from uavrt.messages import (
     StatusText,
     SystemStatus,
 )
-from uavrt.monitor import StatusReader
-from uavrt.recording import read_pulse_file
-from uavrt.simulation import Scenario
-from uavrt.supervisor.tree import descendants_of
+from uavrt.monitor.reader import StatusReader
+from uavrt.recording.pulse_files import read_pulse_file
+from uavrt.simulation.scenario import Scenario
+from uavrt.supervisor.start.usage import descendants_of
 
 START_LEAD_S = 1.0
 READY_S = 30.0

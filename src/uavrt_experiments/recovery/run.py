@@ -21,20 +21,21 @@ from functools import partial
 from pathlib import Path
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import Settings
+from uavrt.commands import SystemState
+from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError
-from uavrt.messages import Health, Pose, Pulse, SystemState
-from uavrt.recording import FlightLayout, read_flight, read_pulse_pose_log
-from uavrt.simulation import Flight, Leg, Scenario, demo_scenario
-from uavrt.supervisor.tree import (
-    PING_S,
-    PROCESSES,
-    SILENCE_S,
-    SOON,
-    descendants_of,
-    is_alive,
-    rows_for,
-)
+from uavrt.messages import Health, Pose, Pulse
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scenario import Scenario
+from uavrt.supervisor.start.launcher import PING_S, SILENCE_S
+from uavrt.supervisor.start.restarts import SOON
+from uavrt.supervisor.start.usage import descendants_of, is_alive
+from uavrt.supervisor.tree.shapes import rows_for
+from uavrt.supervisor.tree.table import PROCESSES
 from uavrt.units import ns_from_s
 from uavrt_experiments.recovery.drone import NURSERY, READY_S, ServedDrone
 from uavrt_experiments.recovery.report import Kill, RecoveryReport

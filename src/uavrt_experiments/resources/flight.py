@@ -10,12 +10,15 @@ from types import TracebackType
 from typing import Self
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import DetectionSettings, RadioSettings, Settings, Shape
-from uavrt.demo import DemoPaths, Rig
+from uavrt.commands import SystemState
+from uavrt.config.settings import DetectionSettings, RadioSettings, Settings, Shape
+from uavrt.demo.programs import DemoPaths
+from uavrt.demo.rig import Rig
 from uavrt.errors import UavrtError
-from uavrt.messages import Command, CommandReply, Health, SystemState, SystemStatus, Tag
-from uavrt.simulation import demo_scenario, steady_tags
-from uavrt.supervisor.tree import children_of, descendants_of
+from uavrt.messages import Command, CommandReply, Health, SystemStatus, Tag
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.steady_radio import steady_tags
+from uavrt.supervisor.start.usage import children_of, descendants_of
 from uavrt_experiments.resources.usage import own_cpu_s, pss_mb, written_mb
 
 CENTER_HZ = 148_700_000.0

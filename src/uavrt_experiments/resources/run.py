@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config import Shape
+from uavrt.config.settings import Shape
 from uavrt.errors import UavrtError
-from uavrt.supervisor.tree import SHAPES
+from uavrt.supervisor.tree.shapes import SHAPES
 from uavrt_experiments.resources.flight import SteadyFlight
 from uavrt_experiments.resources.report import (
     RADIO,

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from uavrt.config import Shape
+from uavrt.config.settings import Shape
 from uavrt_experiments.tables import aligned
 
 

@@ -5,7 +5,7 @@ import os
 import re
 from pathlib import Path
 
-from uavrt.supervisor.tree.usage import read_proc
+from uavrt.supervisor.start.usage import read_proc
 
 
 def own_cpu_s(pid: int) -> float:

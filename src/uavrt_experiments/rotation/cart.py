@@ -10,23 +10,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from uavrt.analysis.measure import DetectionChain
-from uavrt.mavlink import FrameParser, FrameWriter, attitude_sample, dialect, position_sample
+from uavrt.analysis.measure.recorded_pulses import DetectionChain
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.pose import PoseAttacher, PoseRing
-from uavrt.simulation import (
-    Antenna,
-    Flight,
-    Home,
-    Leg,
-    Propagation,
-    Scenario,
-    SimulatedSource,
-    SimulatedTag,
-    Wall,
-    from_euler_deg,
-    telemetry_message,
-)
+from uavrt.pose.attacher import PoseAttacher
+from uavrt.pose.ring import PoseRing
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.geometry import from_euler_deg
+from uavrt.simulation.propagation import Propagation, Wall
+from uavrt.simulation.scenario import Home, Scenario, SimulatedTag
+from uavrt.simulation.source import SimulatedSource
+from uavrt.simulation.telemetry import telemetry_message
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, wrap_degrees_360
 
 MAGNETIC_HEADING_DEG = 351.0

@@ -5,7 +5,7 @@ from html import escape
 
 import numpy as np
 
-from uavrt.analysis.report import FAINT, INK, TAG_COLORS, new_figure, styled, svg_data
+from uavrt.analysis.report.style import FAINT, INK, TAG_COLORS, new_figure, styled, svg_data
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.rotation.reading import Reading
 

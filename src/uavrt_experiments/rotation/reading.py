@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from uavrt.attitude import yaw_deg
 from uavrt.errors import UsageError
-from uavrt.localization import Bearing, estimate_bearing, widest_gap_deg
+from uavrt.localization.angles import widest_gap_deg
+from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.results import Bearing
 from uavrt.messages import PulsePose
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180, wrap_degrees_360
 

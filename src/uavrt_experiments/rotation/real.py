@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis import Survey, read_survey
+from uavrt.analysis.survey import Survey, read_survey
 from uavrt.attitude import yaw_deg
 from uavrt.errors import UsageError
-from uavrt.localization import Bearing, ReadAs
-from uavrt.recording.formats import ORIGINAL_POSES
+from uavrt.localization.flight_estimates import ReadAs
+from uavrt.localization.results import Bearing
+from uavrt.recording.formats.recognise import ORIGINAL_POSES
 from uavrt.units import NANOSECONDS_PER_SECOND
 from uavrt_experiments.rotation.reading import Reading, doubled, read_turn, wrapped
 

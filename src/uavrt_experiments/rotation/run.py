@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavrt.messages import Pulse, PulsePose
-from uavrt.simulation import Scenario, Wall, World
+from uavrt.simulation.propagation import Wall
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.world import World
 from uavrt.units import ns_from_s
 from uavrt_experiments.rotation.cart import (
     BEARING_DEG,

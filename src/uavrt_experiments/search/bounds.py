@@ -30,13 +30,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.planning import (
-    DeterminantStop,
-    HonestStop,
-    LongestAxisStop,
-    StopRule,
-    VehicleState,
-)
+from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
+from uavrt.planning.vehicle import VehicleState
 from uavrt_experiments.search.scenario import Scenario
 from uavrt_experiments.search.world import World
 

@@ -2,13 +2,9 @@
 
 from dataclasses import replace
 
-from uavrt.planning import (
-    DeterminantStop,
-    HonestStop,
-    KeepAway,
-    LongestAxisStop,
-    Multirotor,
-)
+from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop
+from uavrt.planning.vehicle import Multirotor
 from uavrt_experiments.search.scenario import (
     APART,
     ERROR_THAN_ONE,

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from uavrt.attitude import from_euler_deg
-from uavrt.ground.link import GivenWays
+from uavrt.ground.link.given_ways import GivenWays
 from uavrt.guidance.company import Company
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.neighbours import SEPARATION
@@ -34,7 +34,7 @@ from uavrt.messages import (
     TurnInPlace,
     Wish,
 )
-from uavrt.planning import VehicleState
+from uavrt.planning.vehicle import VehicleState
 from uavrt.processes.guide import ASKING_S, COURSE_S
 from uavrt.processes.thinker import Thinker
 from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame

@@ -6,32 +6,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS, AntennaPattern, Listening, TagPrior
+from uavrt.localization.antenna import PATTERNS, AntennaPattern
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.planning import (
-    Action,
-    Beliefs,
-    FlyTo,
-    Found,
-    GroundReflection,
-    Hold,
-    Path,
-    Planner,
-    Polygon,
-    Return,
-    Search,
-    SearchArea,
-    SearchSettings,
-    Shannon,
-    TagBelief,
-    VehicleState,
-    Wind,
-    at_100_m,
-    flown,
-    planner_named,
-    reachable,
-)
-from uavrt.terrain import HillLosses
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.trackers import TagPrior
+from uavrt.planning.actions import Action, FlyTo, Hold, Return
+from uavrt.planning.area import Polygon, SearchArea
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.level import at_100_m
+from uavrt.planning.planners.published import Shannon
+from uavrt.planning.planners.registry import planner_named
+from uavrt.planning.propagation import GroundReflection
+from uavrt.planning.search import Found, Search, SearchSettings
+from uavrt.planning.situation import Planner
+from uavrt.planning.vehicle import Path, VehicleState, Wind, flown, reachable
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt_experiments.search.bounds import LeastErrors
 from uavrt_experiments.search.scenario import Contender, Scenario, Truth
 from uavrt_experiments.search.terrain import mapped

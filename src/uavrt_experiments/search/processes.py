@@ -17,9 +17,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.demo import SearchSummary, run_search_demo, search_world
+from uavrt.demo.search import SearchSummary, run_search_demo
+from uavrt.demo.worlds import search_world
 from uavrt.errors import UavrtError
-from uavrt.simulation import Scenario
+from uavrt.simulation.scenario import Scenario
 from uavrt.units import wrap_degrees_360
 from uavrt_experiments.figures import mean, measured, share
 from uavrt_experiments.kept import KeptOutcomes

@@ -7,7 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.planning import HonestStop, KeepAway, Multirotor, StopRule
+from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.stopping import HonestStop, StopRule
+from uavrt.planning.vehicle import Multirotor
 
 _Floats = NDArray[np.float64]
 Ground = Callable[[_Floats, _Floats], _Floats]

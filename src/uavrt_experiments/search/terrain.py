@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import Elevation, HillLosses, Raster
+from uavrt.terrain.elevation import Elevation, Raster
+from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS, monopole_gain_db
-from uavrt.planning import VehicleState
-from uavrt.simulation import Propagation, ground_reflection
+from uavrt.localization.antenna import PATTERNS, monopole_gain_db
+from uavrt.planning.vehicle import VehicleState
+from uavrt.simulation.propagation import Propagation, ground_reflection
 from uavrt_experiments.search.scenario import Scenario
 
 FREQUENCY_HZ = 150e6

@@ -21,13 +21,13 @@ from playwright.sync_api import Browser, Page, expect
 from quiet_radio import QuietRadio
 
 from uavrt.cli.bench import bench_findings
+from uavrt.commands import Generation
 from uavrt.config.settings import RecordingSettings
 from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameWriter
-from uavrt.recording import read_flight
-from uavrt.simulation import demo_scenario
-from uavrt.tunnel import Generation
+from uavrt.recording.flight_reader import read_flight
+from uavrt.simulation.demo_world import demo_scenario
 from uavrt.tunnel.live_bearing import BEARING_TYPE, encode_bearing
 
 CODED_TAG = made.simulated_tag(

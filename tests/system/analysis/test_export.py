@@ -5,7 +5,7 @@ import sys
 
 from tests.unit.analysis.conftest import WriteFlight
 
-from uavrt.analysis.export import EXPORT_FORMATS
+from uavrt.analysis.export.written import EXPORT_FORMATS
 
 
 def test_the_command_writes_what_is_asked_for_and_refuses_what_it_does_not_know(

@@ -14,16 +14,11 @@ import pyarrow.parquet as pq
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import (
-    BatchSettings,
-    BatchSummary,
-    BatchWatch,
-    cluster,
-    find_recordings,
-    read_manifest,
-    run_batch,
-)
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch import cluster
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.errors import LinkError, UsageError
 
 WORKERS = 3

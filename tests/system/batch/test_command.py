@@ -13,8 +13,10 @@ from archived import TAGS as ARCHIVED
 from archived import record
 from command_line import uavrt
 
-from uavrt.analysis.measure import read_tag_source
-from uavrt.batch import BatchSettings, find_recordings, read_manifest, run_batch
+from uavrt.analysis.measure.tag_source import read_tag_source
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings
 
 TAGS = "2, 148706000, 1210, 20, 20, 10, 3, 0.005\n"
 

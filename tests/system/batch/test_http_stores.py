@@ -8,15 +8,11 @@ import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
 from http_store import Store, served
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import (
-    BatchSettings,
-    BatchSummary,
-    find_recordings,
-    read_manifest,
-    run_batch,
-    stores,
-)
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch import stores
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary
 from uavrt.errors import FormatError, StoreError
 
 pytest.importorskip("aiohttp", reason="fsspec[http] is not installed")

@@ -9,7 +9,8 @@ from command_line import uavrt
 from http_store import served
 from tests.unit.batch.test_out_of_reach import count, found_in
 
-from uavrt.batch import ask, stores
+from uavrt.batch import stores
+from uavrt.batch.questions import ask
 
 
 def test_a_store_that_is_away_takes_no_pulse_along(

@@ -9,11 +9,12 @@ from archived import START_NS, TAGS
 from past_flight import write_flight
 from watched_task import Seen, WatchedTask
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import USUAL_STEPS, PlacingSettings, Recording
+from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch.cell_work import CellTask
 from uavrt.batch.cells import Cell
-from uavrt.batch.flight_work import FlightTask
+from uavrt.batch.flight_work import FlightTask, PlacingSettings
+from uavrt.batch.recordings import Recording
+from uavrt.batch.settings import USUAL_STEPS
 from uavrt.batch.workers import run_tasks
 
 RATE_HZ, CENTER_HZ = 3_000_000, 148.7e6

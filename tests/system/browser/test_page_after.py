@@ -10,11 +10,11 @@ from page_driver import Ground, Watched, colour_at
 from past_flight import PLANE, TAG, write_flight
 from playwright.sync_api import expect
 
-from uavrt.recording import (
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.integrated import (
     FlightFold,
     IntegratedPart,
     IntegratedVerdict,
-    read_flight,
     write_integrated,
 )
 

@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from until import until
 from willing_drone import WillingDrone
 
-from uavrt.config import read_tags, write_tags
+from uavrt.config.tag_files import read_tags, write_tags
 from uavrt.demo.programs import free_udp_port
 from uavrt.messages import BeepKind
 from world import THESIS_TAG

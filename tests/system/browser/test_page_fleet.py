@@ -8,8 +8,8 @@ from page_driver import Ground, Watched
 from playwright.sync_api import expect
 from willing_drone import WillingDrone
 
+from uavrt.commands import SystemState
 from uavrt.demo.programs import free_udp_port
-from uavrt.messages import SystemState
 
 pytestmark = pytest.mark.timeout(150)
 

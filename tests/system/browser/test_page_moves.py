@@ -12,7 +12,7 @@ from tests.system.browser.test_page_hands import MOVING, NO_WEBGL, TARGETS, Hand
 from willing_drone import WillingDrone
 
 from uavrt.demo.programs import free_udp_port
-from uavrt.guidance import circle
+from uavrt.guidance.area_text import circle
 from uavrt.simulation.flying import Flavour
 
 pytestmark = pytest.mark.timeout(240)

@@ -10,11 +10,12 @@ import pytest
 from page_driver import Ground, Watched
 from playwright.sync_api import Page, expect
 
-from uavrt.analysis import read_positions
+from uavrt.analysis.positions import read_positions
 from uavrt.clock import Clock
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.localization import ReadAs, TangentPlane
+from uavrt.localization.flight_estimates import ReadAs
 from uavrt.messages import PulsePose
+from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 EAST_M, NORTH_M = 140.0, 190.0

@@ -9,7 +9,7 @@ from page_driver import Ground, Watched, axe_findings
 from playwright.sync_api import Page, expect
 from willing_drone import WillingDrone
 
-from uavrt.config import load_settings, write_default_settings
+from uavrt.config.loader import load_settings, write_default_settings
 from uavrt.demo.programs import free_udp_port
 
 pytestmark = pytest.mark.timeout(240)

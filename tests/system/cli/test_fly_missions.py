@@ -14,7 +14,7 @@ from uavrt.cli.fly import fly
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, PlanError
-from uavrt.guidance import fence_items
+from uavrt.guidance.mission import fence_items
 from uavrt.messages import KeepOut, Pose, VehicleFence
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 

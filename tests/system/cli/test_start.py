@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 SLOW_IMPORT = "import time\nprint('begun', flush=True)\ntime.sleep(60)"
-STARTS = [["-m", "uavrt.cli"], ["-c", "from uavrt.cli import main; main()"]]
+STARTS = [["-m", "uavrt.cli"], ["-c", "from uavrt.cli.__main__ import main; main()"]]
 
 
 @pytest.mark.parametrize("start", STARTS, ids=["module", "script"])

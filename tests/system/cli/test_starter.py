@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.computer import install_starter
-from uavrt.computer.starter import ENTRY, ICON, ICON_TEXT
+from uavrt.computer.starter import ENTRY, ICON, ICON_TEXT, install_starter
 from uavrt.errors import UsageError
 
 UAVRT = Path(sys.executable).with_name("uavrt")

@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 from update_maker import TINY, make_installation, make_key, sign_alone, write_wheel
 
-from uavrt.computer import Installation, ServicePlan, Verdict, update
-from uavrt.computer.service import update_unit_text
+from uavrt.computer import update
+from uavrt.computer.service import ServicePlan, update_unit_text
+from uavrt.computer.trial import Verdict
 from uavrt.computer.update_file import read_update
-from uavrt.computer.versions import COMPLETE
+from uavrt.computer.versions import COMPLETE, Installation
 from uavrt.errors import FormatError, UsageError
 
 IMAGE = Path(__file__).parents[3] / "deploy/image"

@@ -8,7 +8,7 @@ import pytest
 
 def test_a_channelizer_of_all_channels_imports_no_scipy_fft() -> None:
     code = (
-        "import sys, numpy as np; from uavrt.dsp import Channelizer; "
+        "import sys, numpy as np; from uavrt.dsp.channelizer import Channelizer; "
         "Channelizer(channels=100).process(np.ones(5000, np.complex64)); "
         "sys.exit('scipy.special' in sys.modules)"
     )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.supervisor.tree import descendants_of
+from uavrt.supervisor.start.usage import descendants_of
 from uavrt_experiments.autopilots.builds import PX4_PORTS, free_instance
 from uavrt_experiments.autopilots.measures import commands_of
 from uavrt_experiments.autopilots.tap import read_frames

@@ -4,12 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from uavrt_experiments.detection import (
-    EXPERIMENTS,
-    run_experiments,
-)
-from uavrt_experiments.detection.campaign import Chunk, run_chunk
+from uavrt_experiments.detection.campaign import Chunk, run_chunk, run_experiments
 from uavrt_experiments.detection.cases import Experiment
+from uavrt_experiments.detection.catalogue import EXPERIMENTS
 
 
 def test_two_processes_make_the_rows_that_one_makes() -> None:

@@ -11,7 +11,8 @@ import pytest
 from archived_pulses import archive
 from past_flight import write_days
 
-from uavrt.ground.store import FlightChoice, FlightLibrary
+from uavrt.ground.store.flights import FlightLibrary
+from uavrt.ground.store.known_flights import FlightChoice
 
 DAY = "2026-05-{:02d}"
 

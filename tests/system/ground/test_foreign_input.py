@@ -24,9 +24,10 @@ from greedy import fill, refuse, spin
 
 from uavrt.errors import CommandRefused, FormatError, UsageError
 from uavrt.foreign import CPU_S
-from uavrt.ground.web import PageSettings, PageStation, ServerSettings
 from uavrt.ground.web.foreign_worker import MOST_WAITING, ForeignWorker
-from uavrt.mavlink import FrameWriter
+from uavrt.ground.web.page import PageSettings, PageStation
+from uavrt.ground.web.server import ServerSettings
+from uavrt.mavlink.frame import FrameWriter
 
 LONGEST_STOP_S = 0.2
 

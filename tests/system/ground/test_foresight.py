@@ -13,9 +13,9 @@ import pytest
 from tests.unit.analysis.test_coverage import HOME, outline, write_hills
 
 from uavrt.cli.coverage import coverage
-from uavrt.config import write_tags
+from uavrt.config.tag_files import write_tags
 from uavrt.errors import FormatError, UsageError
-from uavrt.ground.store import AntennaChoice
+from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web.foresight import Foresight, foresight_desk
 from uavrt.ground.web.map_desk import MapDesk, OnStep, Record
 from uavrt.messages import Tag

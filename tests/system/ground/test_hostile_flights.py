@@ -18,7 +18,8 @@ import pytest
 from uavrt.errors import FormatError, UavrtError
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.recording import plain_database, read_flight
+from uavrt.recording import plain_database
+from uavrt.recording.flight_reader import read_flight
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {} FROM n"
 

@@ -18,8 +18,8 @@ from websockets.exceptions import InvalidStatus
 from uavrt.analysis.facts import Facts, facts_of
 from uavrt.clock import Clock
 from uavrt.errors import CommandRefused
+from uavrt.ground.commanding_page import Commander
 from uavrt.ground.store.flight_keeper import FlightKeeper
-from uavrt.ground.web.commanding_page import Commander
 from uavrt.ground.web.password_tries import TRIES
 from uavrt.supervisor.mission.flight_removal import removable
 

@@ -20,13 +20,16 @@ import pytest
 from past_flight import write_flight
 from pulses import pulse_at as heard_pulse
 
+from uavrt.commands import SystemState
 from uavrt.demo.programs import free_udp_port
 from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.message import Message
-from uavrt.messages import PulsePose, SystemState
-from uavrt.recording import read_quiet_noise_db, vehicle_note
-from uavrt.tunnel import BURST_TYPE, PAYLOAD_TYPE, encode_burst
+from uavrt.messages import PulsePose
+from uavrt.recording.places import vehicle_note
+from uavrt.recording.quiet_noise import read_quiet_noise_db
+from uavrt.tunnel.burst import BURST_TYPE, encode_burst
 from uavrt.tunnel.convert import heartbeat_to_wire, pulse_to_wire
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 
 SECOND_NS = 1_000_000_000
 

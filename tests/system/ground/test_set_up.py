@@ -13,11 +13,12 @@ from willing_drone import WillingDrone
 
 from uavrt.card import Card
 from uavrt.cli.ground import ground
-from uavrt.computer import FirstSetup, checks
-from uavrt.config import load_settings, write_default_settings
+from uavrt.computer import checks
+from uavrt.computer.first_setup import FirstSetup
+from uavrt.config.loader import load_settings, write_default_settings
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError, UavrtError
-from uavrt.tunnel import read_key
+from uavrt.tunnel.seal import read_key
 
 GOOD: dict[str, dict[str, Any]] = {
     "name": {"name": "lynx-1"},

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.computer import Finding, examine_autopilot
 from uavrt.computer.autopilot_rules import has_serial_ports, names_to_read, needs
+from uavrt.computer.autopilot_setup import examine_autopilot
+from uavrt.computer.finding import Finding
 from uavrt.errors import ConfigError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import dialect

@@ -13,12 +13,10 @@ import pytest
 from some import some
 from tests.unit.mavlink.test_links import FRAME, PING, Until
 
-from uavrt.mavlink import (
-    Connection,
-    Frame,
-    Handlers,
-    open_link,
-)
+from uavrt.mavlink.component import Handlers
+from uavrt.mavlink.connection import Connection
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.transport import open_link
 from uavrt.mavlink.udp import UdpLink
 
 

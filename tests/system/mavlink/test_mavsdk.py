@@ -11,8 +11,11 @@ from mavsdk.asyncio.mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
 from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
-from uavrt import tunnel
-from uavrt.messages import SystemState, Tag
+from uavrt.commands import SystemState
+from uavrt.messages import Tag
+from uavrt.tunnel.codec import TunnelMessage, decode
+from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0
+from uavrt.tunnel.g1 import AckG1, PulseG1
 from world import World
 
 Until = Callable[..., Awaitable[None]]
@@ -35,7 +38,7 @@ class MavsdkStation:
 
     def __init__(self, direct: MavlinkDirectAsync) -> None:
         self._direct = direct
-        self.received: list[tunnel.TunnelMessage] = []
+        self.received: list[TunnelMessage] = []
 
     async def collect(self) -> None:
         async with aclosing(self._direct.subscribe_message("TUNNEL")) as messages:
@@ -43,7 +46,7 @@ class MavsdkStation:
                 fields = json.loads(message.fields_json)
                 payload = bytes(fields["payload"])[: fields["payload_length"]]
                 assert message.component_id == 191
-                self.received.append(tunnel.decode(payload))
+                self.received.append(decode(payload))
 
     async def send(self, payload: bytes) -> None:
         fields = {
@@ -61,14 +64,14 @@ class MavsdkStation:
         )
         await self._direct.send_message(message)
 
-    def acknowledgements(self) -> list[tunnel.AckG0 | tunnel.AckG1]:
-        acks = [m for m in self.received if isinstance(m, tunnel.AckG0 | tunnel.AckG1)]
-        assert all(ack.result == tunnel.SUCCESS for ack in acks)
+    def acknowledgements(self) -> list[AckG0 | AckG1]:
+        acks = [m for m in self.received if isinstance(m, AckG0 | AckG1)]
+        assert all(ack.result == SUCCESS for ack in acks)
         return acks
 
-    def pulses(self) -> list[tunnel.PulseG0 | tunnel.PulseG1]:
+    def pulses(self) -> list[PulseG0 | PulseG1]:
         """Pulses; search reports and a detector's heartbeats are left out."""
-        found = [m for m in self.received if isinstance(m, tunnel.PulseG0 | tunnel.PulseG1)]
+        found = [m for m in self.received if isinstance(m, PulseG0 | PulseG1)]
         return [one for one in found if one.detection_status < 3 and one.frequency_hz]
 
 
@@ -106,8 +109,8 @@ async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
         acks = station.acknowledgements()
         assert [ack.acked_command for ack in acks] == [2, 4, 3, 5]
         # The first command does not show of which version its sender is.
-        later = tunnel.AckG0 if generation == "G0" else tunnel.AckG1
-        assert [type(ack) for ack in acks] == [tunnel.AckG1, later, later, later]
+        later = AckG0 if generation == "G0" else AckG1
+        assert [type(ack) for ack in acks] == [AckG1, later, later, later]
         assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
         assert world.mission.state.name == "DETECTING"
         for index in range(10):
@@ -116,7 +119,7 @@ async def test_mavsdk_uploads_the_thesis_tag_starts_receives_pulses_and_stops(
         assert [p.frequency_hz for p in station.pulses()] == [
             148_710_000 + index for index in range(10)
         ]
-        of_version = tunnel.PulseG0 if generation == "G0" else tunnel.PulseG1
+        of_version = PulseG0 if generation == "G0" else PulseG1
         assert {type(pulse) for pulse in station.pulses()} == {of_version}
         await station.send(STOP)
         await until(lambda: station.acknowledgements()[-1].acked_command == 6)

@@ -13,16 +13,11 @@ from mission_wire import OWN, VEHICLE, MissionWire
 
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
-from uavrt.guidance import (
-    MissionItem,
-    Order,
-    difference,
-    fence_items,
-    survey_file,
-    survey_items,
-    survey_places,
-)
-from uavrt.mavlink import MissionUpload
+from uavrt.guidance.mission import MissionItem, difference, fence_items, survey_items
+from uavrt.guidance.orders import Order
+from uavrt.guidance.plan_file import survey_file
+from uavrt.guidance.plans import survey_places
+from uavrt.mavlink.mission_transfer import MissionUpload
 from uavrt.messages import KeepOut, VehicleFence
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from uavrt.simulation.flying import MODES, Flavour, Frame

@@ -8,12 +8,16 @@ from typing import Any
 
 import pytest
 
+from uavrt.commands import SystemState
 from uavrt.ground.fetch.ftp_client import FileClient
-from uavrt.mavlink import Connection, Handlers, Peer, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.component import Handlers
+from uavrt.mavlink.connection import Connection
+from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpPacket, Opcode
-from uavrt.messages import PulsePose, SystemState
+from uavrt.messages import PulsePose
 from uavrt.processes.ground_status import GroundStatus
 from uavrt.processes.pulse_outlet import PulseOutlet
 from uavrt.recording.disk_thread import MOST_JOBS, DiskThread

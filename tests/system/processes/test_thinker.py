@@ -6,7 +6,8 @@ from typing import Any
 
 from searched import Animal, Searched
 
-from uavrt.guidance import Choice, VehicleNow
+from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.seeker import Choice
 from uavrt.messages import SearchNote
 from uavrt.processes.thinker import CYCLE_S, Failed, Thinker
 

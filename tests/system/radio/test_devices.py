@@ -3,7 +3,7 @@
 from tests.unit.radio.test_devices import HACKRF, Plug, plug_fixture  # noqa: F401  # fixture
 
 from uavrt.computer.checks import check_radio
-from uavrt.config import RadioSettings, Settings
+from uavrt.config.settings import RadioSettings, Settings
 
 
 def test_doctor_says_it(plug: Plug) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from uavrt.clock import Clock
-from uavrt.radio import CS16, StreamSource
+from uavrt.radio.formats import CS16
+from uavrt.radio.stream import StreamSource
 
 
 @pytest.fixture

@@ -12,8 +12,11 @@ import pytest
 from uavrt.clock import monotonic_s
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import ConfigError, RadioMissing, RadioStalled, RadioStopped
-from uavrt.radio import PROGRAMS, ProgramSource, check_device, open_radio, receive_command
+from uavrt.radio.checking import check_device
 from uavrt.radio.formats import sample_format
+from uavrt.radio.opening import open_radio
+from uavrt.radio.program import ProgramSource
+from uavrt.radio.programs import PROGRAMS, receive_command
 
 Install = Callable[[str, str], None]
 

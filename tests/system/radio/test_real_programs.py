@@ -12,7 +12,8 @@ import pytest
 from radio_faults import STEPS, Flown, check, doctor, expected, fly
 from radio_world import SERIALS, TAG_HZ, RadioWorld, default_radio, missing, needs
 
-from uavrt.config import RADIOS, load_settings
+from uavrt.config.loader import load_settings
+from uavrt.config.radios import RADIOS
 from uavrt.errors import ConfigError
 
 pytestmark = pytest.mark.timeout(300)

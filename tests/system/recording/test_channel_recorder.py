@@ -26,8 +26,9 @@ from tests.unit.recording.test_channel_recorder import (
     recorder,
 )
 
-from uavrt.radio import open_recording
-from uavrt.recording import FlightLayout, channel_recorder
+from uavrt.radio.opening import open_recording
+from uavrt.recording import channel_recorder
+from uavrt.recording.layout import FlightLayout
 
 
 @pytest.fixture(autouse=True)

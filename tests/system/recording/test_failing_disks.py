@@ -11,18 +11,16 @@ import numbered
 import pytest
 from command_line import python
 
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import (
     FlightInfo,
     Poses,
 )
-from uavrt.recording import (
-    FlightLayout,
-    FlightRecorder,
-    read_flight,
-    read_pulse_pose_log,
-)
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 
 START_NS = 1_700_205_419_230_494_976
 

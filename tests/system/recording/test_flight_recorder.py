@@ -9,11 +9,9 @@ from pathlib import Path
 
 import numbered
 
-from uavrt.recording import (
-    FlightRecorder,
-    read_flight,
-    read_pulse_pose_log,
-)
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 
 WRITER = """
 import sys

@@ -15,14 +15,11 @@ from tests.unit.recording.test_years import DAY_NS, SPRING_NS
 from uavrt.computer import checks
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import RecordingError
-from uavrt.recording import (
-    FlightLayout,
-    FlightRecorder,
-    flights_in_order,
-    new_flight_directory,
-    read_flight,
-)
-from uavrt.supervisor.mission import DiskGuard
+from uavrt.recording.flight_order import flights_in_order
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout, new_flight_directory
+from uavrt.supervisor.mission.disk_guard import DiskGuard
 
 FREE_MB = 4.0
 FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "400"))

@@ -7,7 +7,8 @@ import pytest
 from ros_flood import flood
 
 from uavrt.config.settings import Ros2Settings
-from uavrt.ros2 import TOPICS, full_name
+from uavrt.ros2.graph import TOPICS
+from uavrt.ros2.interface import full_name
 
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 ACT_WITHIN_S = 1.0

@@ -19,8 +19,10 @@ from uavrt.messages import (
     SystemStatus,
     Tag,
 )
-from uavrt.ros2 import TOPICS, encode, full_name, type_hash
+from uavrt.ros2.cdr import encode
 from uavrt.ros2.convert import pulse_pose_to_ros, pulse_to_ros, tag_to_ros
+from uavrt.ros2.graph import TOPICS
+from uavrt.ros2.interface import full_name, type_hash
 
 PULSE = "uavrt_interfaces/msg/Pulse"
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"

@@ -11,7 +11,8 @@ from uavrt.config.loader import load_settings
 from uavrt.config.settings import Ros2Settings, is_ros_namespace
 from uavrt.errors import ConfigError
 from uavrt.messages import StatusText
-from uavrt.ros2 import TOPICS, type_hash
+from uavrt.ros2.graph import TOPICS
+from uavrt.ros2.interface import type_hash
 from uavrt.ros2.messages import ParticipantEntitiesInfo16
 
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"

@@ -15,8 +15,9 @@ from uavrt.cli.listeners import RosPulses
 from uavrt.config.settings import Ros2Settings
 from uavrt.errors import UsageError
 from uavrt.messages import Command, Tag
-from uavrt.ros2 import TOPICS, full_name
 from uavrt.ros2.convert import tag_to_ros
+from uavrt.ros2.graph import TOPICS
+from uavrt.ros2.interface import full_name
 
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"

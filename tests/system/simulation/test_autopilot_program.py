@@ -12,10 +12,11 @@ import pytest
 
 from uavrt.clock import Clock
 from uavrt.errors import LinkError
-from uavrt.mavlink import FrameParser
 from uavrt.mavlink import dialect as d
-from uavrt.simulation import demo_scenario, write_scenario
+from uavrt.mavlink.frame import FrameParser
+from uavrt.simulation.demo_world import demo_scenario
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.scenario_file import write_scenario
 
 PROGRAM = [sys.executable, "-m", "uavrt.simulation.autopilot"]
 

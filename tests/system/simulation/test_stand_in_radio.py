@@ -15,7 +15,6 @@ from command_line import program
 from some import some
 
 from uavrt.clock import Clock
-from uavrt.simulation import IQSynthesizer, Scenario, demo_scenario, write_scenario
 from uavrt.simulation.airspy_rx import (
     SERIAL,
     ArgumentFault,
@@ -23,7 +22,10 @@ from uavrt.simulation.airspy_rx import (
     main,
     parse_arguments,
 )
-from uavrt.simulation.synthesis import CHUNK_SAMPLES
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.scenario_file import write_scenario
+from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer
 
 RADIO = (sys.executable, "-m", "uavrt.simulation.airspy_rx")
 INFO = (sys.executable, "-m", "uavrt.simulation.airspy_info")

@@ -22,13 +22,13 @@ from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.ipc.parent import adopt_orphans
 from uavrt.messages import Tag
 from uavrt.supervisor.mission.flight_opening import share_tags
+from uavrt.supervisor.start.launcher import Launcher
+from uavrt.supervisor.start.restarts import SOON
+from uavrt.supervisor.start.usage import children_of, is_alive
 from uavrt.supervisor.tree.child_output import OutputLog, warning_text
 from uavrt.supervisor.tree.fleet import Fleet
 from uavrt.supervisor.tree.instance import Instance
-from uavrt.supervisor.tree.launcher import Launcher
-from uavrt.supervisor.tree.restarts import SOON
 from uavrt.supervisor.tree.table import ProcessRow, always
-from uavrt.supervisor.tree.usage import children_of, is_alive
 
 PR_SET_CHILD_SUBREAPER = 36
 FAILING = """

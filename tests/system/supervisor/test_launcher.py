@@ -16,11 +16,11 @@ import pytest
 from some import some
 from until import until
 
-from uavrt.config import DetectionSettings
+from uavrt.config.settings import DetectionSettings
 from uavrt.errors import TunerError
 from uavrt.ipc.parent import adopt_orphans
 from uavrt.supervisor.mission.tuning import TuningQuestion, ask_tuner
-from uavrt.supervisor.tree.launcher import Launcher
+from uavrt.supervisor.start.launcher import Launcher
 
 PR_SET_CHILD_SUBREAPER = 36
 STAND_IN = """
@@ -169,7 +169,7 @@ def test_what_is_forked_after_the_supervisor_gave_up_never_runs(
 SUPERVISOR = """
 import os, signal, sys, time
 from uavrt.ipc.parent import PARENT_VARIABLE, adopt_orphans
-from uavrt.supervisor.tree.launcher import Launcher
+from uavrt.supervisor.start.launcher import Launcher
 
 adopt_orphans()
 launcher = Launcher()

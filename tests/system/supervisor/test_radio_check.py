@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.ipc import decode_record
+from uavrt.ipc.topics import decode_record
 from uavrt.messages import Command, CommandReply
 from uavrt.supervisor.core import Supervisor
 from uavrt.supervisor.mission import radio_check
 from uavrt.supervisor.mission.radio_check import RadioQuestion
-from uavrt.supervisor.tree.usage import descendants_of, is_alive
+from uavrt.supervisor.start.usage import descendants_of, is_alive
 
 SETTINGS = RadioSettings(kind="airspyhf", sample_rate_hz=768e3)
 PACED = """

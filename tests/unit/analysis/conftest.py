@@ -9,7 +9,7 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.messages import (
     Health,
     Pose,
@@ -17,8 +17,10 @@ from uavrt.messages import (
     PulsePose,
     StatusText,
 )
-from uavrt.recording import FlightRecorder
-from uavrt.simulation import Flight, Leg, Scenario, TruePulse, World
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.world import TruePulse, World
 
 WriteFlight = Callable[..., Path]
 STATIONS_M = ((0.0, 0.0), (250.0, 0.0), (250.0, 250.0))

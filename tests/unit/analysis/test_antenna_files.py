@@ -12,9 +12,9 @@ from uavrt.analysis.bearings import learnt_antenna, read_recorded
 from uavrt.analysis.measure.antenna_files import antenna_named, read_antenna, write_antenna
 from uavrt.cli.app import app
 from uavrt.errors import ConfigError, FormatError, UsageError
-from uavrt.localization import PATTERNS
-from uavrt.simulation import Scenario
+from uavrt.localization.antenna import PATTERNS
 from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.scenario import Scenario
 
 WriteFlight = Callable[..., Path]
 

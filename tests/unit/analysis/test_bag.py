@@ -30,10 +30,13 @@ from uavrt.messages import (
     PulsePose,
     StatusText,
 )
-from uavrt.recording import FlightRecorder, IntegratedVerdict, read_flight, write_integrated
-from uavrt.ros2 import TOPICS, encode, type_hash
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.integrated import IntegratedVerdict, write_integrated
+from uavrt.ros2.cdr import encode
 from uavrt.ros2.convert import pulse_pose_to_ros
-from uavrt.ros2.graph import START_STOP
+from uavrt.ros2.graph import START_STOP, TOPICS
+from uavrt.ros2.interface import type_hash
 
 INTERFACES = Path(__file__).parents[3] / "ros" / "uavrt_interfaces" / "msg"
 START_NS = 1_777_623_301_019_828_320

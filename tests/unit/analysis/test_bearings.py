@@ -22,11 +22,14 @@ from uavrt.analysis.report.words import bearing_table
 from uavrt.analysis.survey import read_survey
 from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import PATTERNS, Heard, ReadAs, TangentPlane, bearings_of
 from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.flight_estimates import ReadAs, bearings_of
+from uavrt.localization.heard import Heard
 from uavrt.messages import Pose, PulsePose, Tag
-from uavrt.recording import Flight
-from uavrt.recording.formats import write_tagtracker
+from uavrt.recording.flight_reader import Flight
+from uavrt.recording.formats.tagtracker import write_tagtracker
+from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
 START_NS = 1_700_000_000_000_000_000

@@ -6,9 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.analysis.measure import detect, measure_tags
-from uavrt.config import Receiver, correction_of
-from uavrt.detection.beeps import Points, find_trains
+from uavrt.analysis.measure.measure_tag import measure_tags
+from uavrt.analysis.measure.recorded_pulses import detect
+from uavrt.config.ghost_places import Receiver
+from uavrt.config.tag_corrections import correction_of
+from uavrt.detection.beeps.points import Points
+from uavrt.detection.beeps.trains import find_trains
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.beeping import (
     CENTER_HZ,

@@ -9,18 +9,20 @@ import made
 import pytest
 from command_line import uavrt
 
-from uavrt.analysis import read_survey
-from uavrt.analysis.export import export_survey
 from uavrt.analysis.export.bursts import DETECTION_COLUMNS
+from uavrt.analysis.export.written import export_survey
 from uavrt.analysis.found_bursts import bursts_of_pulses
-from uavrt.analysis.measure import detect
+from uavrt.analysis.measure.recorded_pulses import detect
 from uavrt.analysis.report.words import code_table, methods
-from uavrt.config import parse_tags, read_tags, write_tags
+from uavrt.analysis.survey import read_survey
+from uavrt.config.tag_files import parse_tags, read_tags, write_tags
 from uavrt.messages import Poses, Pulse, PulsePose
-from uavrt.radio import open_recording
-from uavrt.recording import FlightRecorder, read_flight
-from uavrt.recording.formats import read_pulse_log
-from uavrt.simulation import parse_scenario, simulate_to_directory
+from uavrt.radio.opening import open_recording
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.formats.recognise import read_pulse_log
+from uavrt.simulation.recording import simulate_to_directory
+from uavrt.simulation.scenario_file import parse_scenario
 from uavrt.tangent_plane import TangentPlane
 
 pytestmark = pytest.mark.slow

@@ -11,11 +11,12 @@ import pytest
 
 from uavrt.cli.coverage import coverage
 from uavrt.cli.report import report
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError, FormatError, UsageError
-from uavrt.simulation import World, load_scenario
+from uavrt.simulation.scenario_file import load_scenario
+from uavrt.simulation.world import World
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import open_elevation
+from uavrt.terrain.elevation_files import open_elevation
 
 WriteFlight = Callable[..., Path]
 HOME = (35.178241, -111.656587)

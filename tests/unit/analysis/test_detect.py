@@ -7,7 +7,7 @@ import pytest
 from uavrt.analysis.measure.recorded_pulses import DetectionChain, DetectionSummary, detect
 from uavrt.errors import ConfigError, RadioStopped, TunerError, UsageError
 from uavrt.messages import IQBlock, Pulse, Tag
-from uavrt.radio import NominalTimes
+from uavrt.radio.times import NominalTimes
 
 CENTER_HZ = 148.7e6
 START_NS = 1_700_000_000_000_000_000

@@ -22,23 +22,19 @@ from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 from some import some
 
-from uavrt.analysis.export import EXPORT_FORMATS, export_survey
 from uavrt.analysis.export.geotiff import geotiff_bytes
 from uavrt.analysis.export.tables import movebank_csv, movebank_reference_csv
+from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
 from uavrt.analysis.measure.shapes import split_area_at_date_line, split_at_date_line
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc
-from uavrt.localization import PositionGrid
-from uavrt.localization.results import Caution
-from uavrt.recording import read_pulse_file
-from uavrt.recording.formats import (
-    read_bearing_file,
-    read_position_file,
-    read_pulse_log,
-    read_pulses,
-)
+from uavrt.localization.results import Caution, PositionGrid
+from uavrt.recording.formats.bearings_csv import read_bearing_file
+from uavrt.recording.formats.positions_csv import read_position_file
+from uavrt.recording.formats.recognise import read_pulse_log, read_pulses
 from uavrt.recording.places import mark_note, vehicle_note
-from uavrt.simulation import Scenario
+from uavrt.recording.pulse_files import read_pulse_file
+from uavrt.simulation.scenario import Scenario
 
 WriteFlight = Callable[..., Path]
 

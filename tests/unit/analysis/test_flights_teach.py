@@ -14,18 +14,18 @@ from uavrt.analysis.bearings import read_bearings
 from uavrt.analysis.positions import read_positions
 from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.clock import flight_stamp
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.localization import PATTERNS, ReadAs, TagBearing, TangentPlane
 from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.flight_estimates import ReadAs, TagBearing
 from uavrt.messages import Pose, Poses, PulsePose
-from uavrt.recording import (
-    FlightRecorder,
-    note_flight,
-    read_flight,
-    vehicle_note,
-)
+from uavrt.recording.flight_order import note_flight
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.places import vehicle_note
+from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9

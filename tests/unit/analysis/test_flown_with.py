@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 from some import some
 
-from uavrt.analysis import read_bearings, read_positions, read_survey
+from uavrt.analysis.bearings import read_bearings
 from uavrt.analysis.flown_with import flight_antenna, flight_settings
-from uavrt.config import Settings
+from uavrt.analysis.positions import read_positions
+from uavrt.analysis.survey import read_survey
+from uavrt.config.settings import Settings
 from uavrt.errors import UsageError
-from uavrt.localization import ReadAs, TagBearing
-from uavrt.recording import read_flight
+from uavrt.localization.flight_estimates import ReadAs, TagBearing
+from uavrt.recording.flight_reader import read_flight
 
 WriteFlight = Callable[..., Path]
 

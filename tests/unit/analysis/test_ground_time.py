@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from uavrt.analysis.bearings import read_bearings
-from uavrt.localization import PATTERNS, TangentPlane
 from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import PulsePose
-from uavrt.recording import PulseWriter
-from uavrt.recording.formats import write_tagtracker
+from uavrt.recording.formats.tagtracker import write_tagtracker
+from uavrt.recording.pulse_files import PulseWriter
 from uavrt.recording.pulse_pose_log import format_line
+from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.listening import limits_of, listened_in, within
 from uavrt.clock import iso_intervals, parse_iso_intervals
-from uavrt.integration import SlotEnergies
-from uavrt.localization import PoseColumns
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.localization.heard import PoseColumns
 
 START_NS = 1_700_000_000_000_000_000
 SECOND = 1_000_000_000

@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.analysis.log_clocks import clock_doubts
 from uavrt.messages import PulsePose
-from uavrt.recording.formats import PulseLog
+from uavrt.recording.formats.log import PulseLog
 
 MAY_NS, HOUR_NS = 1_777_615_200 * 10**9, 3600 * 10**9
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.analysis import read_season
+from uavrt.analysis.season import read_season
 from uavrt.recording.schema import PULSE_COLUMNS, insertion, pulse_row
 
 FLIGHTS = 40

@@ -16,11 +16,10 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from uavrt.analysis import maps_in, read_map, read_survey
-from uavrt.analysis.map_files import MapFile, tile_place
-from uavrt.analysis.report import html_page
+from uavrt.analysis.map_files import MapFile, maps_in, read_map, tile_place
 from uavrt.analysis.report.maps import draw_overview
-from uavrt.analysis.survey import Survey
+from uavrt.analysis.report.page import html_page
+from uavrt.analysis.survey import Survey, read_survey
 from uavrt.cli.app import app
 from uavrt.errors import FormatError
 

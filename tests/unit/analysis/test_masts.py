@@ -15,22 +15,17 @@ from uavrt.clock import Clock
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import Columns
-from uavrt.localization import (
-    MONOPOLE,
-    PATTERNS,
-    PoseColumns,
-    PulseColumns,
-    ReadAs,
-    Stations,
-    Strengths,
-    TagPosition,
-    TangentPlane,
-    estimate_position,
-    strengths_of,
-)
+from uavrt.localization.antenna import MONOPOLE, PATTERNS
+from uavrt.localization.flight_estimates import ReadAs, TagPosition
+from uavrt.localization.heard import PoseColumns, PulseColumns
+from uavrt.localization.listeners import strengths_of
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.strengths import Strengths
 from uavrt.messages import Pose, PulsePose
-from uavrt.recording import vehicle_note
-from uavrt.terrain import open_elevation
+from uavrt.recording.places import vehicle_note
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain.elevation_files import open_elevation
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import pytest
 from command_line import uavrt
 from gapped import GAP_S, KINDS, write_gapped
 
-from uavrt.config import parse_tags
+from uavrt.config.tag_files import parse_tags
 
 pytestmark = pytest.mark.slow
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.analysis.export import export_survey
+from uavrt.analysis.export.written import export_survey
 from uavrt.analysis.survey import read_survey
 from uavrt.messages import Pulse, PulsePose, Tag
-from uavrt.recording.formats import read_pulse_log
+from uavrt.recording.formats.recognise import read_pulse_log
 from uavrt.recording.pulse_files import PulseWriter
 
 START_NS = 1_700_205_419_500_000_000

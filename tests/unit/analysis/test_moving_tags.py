@@ -26,9 +26,12 @@ from uavrt.analysis.survey import Survey, read_survey
 from uavrt.clock import iso_utc, told_utc
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.localization import Position, ReadAs, TangentPlane
-from uavrt.recording.formats import write_bearing_file
-from uavrt.simulation import Flight, Leg, Scenario, SimulatedTag
+from uavrt.localization.flight_estimates import ReadAs
+from uavrt.localization.results import Position
+from uavrt.recording.formats.bearings_csv import write_bearing_file
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scenario import Scenario, SimulatedTag
+from uavrt.tangent_plane import TangentPlane
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ import pytest
 
 from uavrt.analysis.map_files import maps_in, read_map
 from uavrt.errors import FormatError
-from uavrt.ground.web.listeners import encode
+from uavrt.ground.listeners import encode
 from uavrt.ground.web.maps import map_list
 
 ODD = (None, "", "a,b,c,d", "1,2,3", "nan,nan,nan,nan", "0,-91,1,91", b"\xff\xfe", -1, 1e999)

@@ -11,14 +11,16 @@ import pytest
 from some import some
 from turned import TurnedFlight, turned_flight
 
-from uavrt.analysis import bearing_record, position_record, read_positions, read_survey
 from uavrt.analysis.bearings import read_bearings
+from uavrt.analysis.positions import read_positions
+from uavrt.analysis.records import bearing_record, position_record
+from uavrt.analysis.survey import read_survey
 from uavrt.batch.flight_work import FlightTask, PlacingSettings
 from uavrt.clock import Clock
 from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import FlightLibrary
-from uavrt.localization import MONOPOLE
+from uavrt.localization.antenna import MONOPOLE
 
 pytestmark = pytest.mark.slow
 

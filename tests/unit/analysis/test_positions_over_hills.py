@@ -10,10 +10,11 @@ import pytest
 from uavrt.cli.export import export
 from uavrt.cli.localize import localize
 from uavrt.errors import FormatError, UsageError
-from uavrt.integration import places_around
-from uavrt.localization import PATTERNS, PoseColumns
-from uavrt.terrain import HillLosses
-from uavrt_experiments.search import PLANE, elevation_of
+from uavrt.integration.places import places_around
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.heard import PoseColumns
+from uavrt.terrain.hill_losses import HillLosses
+from uavrt_experiments.search.terrain import PLANE, elevation_of
 
 WriteFlight = Callable[..., Path]
 HOME = (35.178241, -111.656587)

@@ -16,25 +16,24 @@ import pytest
 from some import some
 
 from uavrt.analysis.bearings import heard_in_flight
-from uavrt.analysis.export import export_survey
+from uavrt.analysis.export.written import export_survey
 from uavrt.analysis.positions import read_positions
 from uavrt.analysis.power_survey import signal_of
-from uavrt.analysis.report import html_page, pdf_document, words
+from uavrt.analysis.report import words
+from uavrt.analysis.report.document import pdf_document
+from uavrt.analysis.report.page import html_page
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.cli.app import app
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    PowerTrack,
-    ReadAs,
-    TangentPlane,
-    estimate,
-    estimate_position,
-    monopole_gain_db,
-    power_track,
-)
-from uavrt.recording import read_flight
-from uavrt.simulation import Flight, Leg, Scenario
+from uavrt.localization.antenna import monopole_gain_db
+from uavrt.localization.flight_estimates import ReadAs, estimate, power_track
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.recording.flight_reader import read_flight
 from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scenario import Scenario
+from uavrt.tangent_plane import TangentPlane
 
 pytestmark = pytest.mark.slow
 

@@ -10,13 +10,10 @@ from uavrt.attitude import yaw_deg
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.errors import RecordingError
 from uavrt.messages import Poses, Pulse, StatusText
-from uavrt.recording import (
-    Flight,
-    FlightLayout,
-    FlightRecorder,
-    read_detector_config,
-    read_flight,
-)
+from uavrt.recording.detector_configs import read_detector_config
+from uavrt.recording.flight_reader import Flight, read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout
 
 START_NS = 1_700_000_000_000_000_000
 TAGS = (

@@ -19,19 +19,21 @@ from some import some
 
 from uavrt.analysis.bearings import NO_BEARINGS_FROM_THESE, learnt_antenna, read_recorded
 from uavrt.analysis.facts import Facts, facts_of, write_facts
-from uavrt.analysis.report import html_page, pdf_document, words
-from uavrt.analysis.report.document import _Book
+from uavrt.analysis.report import words
+from uavrt.analysis.report.document import _Book, pdf_document
 from uavrt.analysis.report.maps import draw_overview, draw_tag_map
+from uavrt.analysis.report.page import html_page
 from uavrt.analysis.report.roses import draw_roses
 from uavrt.analysis.report.searches import account, searches_of
 from uavrt.analysis.report.style import new_figure, styled
 from uavrt.analysis.report.times import draw_times
 from uavrt.analysis.survey import Survey, read_survey
 from uavrt.errors import ConfigError
-from uavrt.localization import PATTERNS, ReadAs
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.flight_estimates import ReadAs
 from uavrt.messages import SearchNote, SoughtTag
-from uavrt.recording import read_search_notes
-from uavrt.simulation import Scenario
+from uavrt.recording.flight_reader import read_search_notes
+from uavrt.simulation.scenario import Scenario
 
 pytestmark = pytest.mark.slow
 

@@ -7,12 +7,14 @@ from pathlib import Path
 import made
 import pytest
 
-from uavrt.analysis import read_season
+from uavrt.analysis.season import read_season
 from uavrt.cli.app import app
 from uavrt.clock import Clock
 from uavrt.errors import FormatError
 from uavrt.messages import PulsePose, Tag
-from uavrt.recording import FlightRecorder, battery_note, vehicle_note
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.outline import battery_note
+from uavrt.recording.places import vehicle_note
 
 SECOND = 1_000_000_000
 MAY_NS = 1_777_600_000 * SECOND

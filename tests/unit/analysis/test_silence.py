@@ -17,12 +17,13 @@ from uavrt.analysis.whole_flight import searched_for
 from uavrt.cli.coverage import coverage
 from uavrt.cli.report import report
 from uavrt.clock import iso_intervals
-from uavrt.config import write_tags
+from uavrt.config.tag_files import write_tags
 from uavrt.errors import FormatError, UsageError
-from uavrt.ground.store import AntennaChoice
+from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web.hindsight import Silence, SilenceDesk
-from uavrt.localization import pattern_named
-from uavrt.recording import IntegratedVerdict, read_flight, write_integrated
+from uavrt.localization.antenna import pattern_named
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.integrated import IntegratedVerdict, write_integrated
 from uavrt.tangent_plane import plane_around
 
 pytestmark = pytest.mark.slow

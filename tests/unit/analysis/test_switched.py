@@ -22,11 +22,12 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.bearing.array_bearings import switched_bound_deg
 from uavrt.messages import PulsePose
-from uavrt.simulation import Flight, Leg, Scenario, World
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.antenna_switch import AntennaSwitch
+from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.recording import simulate_to_directory
-from uavrt.simulation.scenario import Radio
+from uavrt.simulation.scenario import Radio, Scenario
+from uavrt.simulation.world import World
 
 RATE_HZ = 48_000.0
 CIRCLE = AntennaSwitch(kind="circle", elements=4, size_m=0.4)

@@ -12,9 +12,11 @@ import pytest
 from command_line import uavrt
 
 from uavrt.analysis.positions import read_positions
-from uavrt.localization import PATTERNS, ReadAs, TagPosition, TangentPlane
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.flight_estimates import ReadAs, TagPosition
 from uavrt.messages import PulsePose
-from uavrt.recording import PulseWriter
+from uavrt.recording.pulse_files import PulseWriter
+from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9

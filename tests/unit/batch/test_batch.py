@@ -10,18 +10,13 @@ import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START_NS, TAGS, record
 from gapped import write_gapped
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import (
-    BatchSettings,
-    BatchSummary,
-    BatchWatch,
-    find_flights,
-    find_recordings,
-    read_manifest,
-    run_batch,
-)
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.flight_search import find_flights
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 from uavrt.errors import FormatError, RecordingError
-from uavrt.recording import WriterLock
+from uavrt.recording.writer_lock import WriterLock
 
 SOUGHT = TagSource(tags=TAGS)
 SETTINGS = BatchSettings(cell_s=30.0, lead_in_s=10.0)

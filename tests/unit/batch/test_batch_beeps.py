@@ -7,8 +7,10 @@ from pathlib import Path
 import pyarrow.parquet as pq
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import BatchSettings, find_recordings, read_manifest, run_batch
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings
 
 
 def test_the_table_of_recordings_names_a_tag_off_its_label(tmp_path: Path) -> None:

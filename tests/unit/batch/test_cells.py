@@ -1,8 +1,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.batch import cells_of
-from uavrt.radio import Segment
+from uavrt.batch.cells import cells_of
+from uavrt.radio.recording import Segment
 
 RATE_HZ = 100.0
 

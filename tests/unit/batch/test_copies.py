@@ -10,8 +10,11 @@ from archived import TAGS, write_flight
 from command_line import uavrt
 from past_flight import write_flight as write_heard
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import BatchSettings, BatchSummary, ask, find_recordings, run_batch
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.questions import ask
+from uavrt.batch.recordings import find_recordings
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary
 
 LINE = "2, 148706000, 1210, 20, 20, 10, 3, 0.02\n"
 

@@ -13,17 +13,12 @@ from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record, write_fli
 from past_flight import write_flight as write_heard
 from power_cut import Names, moments
 
-from uavrt.analysis.measure import TagSource
+from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.atomic_file import write_atomically
-from uavrt.batch import (
-    BatchSettings,
-    BatchSummary,
-    Found,
-    find_recordings,
-    read_manifest,
-    run_batch,
-)
 from uavrt.batch.months import INDEX
+from uavrt.batch.recordings import Found, find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary
 from uavrt.batch.tables import FLIGHTS, RECORDINGS, ROWS, TABLES
 
 SETTINGS = BatchSettings(steps=("detect", "attach", "bearing"), cell_s=12.0, lead_in_s=4.0)

@@ -12,8 +12,11 @@ import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record, write_flight
 from command_line import uavrt
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import BatchSettings, find_recordings, recordings, run_batch
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch import recordings
+from uavrt.batch.recordings import find_recordings
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings
 
 LINES = "2, 148706000, 1210, 20, 20, 10, 3, 0.02\n4, 150706000, 1210, 20, 20, 10, 3, 0.02\n"
 

@@ -10,8 +10,12 @@ from archived import TAGS
 from command_line import uavrt
 from past_flight import write_flight
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import BatchSettings, ask, export_archive, find_recordings, run_batch
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.exporting import export_archive
+from uavrt.batch.questions import ask
+from uavrt.batch.recordings import find_recordings
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings
 from uavrt.errors import UsageError
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from archived_pulses import DAY_NS, archive, gathered, put
 
-from uavrt.batch import find_flights
+from uavrt.batch.flight_search import find_flights
 from uavrt.batch.questions import kept_answer
 from uavrt.errors import FormatError
 

@@ -10,10 +10,13 @@ import pytest
 from command_line import uavrt
 from tests.unit.integration.conftest import RATE_HZ, rotation
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import USUAL_STEPS, BatchSettings, ask, find_recordings, run_batch
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.questions import ask
+from uavrt.batch.recordings import find_recordings
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import USUAL_STEPS, BatchSettings
 from uavrt.errors import UsageError
-from uavrt.recording import ChannelRecorder
+from uavrt.recording.channel_recorder import ChannelRecorder
 from uavrt_experiments.detection.signals import START_NS
 
 ASKED = BatchSettings(steps=(*USUAL_STEPS, "integrate"))

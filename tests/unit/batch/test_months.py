@@ -4,8 +4,8 @@ from pathlib import Path
 
 from archived_pulses import archive, gathered, put
 
-from uavrt.batch import QUESTIONS, ask
 from uavrt.batch.months import INDEX, read_index
+from uavrt.batch.questions import QUESTIONS, ask
 from uavrt.batch.tables import PULSES
 
 

@@ -8,16 +8,12 @@ import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
 from command_line import uavrt
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import (
-    BatchSettings,
-    BatchSummary,
-    ask,
-    find_flights,
-    find_recordings,
-    read_manifest,
-    run_batch,
-)
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.flight_search import find_flights
+from uavrt.batch.questions import ask
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary
 
 SPECIAL = ("my walk", "50 % of it's +1 & ö", "a=b;c?")
 TRACK = "time_ns,latitude_deg,longitude_deg,altitude_amsl_m,altitude_relative_m,qw,qx,qy,qz\n"

@@ -8,17 +8,11 @@ import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, heard_amplitude, record
 from archived import write_flight as write_turned
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import (
-    BatchSettings,
-    BatchSummary,
-    BatchWatch,
-    Found,
-    ask,
-    find_recordings,
-    read_manifest,
-    run_batch,
-)
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.questions import ask
+from uavrt.batch.recordings import Found, find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary, BatchWatch
 
 SOUGHT = TagSource(tags=TAGS[:1])
 OTHER_CELLS = BatchSettings(cell_s=70.0)

@@ -21,16 +21,12 @@ from archived import (
 from command_line import uavrt
 from past_flight import write_flight as write_heard
 
-from uavrt.analysis.measure import TagSource, read_tag_source
-from uavrt.batch import (
-    BatchSettings,
-    BatchSummary,
-    PlacingSettings,
-    ask,
-    find_recordings,
-    read_manifest,
-    run_batch,
-)
+from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
+from uavrt.batch.flight_work import PlacingSettings
+from uavrt.batch.questions import ask
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary
 from uavrt.errors import UsageError
 
 TAG_LINE = "2, 148706000, 1210, 20, 20, 10, 3, 0.02\n"

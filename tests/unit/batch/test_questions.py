@@ -6,8 +6,8 @@ import pytest
 from archived_pulses import DAY_NS, recording_row
 from command_line import uavrt
 
-from uavrt.batch import QUESTIONS, RecordingRow, ask
-from uavrt.batch.tables import RECORDINGS, write_pulses, write_rows
+from uavrt.batch.questions import QUESTIONS, ask
+from uavrt.batch.tables import RECORDINGS, RecordingRow, write_pulses, write_rows
 from uavrt.errors import FormatError, UsageError
 from uavrt.messages import Pulse
 

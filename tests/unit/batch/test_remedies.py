@@ -9,9 +9,11 @@ import pytest
 from archived import TAGS, record
 from command_line import uavrt
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import BatchSettings, find_recordings, run_batch
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.recordings import find_recordings
 from uavrt.batch.remedies import by_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings
 from uavrt.cli.batch import batch
 
 SOURCE = Path(__file__).parents[3] / "src/uavrt"

@@ -11,20 +11,13 @@ from archived import write_flight as write_turned
 from tests.unit.integration.conftest import RATE_HZ as CHANNEL_HZ
 from tests.unit.integration.conftest import rotation
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import (
-    STEPS,
-    USUAL_STEPS,
-    BatchSettings,
-    BatchSummary,
-    Found,
-    PlacingSettings,
-    ask,
-    find_recordings,
-    read_manifest,
-    run_batch,
-)
-from uavrt.recording import ChannelRecorder
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.flight_work import PlacingSettings
+from uavrt.batch.questions import ask
+from uavrt.batch.recordings import Found, find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import STEPS, USUAL_STEPS, BatchSettings, BatchSummary
+from uavrt.recording.channel_recorder import ChannelRecorder
 from uavrt_experiments.detection.signals import START_NS
 
 SOUGHT = TagSource(tags=TAGS[:1])

@@ -11,8 +11,10 @@ import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
 from fsspec.implementations.memory import MemoryFile
 
-from uavrt.analysis.measure import TagSource
-from uavrt.batch import BatchSettings, BatchSummary, find_recordings, read_manifest, run_batch
+from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.batch.recordings import find_recordings, read_manifest
+from uavrt.batch.run import run_batch
+from uavrt.batch.settings import BatchSettings, BatchSummary
 from uavrt.errors import FormatError, StoreError
 
 SETTINGS = BatchSettings(cell_s=20.0, lead_in_s=8.0)

@@ -21,7 +21,7 @@ from uavrt.demo.watch import samples_lost
 from uavrt.demo.workplace import LOCK, sweep, workplace
 from uavrt.errors import UavrtError
 from uavrt.messages import SearchNote, SoughtTag
-from uavrt.simulation import demo_scenario
+from uavrt.simulation.demo_world import demo_scenario
 
 PROCESSES = ("receiver", "detector-1", "connection", "recorder", "supervisor", "ros2")
 

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.demo import flight_world, search_world
 from uavrt.demo.summary import true_bursts
+from uavrt.demo.worlds import flight_world, search_world
 from uavrt.errors import UsageError
-from uavrt.simulation import World, demo_scenario, search_scenario, write_scenario
+from uavrt.simulation.demo_world import demo_scenario, search_scenario
+from uavrt.simulation.scenario_file import write_scenario
+from uavrt.simulation.world import World
 
 GIVEN = demo_scenario(60.0, 7, coded=True)
 

@@ -12,7 +12,8 @@ from command_line import uavrt
 from uavrt.attitude import yaw_deg
 from uavrt.clock import iso_utc
 from uavrt.messages import Poses
-from uavrt.recording import FlightRecorder, read_flight
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
 
 CENTER_HZ, RATE_HZ, SECONDS = 148.7e6, 375_000, 12
 START_NS = 1_714_543_200_000_000_000

@@ -9,22 +9,18 @@ import made
 import pytest
 
 from uavrt.cli.fly import _Terminal
+from uavrt.commands import SystemState
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import LinkError, TunnelError
 from uavrt.ground.link.keys import LinkKeys
 from uavrt.ground.link.motion import motion_request
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import FrameParser, FrameWriter
-from uavrt.messages import MotionRequest, SystemState
-from uavrt.tunnel import (
-    MOTION_STATE_TYPE,
-    PAYLOAD_TYPE,
-    MotionConfirmation,
-    MotionState,
-    decode_motion,
-    encode_state,
-    heartbeat_to_wire,
-)
+from uavrt.messages import MotionRequest
+from uavrt.tunnel.convert import heartbeat_to_wire
+from uavrt.tunnel.motion import MotionConfirmation, MotionState, decode_motion, encode_state
+from uavrt.tunnel.private import MOTION_STATE_TYPE
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 
 EARLIER, ORDER, LATER = 3, 5, 7
 

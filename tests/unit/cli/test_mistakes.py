@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from command_line import uavrt
 
-from uavrt.recording import PulseWriter
-from uavrt.simulation import demo_scenario, simulate_to_directory
+from uavrt.recording.pulse_files import PulseWriter
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.recording import simulate_to_directory
 
 TAG = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
 RADIO = "--sample-rate 250e3 --center-frequency 148.7e6"

@@ -6,9 +6,10 @@ import made
 import pytest
 
 from uavrt.cli.tags import correct
-from uavrt.config import read_tags, write_tags
+from uavrt.config.tag_files import read_tags, write_tags
 from uavrt.messages import BeepKind
-from uavrt.recording import FlightRecorder, read_beeps
+from uavrt.recording.flight_reader import read_beeps
+from uavrt.recording.flight_recorder import FlightRecorder
 
 TAG = made.tag(2, 148_710_000.0, interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 OTHER = made.tag(4, 148_760_000.0, 1.0)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from past_flight import write_flight
 
-from uavrt.analysis import read_survey
 from uavrt.analysis.report.words import health_table
+from uavrt.analysis.survey import read_survey
 from uavrt.cli.ground import _text_of
 from uavrt.cli.words import counted
 from uavrt.commands import SystemState

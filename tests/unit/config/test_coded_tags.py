@@ -8,7 +8,8 @@ import made
 import pytest
 import yaml
 
-from uavrt.config import near_codes, parse_tags, read_tags, words_of_near_codes, write_tags
+from uavrt.config.code_rules import near_codes, words_of_near_codes
+from uavrt.config.tag_files import parse_tags, read_tags, write_tags
 from uavrt.errors import ConfigError, TagFileError, UsageError
 
 TOML = """\

@@ -5,19 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.config import (
-    AntennaSettings,
-    RadioSettings,
-    Settings,
+from uavrt.config.guidance_rules import PLANNER_GROUP, PLANNER_NAMES
+from uavrt.config.loader import (
     default_settings_text,
     load_settings,
     parse_settings,
     settings_schema,
     write_default_settings,
 )
-from uavrt.config.guidance_rules import PLANNER_GROUP, PLANNER_NAMES
+from uavrt.config.settings import AntennaSettings, RadioSettings, Settings
 from uavrt.errors import ConfigError
-from uavrt.planning import PLANNERS
+from uavrt.planning.planners.registry import PLANNERS
 
 
 def test_an_empty_file_gives_the_defaults() -> None:

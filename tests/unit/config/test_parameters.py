@@ -22,7 +22,7 @@ from uavrt.config.settings import (
     RadioSettings,
     Settings,
 )
-from uavrt.detection import OperatingMode
+from uavrt.detection.modes import OperatingMode
 from uavrt.errors import ConfigError
 
 TAG = made.tag()

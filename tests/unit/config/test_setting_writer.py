@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.config import change_settings, default_settings_text, load_settings
+from uavrt.config.loader import default_settings_text, load_settings
+from uavrt.config.setting_writer import change_settings
 from uavrt.errors import ConfigError
 
 BY_HAND = """\

@@ -6,7 +6,7 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.config import correction_of
+from uavrt.config.tag_corrections import correction_of
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import BeepKind, Command
 from uavrt.tunnel.exchange import Exchange

@@ -8,8 +8,7 @@ import made
 import pytest
 from some import some
 
-from uavrt.config import parse_tags, read_tags, write_tags
-from uavrt.config.tag_files import faults_of_tags
+from uavrt.config.tag_files import faults_of_tags, parse_tags, read_tags, write_tags
 from uavrt.detection.checks import check_searchable
 from uavrt.errors import ConfigError, TagFileError
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY

@@ -7,20 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.config import Receiver
-from uavrt.detection.beeps import (
-    BeepSearch,
-    FoundBeat,
-    Points,
-    PointSearch,
-    Train,
-    find_beats,
-    find_trains,
-    fit_beat,
-    name_trains,
-    shared_offset_ppm,
-    words_of_beeps,
-)
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.beeps.beats import FoundBeat, find_beats
+from uavrt.detection.beeps.interval_fit import fit_beat
+from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
+from uavrt.detection.beeps.points import Points, PointSearch
+from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
+from uavrt.detection.beeps.trains import Train, find_trains
 from uavrt.messages import Beep, BeepKind, Tag, keep_beep
 from uavrt_experiments.detection.beeping import (
     Beeper,

@@ -6,7 +6,7 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.detection import OperatingMode
+from uavrt.detection.modes import OperatingMode
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of

@@ -7,7 +7,7 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.detection import OperatingMode
+from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search.thresholds import decision_interval_s
 from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_doubt, log_empty, log_odds
 from uavrt_experiments.detection.false_alarms import detected_groups

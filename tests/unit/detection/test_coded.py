@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt import native
-from uavrt.detection.coded import CodedDetector
+from uavrt.detection.coded.detector import CodedDetector
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.coded import add_burst, find, some_codes
 from uavrt_experiments.detection.signals import START_NS, noise

@@ -7,7 +7,7 @@ import pytest
 from foreign_bursts import Transmitter, send, white_noise
 from numpy.typing import NDArray
 
-from uavrt.detection.coded import CodedDetector
+from uavrt.detection.coded.detector import CodedDetector
 from uavrt.detection.coded.evidence import evidence, required_evidence
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.coded_statistics import codes_and_strangers, confusions

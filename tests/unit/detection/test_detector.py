@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from some import some
 
-from uavrt.detection import OperatingMode
+from uavrt.detection.modes import OperatingMode
 from uavrt.errors import ConfigError
 from uavrt_experiments.detection.signals import (
     START_NS,

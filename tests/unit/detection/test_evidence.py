@@ -5,7 +5,7 @@ import pytest
 
 from uavrt.detection.search.evidence import Evidence, gate
 from uavrt.detection.search.grid import make_grid
-from uavrt.detection.signal.refine import Refiner
+from uavrt.detection.search.refine import Refiner
 from uavrt.detection.signal.samples import SampleBuffer
 from uavrt_experiments.detection.signals import THESIS_TAG, TruePulse, make_samples
 

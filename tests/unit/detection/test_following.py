@@ -8,7 +8,7 @@ import pytest
 from some import some
 
 from uavrt.detection.search.grid import make_grid
-from uavrt.detection.signal.refine import Measured, Refiner
+from uavrt.detection.search.refine import Measured, Refiner
 from uavrt.detection.signal.samples import SampleBuffer
 from uavrt_experiments.detection.signals import (
     START_NS,

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.analysis.measure.recorded_pulses import DetectionSummary, detect
-from uavrt.detection import Receiver
+from uavrt.config.ghost_places import Receiver
 from uavrt.messages import Pulse, Tag
-from uavrt.radio import open_recording
+from uavrt.radio.opening import open_recording
 from uavrt_experiments.detection.ghosts import WITH_CARRIER, WITH_SECOND, Ghosts
 from uavrt_experiments.detection.signals import (
     START_NS,

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.detection import DetectorGroup, PulseDetector
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.group import DetectorGroup
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.signals import (
     START_NS,

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt import native
-from uavrt.detection import DetectorGroup
+from uavrt.detection.group import DetectorGroup
 from uavrt.detection.search.grid import Spectrogram, make_grid
 from uavrt.detection.search.levelling import Leveller
 from uavrt.messages import Pulse, Tag

@@ -7,8 +7,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavrt.detection import PulseDetector
-from uavrt.dsp import FrontEnd
+from uavrt.detection.detector import PulseDetector
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.messages import IQBlock, Pulse
 from uavrt_experiments.detection.signals import THESIS_TAG
 

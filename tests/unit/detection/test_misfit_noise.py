@@ -7,7 +7,7 @@ import pytest
 from made import detector as made_detector
 from numpy.typing import NDArray
 
-from uavrt.detection.signal import Whitener
+from uavrt.detection.signal.whitening import Whitener
 from uavrt_experiments.detection.false_alarms import count_false
 from uavrt_experiments.detection.neighbours import (
     MainsSparks,

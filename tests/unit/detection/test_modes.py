@@ -7,8 +7,8 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.detection import OperatingMode, PulseDetector
-from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.rates import make_searches
 from uavrt.messages import Pulse

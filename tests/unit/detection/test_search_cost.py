@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.cli import detect
 from uavrt.clock import cpu_s
-from uavrt.config import DetectionSettings
+from uavrt.config.settings import DetectionSettings
 from uavrt.detection.search_costs import search_cost
 from uavrt.messages import Tag
 from uavrt_experiments.detection.signals import THESIS_TAG

@@ -6,10 +6,10 @@ import made
 import pytest
 
 from uavrt.clock import cpu_s
-from uavrt.config import DetectionSettings
+from uavrt.config.settings import DetectionSettings
 from uavrt.detection import search_plan
 from uavrt.detection.search_plan import SearchPlan, plan_search
-from uavrt.dsp import FrontEnd
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import ConfigError, TunerError
 
 

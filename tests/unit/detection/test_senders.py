@@ -10,7 +10,7 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.detection import DetectorGroup
+from uavrt.detection.group import DetectorGroup
 from uavrt.detection.track.senders import part, small_ratio
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.one_band import OneBand

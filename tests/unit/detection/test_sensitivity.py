@@ -5,7 +5,7 @@ from itertools import pairwise
 import made
 import pytest
 
-from uavrt.detection import detection_probability, enr_needed_db
+from uavrt.detection.sensitivity import detection_probability, enr_needed_db
 from uavrt.guidance.listening import threshold_db
 from uavrt.messages import Tag
 

@@ -9,11 +9,12 @@ import pytest
 from some import some
 
 from uavrt.demo.summary import summarize_tag
-from uavrt.detection import PulseDetector
-from uavrt.dsp import FrontEnd
+from uavrt.detection.detector import PulseDetector
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.messages import Pulse
-from uavrt.simulation import World, demo_scenario
+from uavrt.simulation.demo_world import demo_scenario
 from uavrt.simulation.source import SimulatedSource
+from uavrt.simulation.world import World
 
 RATE_HZ = 375_000.0
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.detection.signal.refine import Measured
+from uavrt.detection.search.refine import Measured
 from uavrt.detection.track.tracks import COAST_PULSES, Slot, Track
 from uavrt_experiments.detection.signals import THESIS_TAG, noise
 from uavrt_experiments.detection.trials import detect

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.detection.search import SearchBand
+from uavrt.detection.search.band import SearchBand
 from uavrt.messages import SearchReport, Tag
-from uavrt.recording import FlightRecorder, read_search_reports
+from uavrt.recording.flight_reader import read_search_reports
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt_experiments.detection.neighbours import MainsSparks, Neighbour, Noise
 from uavrt_experiments.detection.signals import (
     THESIS_TAG,

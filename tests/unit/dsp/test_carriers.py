@@ -6,7 +6,7 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.dsp import Carriers
+from uavrt.dsp.carriers import Carriers
 from uavrt_experiments.detection.signals import START_NS, noise
 
 CENTER_HZ = 148_700_000.0

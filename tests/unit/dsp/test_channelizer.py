@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from filter_response import response_db
 
-from uavrt.dsp import Channelizer
+from uavrt.dsp.channelizer import Channelizer
 from uavrt.dsp.filters import bank_taps, compatible_bank_taps
 from uavrt.errors import UsageError
 

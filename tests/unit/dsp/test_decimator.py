@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from filter_response import response_db
 
-from uavrt.dsp import Decimator
+from uavrt.dsp.decimator import Decimator
 from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 from uavrt.errors import UsageError
 

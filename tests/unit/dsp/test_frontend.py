@@ -4,7 +4,7 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.dsp import FrontEnd
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import TunerError, UsageError
 from uavrt.messages import ChannelBlock, IQBlock
 

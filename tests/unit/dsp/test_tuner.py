@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from original_tuner import original_center
 
-from uavrt.dsp import FrontEnd, tune
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.dsp.tuner import tune
 from uavrt.errors import TunerError, UsageError
 
 Golden = tuple[list[float], list[tuple[float, list[int], list[float]]]]

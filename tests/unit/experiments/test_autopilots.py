@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 from uavrt.errors import UavrtError, UsageError
-from uavrt.guidance import VehicleCommand
-from uavrt.mavlink import FrameParser, FrameWriter, Message, command_message, dialect
+from uavrt.guidance.wishes import VehicleCommand
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.vehicle_messages import command_message
 from uavrt.simulation.flying import MODES, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
-from uavrt_experiments.autopilots import Asked, arducopter_build, planned, px4_build, rehearse
-from uavrt_experiments.autopilots.builds import simulated_build
-from uavrt_experiments.autopilots.flights import ORDERS
+from uavrt_experiments.autopilots.builds import arducopter_build, px4_build, simulated_build
+from uavrt_experiments.autopilots.flights import ORDERS, Asked, planned, rehearse
 from uavrt_experiments.autopilots.hand import Foreign, Hand
 from uavrt_experiments.autopilots.measures import flying_of, heading_at, reaction
 from uavrt_experiments.autopilots.table import as_json, as_page, compared, flavour_of

@@ -10,7 +10,9 @@ from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.messages import Pose
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
-from uavrt_experiments.capacity import COUNTS, GAPS_MS, model_row, our_sender_row, run_links
+from uavrt_experiments.capacity.links import run_links
+from uavrt_experiments.capacity.model import model_row, our_sender_row
+from uavrt_experiments.capacity.thesis import COUNTS, GAPS_MS
 
 
 @pytest.mark.parametrize("count", COUNTS)

@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.cli.experiment_coverage import coverage
 from uavrt.errors import FormatError, UsageError
-from uavrt_experiments.coverage import SILENCES, seek_tags, silence_rows
+from uavrt_experiments.coverage.absence import SILENCES, seek_tags, silence_rows
 from uavrt_experiments.kept import KeptOutcomes
 
 pytestmark = pytest.mark.slow

@@ -13,15 +13,12 @@ import pytest
 from uavrt import __version__
 from uavrt.cli.experiment_detection import detection
 from uavrt.errors import ConfigError, UsageError
-from uavrt_experiments.detection import (
-    EXPERIMENTS,
-    Row,
-    original,
-    theory,
-)
+from uavrt_experiments.detection import original, theory
 from uavrt_experiments.detection.campaign import short_rows
+from uavrt_experiments.detection.catalogue import EXPERIMENTS
 from uavrt_experiments.detection.false_alarms import FalseAlarms, false_alarm_row
 from uavrt_experiments.detection.tables import read_results
+from uavrt_experiments.result import Row
 from uavrt_experiments.statistics import (
     count_interval,
     level_for,

@@ -1,6 +1,6 @@
 """The bars of bearings and positions, with few runs: none is contradicted.
 
-With all runs: `uavrt_experiments.localization.run()`.
+With all runs: `uavrt_experiments.localization.experiments.run()`.
 """
 
 import csv
@@ -12,8 +12,9 @@ import pytest
 from uavrt.cli.experiment_localization import localization
 from uavrt.errors import UsageError
 from uavrt_experiments.figures import measured, median
-from uavrt_experiments.localization import EXPERIMENTS, Row
+from uavrt_experiments.localization.experiments import EXPERIMENTS
 from uavrt_experiments.localization.rotations import RotationCase, bound_deg
+from uavrt_experiments.result import Row
 from uavrt_experiments.tables import drawn
 
 pytestmark = pytest.mark.slow

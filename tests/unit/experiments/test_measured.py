@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from uavrt_experiments.detection import EXPERIMENTS
+from uavrt_experiments.detection.catalogue import EXPERIMENTS
 from uavrt_experiments.detection.tables import FOLDERS, read_results
 from uavrt_experiments.measured import (
     ROOT,

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from uavrt.errors import FormatError
-from uavrt_experiments.packets import match_logs, model_rows
+from uavrt_experiments.packets.matching import match_logs
+from uavrt_experiments.packets.model import model_rows
 
 QGC = "CustomPluginLog: PULSE tag_id:frequency_hz:time:snr:confirmed 2 148 {time:.2f} 70.46 1\n"
 ROW = (  # thesis, Figure 5.7, one second apart

@@ -9,22 +9,21 @@ from some import some
 
 from uavrt.attitude import yaw_deg
 from uavrt.messages import Poses
-from uavrt.recording import FlightRecorder
-from uavrt_experiments.rotation import (
-    BEARING_DEG,
-    Case,
-    cases,
-    polarization_table,
-    real_rotations,
-    start_sweep,
-    wall_survey,
-    words,
-)
-from uavrt_experiments.rotation.cart import Cart, original_samples, with_poses
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt_experiments.rotation import words
+from uavrt_experiments.rotation.cart import BEARING_DEG, Cart, original_samples, with_poses
 from uavrt_experiments.rotation.figures import rotation_page
 from uavrt_experiments.rotation.original_pose import original_poses
 from uavrt_experiments.rotation.reading import doubled, read_turn, wrapped
-from uavrt_experiments.rotation.run import true_pulses
+from uavrt_experiments.rotation.real import real_rotations
+from uavrt_experiments.rotation.run import (
+    Case,
+    cases,
+    polarization_table,
+    start_sweep,
+    true_pulses,
+    wall_survey,
+)
 
 
 @pytest.fixture(scope="module")

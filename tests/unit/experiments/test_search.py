@@ -8,24 +8,16 @@ import numpy as np
 import pytest
 from some import some
 
-from uavrt.planning import VehicleState
+from uavrt.planning.vehicle import VehicleState
 from uavrt_experiments.kept import KeptOutcomes
-from uavrt_experiments.search import (
-    SCENARIOS,
-    campaign,
-    fly_all,
-    honesty,
-    page_section,
-    plan,
-    put_section,
-    results,
-    section,
-    so_far,
-)
+from uavrt_experiments.search import campaign
+from uavrt_experiments.search.campaign import fly_all, plan, so_far
+from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.drones import FlightOfDrones
 from uavrt_experiments.search.flight import Judged, Outcome, beliefs_of, fly
+from uavrt_experiments.search.page import page_section, put_section
 from uavrt_experiments.search.scenario import Contender
-from uavrt_experiments.search.table import Flown
+from uavrt_experiments.search.table import Flown, honesty, results, section
 from uavrt_experiments.search.world import World
 
 pytestmark = pytest.mark.slow

@@ -7,21 +7,22 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.demo import SearchSummary, SoughtAnimal
+from uavrt.demo.search import SearchSummary, SoughtAnimal
 from uavrt.errors import UavrtError
 from uavrt_experiments.kept import KeptOutcomes
-from uavrt_experiments.search import (
+from uavrt_experiments.search import processes
+from uavrt_experiments.search.page import put_section
+from uavrt_experiments.search.processes import (
+    LIMIT_S,
     PROCESSES,
     RealFlight,
+    drawn_world,
     flights_so_far,
     fly_for_real,
     process_page,
     process_rows,
     process_section,
-    processes,
-    put_section,
 )
-from uavrt_experiments.search.processes import LIMIT_S, drawn_world
 
 
 def animal(

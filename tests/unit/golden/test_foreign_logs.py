@@ -9,20 +9,20 @@ from some import some
 
 from uavrt.attitude import from_euler_deg, yaw_deg
 from uavrt.errors import FormatError
-from uavrt.recording import read_pulse_file
-from uavrt.recording.formats import (
+from uavrt.recording.formats.bearings_csv import (
     BearingRow,
-    PositionRow,
     read_bearing_file,
-    read_position_file,
-    read_pulse_log,
-    read_pulses,
-    read_ucsd_estimates,
-    recognised,
     write_bearing_file,
-    write_position_file,
-    write_tagtracker,
 )
+from uavrt.recording.formats.positions_csv import (
+    PositionRow,
+    read_position_file,
+    write_position_file,
+)
+from uavrt.recording.formats.recognise import read_pulse_log, read_pulses, recognised
+from uavrt.recording.formats.tagtracker import write_tagtracker
+from uavrt.recording.formats.ucsd import read_ucsd_estimates
+from uavrt.recording.pulse_files import read_pulse_file
 
 # A heading east by 91°: the quaternion of the thesis's Fig. 5.7.
 QUATERNION = "0.00189066, -0.00109068, 0.71339, 0.700764"

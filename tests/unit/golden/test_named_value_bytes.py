@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.mavlink import FrameWriter
 from uavrt.mavlink.dialect import CRC_EXTRAS, NamedValueFloat
+from uavrt.mavlink.frame import FrameWriter
 from uavrt.mavlink.named_value import value_name
 
 GOLDEN = "fd0d00000001bffb00003930000033336341534e525f324fe0"

@@ -1,7 +1,14 @@
 """Bytes between a ground station and drones that search together: both may be of other days."""
 
-from uavrt import tunnel
 from uavrt.messages import Course, FoundTag, Neighbour
+from uavrt.tunnel.neighbours import (
+    decode_course,
+    decode_neighbour,
+    encode_course,
+    encode_neighbour,
+)
+from uavrt.tunnel.private import COURSE_TYPE, NEIGHBOUR_TYPE
+from uavrt.tunnel.seal import NEIGHBOUR_INSIDE
 
 COURSE = (
     "01053412060007004b52401c42f4170500200444f4010000c8000000c800e8030202010002000300"
@@ -27,8 +34,8 @@ SAID = Course(
 
 
 def test_a_course_has_its_bytes() -> None:
-    assert tunnel.encode_course(SAID).hex() == COURSE
-    got = tunnel.decode_course(bytes.fromhex(COURSE))
+    assert encode_course(SAID).hex() == COURSE
+    got = decode_course(bytes.fromhex(COURSE))
     assert (got.sequence, got.flown, got.asked, got.given) == (0x1234, 6, 7, SAID.given)
     assert (got.held, got.found[0].tag_id, got.found[0].radius95_m) == ((2, 4), 6, 24.0)
     assert (got.searching, got.returning) == (True, False)
@@ -36,8 +43,8 @@ def test_a_course_has_its_bytes() -> None:
 
 def test_a_neighbour_has_its_bytes() -> None:
     told = Neighbour(vehicle=1, version=9, granted=7, denied=5, age_s=2.0, course=SAID)
-    assert tunnel.encode_neighbour(told).hex() == NEIGHBOUR
-    got = tunnel.decode_neighbour(bytes.fromhex(NEIGHBOUR))
+    assert encode_neighbour(told).hex() == NEIGHBOUR
+    got = decode_neighbour(bytes.fromhex(NEIGHBOUR))
     assert (got.vehicle, got.version, got.granted, got.denied, got.age_s) == (1, 9, 7, 5, 2.0)
     assert got.course is not None
     assert got.course.given == ()  # of no use to others
@@ -45,10 +52,10 @@ def test_a_neighbour_has_its_bytes() -> None:
 
 def test_the_word_that_there_are_others_has_its_bytes() -> None:
     alone = Neighbour(vehicle=0, granted=3)
-    assert tunnel.encode_neighbour(alone).hex() == "010000000300000000000000"
-    assert tunnel.decode_neighbour(bytes.fromhex("010000000300000000000000")) == alone
+    assert encode_neighbour(alone).hex() == "010000000300000000000000"
+    assert decode_neighbour(bytes.fromhex("010000000300000000000000")) == alone
 
 
 def test_their_payload_types_and_kind_of_seal() -> None:
-    assert (tunnel.COURSE_TYPE, tunnel.NEIGHBOUR_TYPE) == (60_009, 60_010)
-    assert tunnel.NEIGHBOUR_INSIDE == 5
+    assert (COURSE_TYPE, NEIGHBOUR_TYPE) == (60_009, 60_010)
+    assert NEIGHBOUR_INSIDE == 5

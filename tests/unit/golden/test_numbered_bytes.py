@@ -6,10 +6,26 @@ import struct
 import made
 import pytest
 
-from uavrt import tunnel
-from uavrt.tunnel import CommandId
+from uavrt.commands import CommandId, Generation
+from uavrt.tunnel.codec import TunnelMessage, decode
+from uavrt.tunnel.g0 import PulseG0
+from uavrt.tunnel.g1 import PulseG1, StartDetection
+from uavrt.tunnel.g2 import (
+    AckG2,
+    BareG2,
+    DetectorHeartbeat,
+    HeartbeatG2,
+    HeartbeatG2v1,
+    OperationProgress,
+    PulseG2,
+    PulseG2v1,
+    RawCaptureG2,
+    StartDetectionG2,
+    TagG2,
+    UploadG2,
+)
 
-PULSE = tunnel.PulseG1(
+PULSE = PulseG1(
     tag_id=2,
     frequency_hz=148_710_123,
     start_time_s=1_700_206_353.74,
@@ -39,46 +55,44 @@ TAG = made.tunnel_tag(
     interval2_mean=3.0,
     interval2_deviation=4.0,
 )
-CONFIRMED: dict[str, tuple[tunnel.TunnelMessage, bytes]] = {
+CONFIRMED: dict[str, tuple[TunnelMessage, bytes]] = {
     "pulse of version 1": (
-        tunnel.PulseG2v1(pulse=PULSE, collection_id=11, slice_id=12),
+        PulseG2v1(pulse=PULSE, collection_id=11, slice_id=12),
         struct.pack(
             "<5I4x4dHH4xddBB6x3d3f4x",
             *(7, 11, 12, 2, 148_710_123, *NUMBERS, 7, 3, 20.5, 1e-12, 2, 1, *PLACE),
         ),
     ),
     "heartbeat of version 1": (
-        tunnel.HeartbeatG2v1(protocol_version=1, system_id=1, status=3, cpu_temperature_c=51.5),
+        HeartbeatG2v1(protocol_version=1, system_id=1, status=3, cpu_temperature_c=51.5),
         bytes.fromhex("09000000 01000000 0100 0300 00004e42"),
     ),
     "heartbeat": (
-        tunnel.HeartbeatG2(protocol_version=7, system_id=1, status=4, cpu_temperature_c=51.5),
+        HeartbeatG2(protocol_version=7, system_id=1, status=4, cpu_temperature_c=51.5),
         bytes.fromhex("09000000 00000000 07000000 0100 0400 00004e42"),
     ),
     "stop": (
-        tunnel.BareG2(command=CommandId.STOP_DETECTION, request_id=0x01020304),
+        BareG2(command=CommandId.STOP_DETECTION, request_id=0x01020304),
         bytes.fromhex("06000000 04030201"),
     ),
     "start of an upload": (
-        tunnel.UploadG2(
-            command=CommandId.START_TAGS, request_id=5, upload_id=0xAABB, tag_count=3
-        ),
+        UploadG2(command=CommandId.START_TAGS, request_id=5, upload_id=0xAABB, tag_count=3),
         bytes.fromhex("02000000 05000000 bbaa0000 03000000"),
     ),
     "acknowledgement": (
-        tunnel.AckG2(acked_command=5, request_id=9, result=1, message="/home/pi/Logs"),
+        AckG2(acked_command=5, request_id=9, result=1, message="/home/pi/Logs"),
         struct.pack("<5I", 1, 0, 5, 9, 1) + b"/home/pi/Logs".ljust(108, b"\0"),
     ),
     "progress": (
-        tunnel.OperationProgress(
+        OperationProgress(
             operation=12, request_id=9, state=0, step=2, step_count=5, message="flight 2"
         ),
         struct.pack("<7I", 21, 0, 12, 9, 0, 2, 5) + b"flight 2".ljust(100, b"\0"),
     ),
 }
-INFERRED: dict[str, tuple[tunnel.TunnelMessage, bytes]] = {
+INFERRED: dict[str, tuple[TunnelMessage, bytes]] = {
     "tag": (
-        tunnel.TagG2(request_id=9, upload_id=10, tag_index=1, tag=TAG),
+        TagG2(request_id=9, upload_id=10, tag_index=1, tag=TAG),
         struct.pack(
             "<12IdII4d",
             *(4, 9, 10, 1, 2, 148_710_000, 20, 1254, 0, 60, 10, 3),
@@ -86,9 +100,9 @@ INFERRED: dict[str, tuple[tunnel.TunnelMessage, bytes]] = {
         ),
     ),
     "start": (
-        tunnel.StartDetectionG2(
+        StartDetectionG2(
             request_id=9,
-            start=tunnel.StartDetection(
+            start=StartDetection(
                 radio_center_frequency_hz=148_700_000,
                 gain=21,
                 detection_mode=1,
@@ -101,18 +115,18 @@ INFERRED: dict[str, tuple[tunnel.TunnelMessage, bytes]] = {
         struct.pack("<5I4xddII", 5, 9, 148_700_000, 21, 1, 0.9, 1.3, 1, 1),
     ),
     "raw capture": (
-        tunnel.RawCaptureG2(request_id=9, gain=21, frequency_hz=148_700_000),
+        RawCaptureG2(request_id=9, gain=21, frequency_hz=148_700_000),
         struct.pack("<4I", 8, 9, 21, 148_700_000),
     ),
     "pulse": (
-        tunnel.PulseG2(pulse=PULSE),
+        PulseG2(pulse=PULSE),
         struct.pack(
             "<4I4dHH4xddBB6x3d3f4x",
             *(7, 0, 2, 148_710_123, *NUMBERS, 7, 3, 20.5, 1e-12, 2, 1, *PLACE),
         ),
     ),
     "detector's sign of life": (
-        tunnel.DetectorHeartbeat(tag_id=2, detection_mode=1),
+        DetectorHeartbeat(tag_id=2, detection_mode=1),
         struct.pack("<4I", 23, 0, 2, 1),
     ),
 }
@@ -137,25 +151,25 @@ def test_a_numbered_message_has_the_bytes_of_its_layout(name: str) -> None:
     message, expected = {**CONFIRMED, **INFERRED}[name]
     assert len(expected) == SIZES[name]
     assert message.encode() == expected
-    generation: tunnel.Generation = "G2v1" if name.endswith("version 1") else "G2"
-    assert tunnel.decode(expected, generation) == message
+    generation: Generation = "G2v1" if name.endswith("version 1") else "G2"
+    assert decode(expected, generation) == message
 
 
 def test_texts_end_within_their_field() -> None:
     long = "ü" * 200
-    ack = tunnel.AckG2(acked_command=5, request_id=9, result=0, message=long).encode()
-    step = tunnel.OperationProgress(
+    ack = AckG2(acked_command=5, request_id=9, result=0, message=long).encode()
+    step = OperationProgress(
         operation=5, request_id=9, state=2, step=0, step_count=0, message=long
     ).encode()
     for payload in (ack, step):
         assert len(payload) == 128
         assert payload[-1] == 0
-    read = tunnel.decode(ack, "G2")
-    assert isinstance(read, tunnel.AckG2)
+    read = decode(ack, "G2")
+    assert isinstance(read, AckG2)
     assert read.message == "ü" * 53
 
 
 def test_the_thesis_pulse_of_the_same_length_is_still_the_thesis_pulse() -> None:
     old = struct.pack("<III4x4dH6xdBB6x7d", 7, 2, 148, *[0.0] * 4, 1, math.pi, 1, 0, *[0.0] * 7)
-    assert isinstance(tunnel.decode(old), tunnel.PulseG0)
-    assert isinstance(tunnel.decode(PULSE.encode()), tunnel.PulseG1)
+    assert isinstance(decode(old), PulseG0)
+    assert isinstance(decode(PULSE.encode()), PulseG1)

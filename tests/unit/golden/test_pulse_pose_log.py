@@ -9,12 +9,12 @@ import pytest
 from uavrt.attitude import yaw_deg
 from uavrt.errors import FormatError
 from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.recording import read_pulse_pose_log
 from uavrt.recording.pulse_pose_log import (
     READ_BYTES,
     PulsePoseLog,
     format_line,
     parse_line,
+    read_pulse_pose_log,
 )
 
 # Thesis, Fig. 5.7, row 1: six digits, and a saturated column 10.

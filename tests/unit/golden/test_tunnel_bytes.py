@@ -4,9 +4,12 @@ import struct
 
 import pytest
 
-from uavrt import tunnel
-from uavrt.mavlink import FrameParser, FrameWriter
 from uavrt.mavlink.dialect import CRC_EXTRAS, MESSAGES, Tunnel
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.tunnel.codec import decode
+from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0, TagG0
+from uavrt.tunnel.g1 import AckG1
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 
 TAG_G0 = (
     "04000000020000007022dd0814000000e6040000000000003c0000000a0000000300000000000000"
@@ -23,7 +26,7 @@ PULSE_G0 = (
 
 
 def test_the_thesis_tag_has_the_original_bytes() -> None:
-    tag = tunnel.TagG0(
+    tag = TagG0(
         tag_id=2,
         frequency_hz=148_710_000,
         pulse_width_ms=20,
@@ -35,13 +38,13 @@ def test_the_thesis_tag_has_the_original_bytes() -> None:
         false_alarm_probability=0.005,
     )
     assert tag.encode().hex() == TAG_G0
-    assert tunnel.decode(bytes.fromhex(TAG_G0)) == tag
+    assert decode(bytes.fromhex(TAG_G0)) == tag
 
 
 def test_the_acknowledgement_of_a_tag_has_the_original_bytes() -> None:
-    ack = tunnel.AckG0(acked_command=4, result=tunnel.SUCCESS)
+    ack = AckG0(acked_command=4, result=SUCCESS)
     assert ack.encode().hex() == ACK_G0
-    assert tunnel.decode(bytes.fromhex(ACK_G0)) == ack
+    assert decode(bytes.fromhex(ACK_G0)) == ack
 
 
 def test_the_whole_frame_of_an_acknowledgement_has_the_original_bytes() -> None:
@@ -49,7 +52,7 @@ def test_the_whole_frame_of_an_acknowledgement_has_the_original_bytes() -> None:
     message = Tunnel(
         target_system=255,
         target_component=190,
-        payload_type=tunnel.PAYLOAD_TYPE,
+        payload_type=PAYLOAD_TYPE,
         payload_length=len(payload),
         payload=payload,
     )
@@ -61,8 +64,8 @@ def test_the_whole_frame_of_an_acknowledgement_has_the_original_bytes() -> None:
 
 
 def test_a_pulse_of_the_thesis_is_read_and_written_bit_for_bit() -> None:
-    pulse = tunnel.decode(bytes.fromhex(PULSE_G0))
-    assert isinstance(pulse, tunnel.PulseG0)
+    pulse = decode(bytes.fromhex(PULSE_G0))
+    assert isinstance(pulse, PulseG0)
     assert pulse.encode().hex() == PULSE_G0
     assert (pulse.tag_id, pulse.frequency_hz, pulse.group_index) == (2, 148, 3)
     assert pulse.start_time_s == 1700205421.7435617
@@ -80,8 +83,8 @@ def test_pads_full_of_rubbish_change_nothing() -> None:
     dirty = bytearray(clean)
     for place in [*range(12, 16), *range(50, 56), *range(66, 72)]:
         dirty[place] = 0xA5
-    assert tunnel.decode(bytes(dirty)) == tunnel.decode(clean)
-    assert tunnel.decode(bytes(dirty)).encode() == clean
+    assert decode(bytes(dirty)) == decode(clean)
+    assert decode(bytes(dirty)).encode() == clean
 
 
 # Offsets of fields as in the original structs, each packed by hand.
@@ -161,7 +164,7 @@ def test_each_field_of_the_newer_structs_is_at_its_offset(
     struct.pack_into("<I", payload, 0, command)
     for layout, place, value in offsets.values():
         struct.pack_into(layout, payload, place, value)
-    message = tunnel.decode(bytes(payload))
+    message = decode(bytes(payload))
     assert {name: getattr(message, name) for name in offsets} == {
         name: value for name, (_, _, value) in offsets.items()
     }
@@ -169,7 +172,7 @@ def test_each_field_of_the_newer_structs_is_at_its_offset(
 
 
 def test_the_newer_acknowledgement_holds_its_reason_from_byte_12() -> None:
-    payload = tunnel.AckG1(acked_command=5, result=0, message="no radio").encode()
+    payload = AckG1(acked_command=5, result=0, message="no radio").encode()
     assert len(payload) == 128
     assert payload[:21] == struct.pack("<III", 1, 5, 0) + b"no radio\0"
     assert not any(payload[20:])

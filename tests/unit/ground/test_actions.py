@@ -3,7 +3,7 @@
 from itertools import product
 
 from uavrt.commands import Refused, SystemState, outcome
-from uavrt.ground.web.actions import (
+from uavrt.ground.link.actions import (
     ACTIONS,
     COMMAND_OF_ACTION,
     Busy,

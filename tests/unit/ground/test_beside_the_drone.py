@@ -7,12 +7,15 @@ import made
 import pytest
 
 from uavrt.clock import Clock, boot_id
+from uavrt.commands import SystemState
 from uavrt.config.settings import RecordingSettings
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store import FlightLibrary, GroundStore
-from uavrt.messages import SystemState
-from uavrt.recording import FlightLayout, FlightRecorder, flights_in_order, note_flight
-from uavrt.supervisor.mission import DiskGuard
+from uavrt.ground.store.flights import FlightLibrary
+from uavrt.ground.store.settings import GroundStore
+from uavrt.recording.flight_order import flights_in_order, note_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout
+from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.mission.flight_removal import removable
 from uavrt.supervisor.mission.saved_state import LOCK_NAME, SavedState, StateStore
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from some import some
 
 from uavrt.geodesy import utm
-from uavrt.ground.web.coordinates import dms, mgrs, readout
+from uavrt.ground.store.coordinates import dms, mgrs, readout
 
 PLACES = st.tuples(
     st.floats(min_value=-79.9, max_value=83.9), st.floats(min_value=-180.0, max_value=179.999)

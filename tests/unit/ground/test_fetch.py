@@ -15,8 +15,7 @@ from virtual_time import START_S, VirtualClock
 
 from uavrt.cli.fetch import _list_samples, _wanted
 from uavrt.errors import LinkError, RecordingError
-from uavrt.ground.fetch import BAND, CHANNELS, drone_flights
-from uavrt.ground.fetch.flight_list import MOST_NOTED
+from uavrt.ground.fetch.flight_list import MOST_NOTED, drone_flights
 from uavrt.ground.fetch.ftp_client import (
     MOST_DEEP,
     MOST_ENTRIES,
@@ -28,12 +27,13 @@ from uavrt.ground.fetch.ftp_client import (
     file_checksum,
     require_room,
 )
-from uavrt.mavlink import Peer
+from uavrt.ground.fetch.sample_files import BAND, CHANNELS
 from uavrt.mavlink.dialect import FileTransferProtocol
+from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import FileServer
 from uavrt.mavlink.ftp_wire import FtpError, FtpPacket, Opcode
-from uavrt.recording import flights_in_order, note_flight
+from uavrt.recording.flight_order import flights_in_order, note_flight
 from uavrt.recording.sample_file import SampleFile
 
 CONTENT = random.Random(6).randbytes(30_011)

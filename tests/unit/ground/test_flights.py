@@ -30,12 +30,14 @@ from uavrt.ground.store.flights import Columns, FlightLibrary
 from uavrt.ground.store.settings import GroundSettings
 from uavrt.ground.web import maps
 from uavrt.ground.web.exports import EXPORTS, export
-from uavrt.localization import PATTERNS, ReadAs, TangentPlane
-from uavrt.localization.bearing.live_bearings import LiveBearings
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.flight_estimates import ReadAs
+from uavrt.localization.live_bearings import LiveBearings
 from uavrt.messages import LiveBearing, Pose, PulsePose
-from uavrt.recording import Flight, read_flight
+from uavrt.recording.flight_reader import Flight, read_flight
 from uavrt.recording.places import Places, home_note, mark_note
-from uavrt.terrain import open_elevation
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain.elevation_files import open_elevation
 
 pytestmark = pytest.mark.slow
 

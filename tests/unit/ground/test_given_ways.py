@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ground.link import GivenWays
+from uavrt.ground.link.given_ways import GivenWays
 from uavrt.messages import Course
 
 PLACE, GOAL = (47.0, 8.0), (47.001, 8.0)

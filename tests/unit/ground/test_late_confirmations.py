@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from uavrt.errors import CommandRefused, LinkError
-from uavrt.ground.link import GroundLink, flying
+from uavrt.ground.link import flying
+from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.flying import Flying
 from uavrt.ground.link.motion import confirm
-from uavrt.tunnel import MotionConfirmation, MotionState, encode_confirmation, is_stop
+from uavrt.tunnel.motion import MotionConfirmation, MotionState, encode_confirmation, is_stop
 
 SECOND_NS = 10**9
 

@@ -11,13 +11,15 @@ import msgspec
 import pytest
 from past_flight import write_flight
 
-from uavrt.analysis import past_turns, read_season
+from uavrt.analysis.bearings import past_turns
+from uavrt.analysis.season import read_season
 from uavrt.errors import UavrtError
+from uavrt.ground.listeners import encode
 from uavrt.ground.store.event_log import EventLog
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.ground.store.known_flights import FlightChoice, FlightSummary
-from uavrt.ground.web.listeners import encode
-from uavrt.recording import FlightLayout, read_flight
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.layout import FlightLayout
 
 GOOD, ODD = "flight_log_2026-05-01_12-00-00", "flight_log_2026-05-02_12-00-00"
 VALUES = (None, b"\xff\x00", 1e300)

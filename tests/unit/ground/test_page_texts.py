@@ -17,9 +17,10 @@ from virtual_time import VirtualClock
 from uavrt import card, errors
 from uavrt.card import Card
 from uavrt.computer import bench, checks
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.ground import fetch, link, store, web
-from uavrt.ground.web import actions, tag_table
+from uavrt.ground.link import actions
+from uavrt.ground.store import tag_table
 
 SOURCES = sorted(set(PAGE.glob("*.ts")) - {PAGE / "types.ts", PAGE / "i18n.ts"})
 NOT_FOR_PEOPLE = {
@@ -260,7 +261,7 @@ REMARKS = {
     ),
     "uavrt.localization.position.survey_walk": ("caution",),
     "uavrt.localization.results": ("remarks",),
-    "uavrt.localization.survey_errors": ("cautions_of_survey",),
+    "uavrt.localization.position.survey_errors": ("cautions_of_survey",),
     "uavrt.terrain.elevation": ("cautions",),
     "uavrt.terrain.hill_losses": ("told",),
 }

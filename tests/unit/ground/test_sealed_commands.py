@@ -10,34 +10,34 @@ from pulses import pulse_at
 from sealed import introduce
 from some import some
 
-from uavrt import tunnel
-from uavrt.config import OFFERED, Settings
+from uavrt.commands import CommandId
+from uavrt.config.parameters import OFFERED
+from uavrt.config.settings import Settings
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.drone_parameters import DroneParameters
 from uavrt.ground.link.protocol import GroundProtocol
-from uavrt.mavlink import Peer, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.messages import Command, Course, PulsePose
 from uavrt.processes.parameter_desk import ParameterDesk
-from uavrt.tunnel import (
-    COURSE_TYPE,
-    MOTION_STATE_TYPE,
-    MotionState,
-    encode_course,
-    encode_state,
-)
+from uavrt.tunnel.codec import decode
 from uavrt.tunnel.convert import pulse_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.g0 import FAILURE, SUCCESS, HeaderMessage
+from uavrt.tunnel.g1 import AckG1
 from uavrt.tunnel.gate import Gate, Sealer
-from uavrt.tunnel.private import MAX_SEALED_HASHES, Receipt
+from uavrt.tunnel.motion import MotionState, encode_state
+from uavrt.tunnel.neighbours import encode_course
+from uavrt.tunnel.private import COURSE_TYPE, MAX_SEALED_HASHES, MOTION_STATE_TYPE, Receipt
 from uavrt.tunnel.seal import PLAIN_INSIDE, RECEIPT_INSIDE, Key, read_key
 
 GROUND = (255, 190)
 DRONE = (1, 191)
 COURSE = Course(sequence=5, place=(47.0, 8.0), altitude_amsl_m=500.0, goal=(47.001, 8.0))
 NOW_NS = 1_700_000_000_000_000_000
-STOP = tunnel.HeaderMessage(command=tunnel.CommandId.STOP_DETECTION).encode()
+STOP = HeaderMessage(command=CommandId.STOP_DETECTION).encode()
 
 
 def key_file(tmp_path: Path) -> Path:
@@ -65,9 +65,9 @@ def test_a_sealed_command_is_taken_and_a_plain_one_is_refused_with_the_reason(
     reason = some(gate.refusal(GROUND, sealed=False))
     answer = exchange.refuse(STOP, reason, GROUND)
     assert isinstance(answer, Answer)
-    ack = tunnel.decode(answer.payload)
-    assert isinstance(ack, tunnel.AckG1)
-    assert ack.result == tunnel.FAILURE
+    ack = decode(answer.payload)
+    assert isinstance(ack, AckG1)
+    assert ack.result == FAILURE
     assert "only sealed" in ack.message
     sent = sealing_ground(read_key(path), gate).tunnel_message(STOP)
     opened = gate.open(sent.payload[: sent.payload_length], GROUND, DRONE)
@@ -164,7 +164,7 @@ def test_what_a_drone_reports_is_shown_without_a_proof(tmp_path: Path) -> None:
     ground.orders.append(7)
     forger = FrameWriter(*DRONE)
     pulse = pulse_to_wire(PulsePose(pulse=pulse_at(NOW_NS), pose=None)).encode()
-    ack = tunnel.AckG1(acked_command=6, result=tunnel.SUCCESS, message="").encode()
+    ack = AckG1(acked_command=6, result=SUCCESS, message="").encode()
     state = MotionState(kind="state", standing="out", text="stopped")
     shown: list[str] = []
     for kind, payload in (

@@ -16,7 +16,8 @@ from uavrt.clock import Clock
 from uavrt.ground.session import ENDS_WITHIN_S, GroundSession
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.messages import Delivered, PulsePose
-from uavrt.recording import DiskThread, read_flight
+from uavrt.recording.disk_thread import DiskThread
+from uavrt.recording.flight_reader import read_flight
 from world import THESIS_TAG, World, until
 
 START_NS = 1_777_636_800_000_000_000

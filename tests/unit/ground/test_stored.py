@@ -15,7 +15,8 @@ from uavrt.ground.store.flight_keeper import RETRY_S, FlightKeeper
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.stored import PulseLines, read_ground_pulses
 from uavrt.messages import BurstInside, PulsePose
-from uavrt.recording import read_flight, read_pulse_file
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.pulse_files import read_pulse_file
 
 START_NS = 1_777_636_800_000_000_000
 

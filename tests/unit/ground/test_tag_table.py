@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from page_texts import CATALOGUE
 
 from uavrt.errors import UsageError
-from uavrt.ground.web.tag_table import (
+from uavrt.ground.store.tag_table import (
     FIELDS,
     PRESETS,
     export_text,

@@ -12,9 +12,9 @@ from some import some
 from uavrt.clock import Clock
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import CommandRefused, FormatError, LinkError
-from uavrt.ground.link import GroundLink
-from uavrt.guidance import Order, difference, fence_items, survey_items
-from uavrt.guidance.mission import MissionItem
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.guidance.mission import MissionItem, difference, fence_items, survey_items
+from uavrt.guidance.orders import Order
 from uavrt.mavlink import dialect
 from uavrt.messages import KeepOut, Pose, VehicleFence
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot, Flavour

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
 from uavrt.geodesy import distance_m
-from uavrt.guidance import area_in, circle, keep_out_in
+from uavrt.guidance.area_text import area_in, circle, keep_out_in
 
 CORNERS = [(46.5, 8.0), (46.5, 8.002), (46.501, 8.002), (46.501, 8.0)]
 RING = [[east, north] for north, east in [*CORNERS, CORNERS[0]]]

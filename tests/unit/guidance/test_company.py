@@ -7,8 +7,9 @@ from flown import Flown
 from some import some
 
 from uavrt.errors import PlanError
-from uavrt.guidance import Choice, Company, VehicleNow
-from uavrt.guidance.company import ANSWER_S, TOLD_S
+from uavrt.guidance.company import ANSWER_S, TOLD_S, Company
+from uavrt.guidance.orders import VehicleNow
+from uavrt.guidance.seeker import Choice
 from uavrt.messages import Course, FoundTag, Neighbour
 
 

@@ -15,7 +15,9 @@ from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits
 from uavrt.guidance.plans import MARGIN_M, Go
 from uavrt.messages import KeepOut
-from uavrt.planning import Decision, FlyTo, Situation, VehicleState
+from uavrt.planning.actions import FlyTo
+from uavrt.planning.situation import Decision, Situation
+from uavrt.planning.vehicle import VehicleState
 from uavrt.simulation.flying import Flavour
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])

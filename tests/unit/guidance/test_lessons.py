@@ -12,7 +12,7 @@ from uavrt.errors import PlanError
 from uavrt.guidance.lessons import Lessons, energy_of
 from uavrt.guidance.orders import Limits, VehicleNow
 from uavrt.guidance.plans import must_return, way_home_wh
-from uavrt.planning import Wind
+from uavrt.planning.vehicle import Wind
 from uavrt.simulation.flying import MODES, Flavour, Frame
 
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])

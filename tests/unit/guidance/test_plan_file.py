@@ -10,8 +10,11 @@ from flown import HOME
 
 from uavrt.cli.fly import fly
 from uavrt.errors import ConfigError, FormatError, PlanError
-from uavrt.guidance import area_in, keep_out_in, survey_file, survey_items, survey_places
+from uavrt.guidance.area_text import area_in, keep_out_in
+from uavrt.guidance.mission import survey_items
 from uavrt.guidance.orders import Limits, Order
+from uavrt.guidance.plan_file import survey_file
+from uavrt.guidance.plans import survey_places
 from uavrt.messages import KeepOut
 from uavrt.planning import area
 

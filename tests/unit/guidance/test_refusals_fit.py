@@ -8,7 +8,7 @@ import pytest
 
 import uavrt
 from uavrt.errors import CommandRefused, PlanError
-from uavrt.planning import Polygon, SearchArea
+from uavrt.planning.area import Polygon, SearchArea
 from uavrt.tunnel.motion import MAX_TEXT
 
 ROOT = Path(uavrt.__file__).parent

@@ -253,7 +253,7 @@ def test_a_pulse_below_the_threshold_was_not_heard(ears: Ears) -> None:
 
 
 def test_the_threshold_falls_with_the_pulses_of_a_group() -> None:
-    from uavrt.detection import enr_needed_db
+    from uavrt.detection.sensitivity import enr_needed_db
 
     for k in (1, 3, 10):
         needed = enr_needed_db(replace(TAG, k=k, interval_uncertainty_s=0.06), 0.5)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
-from uavrt.guidance import way_in
+from uavrt.guidance.way_text import way_in
 
 WAY = ((46.5, 8.0), (46.51, 8.002), (46.52, 8.0))
 LINE = [[east, north] for north, east in WAY]

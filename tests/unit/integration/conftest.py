@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import Pose, Tag
-from uavrt.recording import Flight
+from uavrt.recording.flight_reader import Flight
 from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,

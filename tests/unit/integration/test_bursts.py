@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.integration import Judgement, SlotEnergies, judge, slot_energies, train_pulses
+from uavrt.integration.energy_grid import SlotEnergies, slot_energies
+from uavrt.integration.heard_train import train_pulses
+from uavrt.integration.judging import Judgement, judge
 from uavrt.messages import Tag
 from uavrt_experiments.detection.coded import add_burst, some_codes
 from uavrt_experiments.detection.signals import START_NS, noise

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uavrt.integration import SlotEnergies, gather, slot_energies
+from uavrt.integration.energy_grid import SlotEnergies, gather, slot_energies
 from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,

@@ -13,10 +13,12 @@ from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
 from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
-from uavrt.integration import BLOCK_S, GrowingEnergies, slot_energies
-from uavrt.localization import PATTERNS
+from uavrt.integration.energy_grid import slot_energies
+from uavrt.integration.growing import BLOCK_S, GrowingEnergies
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Poses, Tag
-from uavrt.recording import ChannelRecorder, FlightRecorder
+from uavrt.recording.channel_recorder import ChannelRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.supervisor.tree.shapes import rows_for
 from uavrt_experiments.detection.signals import START_NS, THESIS_TAG
 

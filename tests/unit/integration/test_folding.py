@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from uavrt import native
-from uavrt.integration import base_periods, fold, fold_rows, interval_slots
-from uavrt.integration.folding import highest, slots_added
+from uavrt.integration.folding import (
+    base_periods,
+    fold,
+    fold_rows,
+    highest,
+    interval_slots,
+    slots_added,
+)
 
 
 @pytest.mark.parametrize(("period", "slots"), [(7, 56), (11, 100), (10, 1)])

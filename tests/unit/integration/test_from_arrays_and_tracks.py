@@ -10,9 +10,10 @@ import pytest
 from command_line import uavrt
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
-from uavrt.config import write_tags
+from uavrt.analysis.integrated_samples import integrate
+from uavrt.config.tag_files import write_tags
 from uavrt.errors import RecordingError, UsageError
-from uavrt.localization import difference_deg, integrate
+from uavrt.localization.angles import difference_deg
 from uavrt.messages import Pose
 from uavrt_experiments.detection.signals import START_NS
 
@@ -255,8 +256,9 @@ def test_a_recording_that_lacks_something_is_told_what(  # type: ignore[no-untyp
 
 
 def test_a_whip_is_deaf_overhead_and_tells_no_direction(weak: Rotation) -> None:
-    from uavrt.integration import places_around
-    from uavrt.localization import PoseColumns, monopole_gain_db, pattern_named
+    from uavrt.integration.places import places_around
+    from uavrt.localization.antenna import monopole_gain_db, pattern_named
+    from uavrt.localization.heard import PoseColumns
 
     poses = tuple(replace(one, altitude_relative_m=50.0) for one in weak.flight.poses)
     places = places_around(

@@ -14,26 +14,25 @@ import pytest
 from tests.unit.integration.conftest import Rotation, rotation
 from tests.unit.integration.test_whole_flight import judged
 
-from uavrt.analysis import IntegratedTag, read_survey, save_integrated, slots_of
-from uavrt.analysis.export import export_survey, kmz_bytes
+from uavrt.analysis.export.kmz import kmz_bytes
+from uavrt.analysis.export.written import export_survey
 from uavrt.analysis.fold_pictures import fold_of
-from uavrt.analysis.hindsight import integrated_pulses
-from uavrt.analysis.report import html_page, pdf_document
+from uavrt.analysis.hindsight import integrated_pulses, save_integrated, slots_of
+from uavrt.analysis.report.document import pdf_document
+from uavrt.analysis.report.page import html_page
+from uavrt.analysis.survey import read_survey
+from uavrt.analysis.whole_flight import IntegratedTag
 from uavrt.cli.integrated_words import sentence
 from uavrt.clock import parse_iso_intervals
 from uavrt.errors import FormatError, RecordingError
-from uavrt.integration import OtherTrain
+from uavrt.integration.judging import OtherTrain
 from uavrt.messages import Poses, Pulse, PulsePose
-from uavrt.recording import (
-    Flight,
-    FlightLayout,
-    FlightRecorder,
-    read_flight,
-    read_folds,
-    read_integrated,
-    read_pulse_file,
-)
-from uavrt.recording.formats import read_pulse_log
+from uavrt.recording.flight_reader import Flight, read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.formats.recognise import read_pulse_log
+from uavrt.recording.integrated import read_folds, read_integrated
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_files import read_pulse_file
 
 LIVE = 4
 """Pulses of the train that the flight's own log has."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.integration import Judgement, judge
+from uavrt.integration.judging import Judgement, judge
 from uavrt.messages import Tag
 from uavrt_experiments.integrate.flights import (
     INTERVAL_S,

@@ -15,21 +15,19 @@ from command_line import uavrt
 from numpy.typing import NDArray
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
-from uavrt.analysis import (
-    channel_of,
-    integrate_kept,
-    kept_channels,
-    read_survey,
-)
 from uavrt.analysis.coverage_files import write_silence
+from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
 from uavrt.analysis.report.words import hindsight
+from uavrt.analysis.survey import read_survey
 from uavrt.cli.app import app
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.errors import FormatError, UavrtError
-from uavrt.localization import PATTERNS
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import ChannelBlock, Tag
-from uavrt.radio import JoinedRecording
-from uavrt.recording import ChannelRecorder, FlightLayout, read_flight
+from uavrt.radio.joined import JoinedRecording
+from uavrt.recording.channel_recorder import ChannelRecorder
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.layout import FlightLayout
 from uavrt_experiments.detection.signals import START_NS, noise
 
 SPACING_HZ = 1875.0

@@ -15,15 +15,15 @@ from command_line import uavrt
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 from tests.unit.integration.test_from_arrays_and_tracks import FIXED
 
-from uavrt.analysis import read_survey
-from uavrt.analysis.export import kml_text
 from uavrt.analysis.export.geojson import geojson_text
 from uavrt.analysis.export.geopackage import write_geopackage
+from uavrt.analysis.export.kmz import kml_text
 from uavrt.analysis.report.words import hindsight
-from uavrt.config import Settings
+from uavrt.analysis.survey import read_survey
+from uavrt.config.settings import Settings
 from uavrt.errors import FormatError
 from uavrt.messages import Pose, Tag
-from uavrt.recording import read_integrated
+from uavrt.recording.integrated import read_integrated
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.integrate.flights import PLANE, World, add_pulses, passing, silence

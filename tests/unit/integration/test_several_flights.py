@@ -13,18 +13,20 @@ from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotati
 from tests.unit.integration.test_from_arrays_and_tracks import FIXED
 from tests.unit.integration.test_whole_flight import judged
 
-from uavrt.analysis import (
-    IntegratedTag,
+from uavrt.analysis.several_flights import (
     TagOfFlights,
     common_tags,
     judge_together,
     share_alone,
 )
+from uavrt.analysis.whole_flight import IntegratedTag
 from uavrt.cli.app import app
 from uavrt.clock import iso_utc
 from uavrt.errors import ConfigError, UavrtError, UsageError
-from uavrt.localization import PATTERNS, difference_deg
-from uavrt.recording import FlightLayout, read_integrated
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
+from uavrt.recording.integrated import read_integrated
+from uavrt.recording.layout import FlightLayout
 from uavrt_experiments.detection.signals import START_NS
 
 HOUR_NS = 3_600_000_000_000

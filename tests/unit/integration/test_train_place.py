@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.integration import HeardTrain, train_pulses
 from uavrt.integration.cells import Cells, LikelyGround
-from uavrt.integration.heard_train import slot_logs
+from uavrt.integration.heard_train import HeardTrain, slot_logs, train_pulses
 from uavrt.integration.train_place import _EXPONENT_SHARES, _EXPONENTS
-from uavrt.localization import Propagation
+from uavrt.localization.position.level_evidence import Propagation
 from uavrt_experiments.integrate.flights import (
     PLANE,
     add_pulses,

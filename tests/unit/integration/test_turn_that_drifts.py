@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from tests.unit.integration.conftest import WINDOW_HZ
 
-from uavrt.analysis import IntegratedTag, integrate_flight
-from uavrt.localization import PATTERNS, difference_deg
-from uavrt.radio import open_recording
-from uavrt.recording import Flight
+from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
+from uavrt.radio.opening import open_recording
+from uavrt.recording.flight_reader import Flight
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.integrate.flights import (
     PLANE,

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.integration import SlotEnergies, Weights, fold, low_rank_weights
-from uavrt.integration.whole_flight import correlation_slots
-from uavrt_experiments.detection import coloured_noise, noise
+from uavrt.integration.energy_grid import SlotEnergies
+from uavrt.integration.folding import fold
+from uavrt.integration.whole_flight import Weights, correlation_slots, low_rank_weights
+from uavrt_experiments.detection.interference import coloured_noise
+from uavrt_experiments.detection.signals import noise
 from uavrt_experiments.integrate.false_alarms import flown as judged_flight
 from uavrt_experiments.integrate.false_alarms import gumbel_share, humming
 from uavrt_experiments.integrate.flights import (

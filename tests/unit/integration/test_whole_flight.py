@@ -10,22 +10,19 @@ import numpy as np
 import pytest
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
 
-from uavrt.analysis import parts_of, where_in_words
 from uavrt.analysis.fold_pictures import write_fold_pictures
+from uavrt.analysis.hindsight import parts_of
+from uavrt.analysis.verdict_words import where_in_words
 from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words, integrate_flight
 from uavrt.cli.app import app
 from uavrt.errors import UavrtError
-from uavrt.integration import (
-    HeardTrain,
-    low_rank_weights,
-    place_belief,
-    search_flight,
-    train_pulses,
-)
 from uavrt.integration.cells import Cells
-from uavrt.integration.whole_flight import FEW_PATTERNS
-from uavrt.localization import PATTERNS, difference_deg
-from uavrt.radio import open_recording
+from uavrt.integration.heard_train import HeardTrain, train_pulses
+from uavrt.integration.train_place import place_belief
+from uavrt.integration.whole_flight import FEW_PATTERNS, low_rank_weights, search_flight
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
+from uavrt.radio.opening import open_recording
 from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.detection.trials import detect

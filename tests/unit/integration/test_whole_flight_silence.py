@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS
-from uavrt.planning import WholeFlightSum
+from uavrt.localization.antenna import PATTERNS
+from uavrt.planning.whole_flight import WholeFlightSum
 from uavrt_experiments.integrate.flights import (
     Truth,
     World,

@@ -2,8 +2,8 @@ import socket
 
 import pytest
 
-from uavrt.ipc import ChildLink, decode_record, encode_record
-from uavrt.ipc.link import SupervisorGone
+from uavrt.ipc.link import ChildLink, SupervisorGone
+from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import StatusText
 
 

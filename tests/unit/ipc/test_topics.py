@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ipc import TOPICS, decode_record, encode_record
 from uavrt.ipc.link import LineBuffer
+from uavrt.ipc.topics import TOPICS, decode_record, encode_record
 from uavrt.messages import (
     Command,
     CommandReply,

@@ -6,16 +6,17 @@ from numpy.typing import NDArray
 from switched_amplitudes import switched_amplitudes
 
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    PATTERNS,
-    ArrayMethod,
+from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.bearing.array_bearings import (
+    Steering,
     amplitude_monopulse,
     circle_steering,
     pair_steering,
     switched_bearing,
+    switched_bound_deg,
 )
-from uavrt.localization.angles import difference_deg
-from uavrt.localization.bearing.array_bearings import Steering, switched_bound_deg
+from uavrt.localization.results import ArrayMethod
 
 RATE_HZ = 48_000.0
 PULSE = 960  # 20 ms

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from numpy.random import Generator
 
-from uavrt.localization import PATTERNS, Bearing, estimate_bearing
 from uavrt.localization.angles import difference_deg
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.results import Bearing
 
 
 def rotation(

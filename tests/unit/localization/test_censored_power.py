@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.special import log_ndtr, ndtr
 
-from uavrt.localization import Propagation
 from uavrt.localization.position import censored_power
 from uavrt.localization.position.censored_power import (
     CensoredSums,
@@ -12,6 +11,7 @@ from uavrt.localization.position.censored_power import (
     censored_fit,
     normal_tail,
 )
+from uavrt.localization.position.level_evidence import Propagation
 
 
 def test_the_table_of_the_normal_distribution_is_as_good_as_its_docstring_says() -> None:

@@ -5,7 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.localization import Position, Stations, TangentPlane, estimate_position
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.results import Position
+from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.localization.circle_bars import Bearings, by_bearings
 
 Floats = NDArray[np.float64]

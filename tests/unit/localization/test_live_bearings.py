@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from uavrt.errors import UsageError
-from uavrt.localization import PATTERNS
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.bearing.live_bearings import LiveBearings
+from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.flight_estimates import LEAST_PULSES
+from uavrt.localization.live_bearings import LiveBearings
 from uavrt.messages import LiveBearing, Pose, PulsePose
 
 START_NS = 1_700_000_000_000_000_000

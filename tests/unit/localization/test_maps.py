@@ -5,16 +5,12 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    PositionGrid,
-    PowerTrack,
-    TangentPlane,
-    monopole_gain_db,
-    region_outlines,
-    signal_surface,
-    strongest_signal,
-)
-from uavrt.localization.position.regions import refined
+from uavrt.localization.antenna import monopole_gain_db
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.position.regions import refined, region_outlines
+from uavrt.localization.position.strongest import signal_surface, strongest_signal
+from uavrt.localization.results import PositionGrid
+from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=-12.0, longitude_deg=131.0)
 AXIS = np.arange(-200.0, 201.0, 4.0)

@@ -9,19 +9,15 @@ from numpy.typing import NDArray
 from some import some
 
 from uavrt.errors import UsageError
-from uavrt.localization import (
-    Listening,
-    OverGround,
-    PoseColumns,
-    Stations,
-    TagPrior,
-    estimate_position,
-)
+from uavrt.localization.heard import OverGround, PoseColumns
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.localization.position.trackers import ParticleTracker
-from uavrt.terrain import HillLosses
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.trackers import ParticleTracker, TagPrior
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt_experiments.coverage.shadow import CASES, fly, surveyed
-from uavrt_experiments.search import PLANE, elevation_of
+from uavrt_experiments.search.terrain import PLANE, elevation_of
 
 _Floats = NDArray[np.float64]
 AREA = Area(west_m=-500.0, east_m=500.0, south_m=-500.0, north_m=500.0)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.localization import TangentPlane, estimate_position
+from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.stations import Stations
+from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=46.5, longitude_deg=8.0)
 SIGMA_DEG = 4.0

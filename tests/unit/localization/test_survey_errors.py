@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 from some import some
 
-from uavrt.localization import Position, PowerTrack, TangentPlane, estimate_position
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.power_evidence import PowerTrack
+from uavrt.localization.results import Position
+from uavrt.tangent_plane import TangentPlane
 from uavrt_experiments.localization.circle_bars import Strengths, by_strength
 from uavrt_experiments.localization.position_bars import survey
 from uavrt_experiments.localization.survey_error_bars import CASES

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.localization import PATTERNS
+from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
 from uavrt.localization.position.bearing_evidence import von_mises
 from uavrt.localization.position.level_belief import Listening

@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.errors import UsageError
-from uavrt.localization import TangentPlane, Turn, find_turns
+from uavrt.localization.bearing.turns import Turn, find_turns
+from uavrt.tangent_plane import TangentPlane
 
 RATE_HZ = 5.0
 START_NS = 1_700_000_000_000_000_000

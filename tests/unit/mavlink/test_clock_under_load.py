@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from uavrt.mavlink import TimeSync
+from uavrt.mavlink.timesync import TimeSync
 from uavrt.units import ns_from_s
 
 SKEWS_PPM = (0.0, 50.0, 11_800.0, -11_800.0, 20_000.0, -20_000.0)

@@ -5,8 +5,11 @@ from typing import TypeVar
 import made
 import pytest
 
-from uavrt.mavlink import Component, FrameParser, FrameWriter, Handlers, Message, Peer
 from uavrt.mavlink import dialect as d
+from uavrt.mavlink.component import Component, Handlers
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import FrameParser, FrameWriter
+from uavrt.mavlink.message import Message
 from uavrt.messages import AttitudeSample, PositionSample
 
 START_NS = 1_700_000_000 * 10**9

@@ -7,12 +7,15 @@ from typing import Any
 
 import pytest
 
-from uavrt import tunnel
 from uavrt.attitude import euler_deg
+from uavrt.commands import Generation, SystemState
 from uavrt.errors import CommandRefused, ConfigError, LinkError
-from uavrt.ground.link.drone_link import Acknowledged, GroundEvent, GroundLink
-from uavrt.mavlink import Connection, Handlers
-from uavrt.messages import Pose, Poses, PulsePose, StatusText, SystemState, Tag
+from uavrt.ground.link.drone_link import GroundLink
+from uavrt.ground.link.protocol import Acknowledged, GroundEvent
+from uavrt.mavlink.component import Handlers
+from uavrt.mavlink.connection import Connection
+from uavrt.messages import Pose, Poses, PulsePose, StatusText, Tag
+from uavrt.tunnel.convert import tag_to_wire
 from world import World
 
 Until = Callable[..., Awaitable[None]]
@@ -27,7 +30,7 @@ def pulses_of(events: list[GroundEvent]) -> list[PulsePose]:
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 async def test_tags_go_up_and_pulses_come_down_without_loss(
     make_world: MakeWorld, thesis_tag: Tag, until: Until,
-    generation: tunnel.Generation, flavour: str,
+    generation: Generation, flavour: str,
 ) -> None:  # fmt: skip
     world = make_world(mavlink={"tunnel_generation": generation}, flavour=flavour)
     station = world.station(generation=generation)
@@ -51,7 +54,7 @@ async def test_tags_go_up_and_pulses_come_down_without_loss(
 
 async def test_a_refused_tag_raises_the_drones_reason(world: World, thesis_tag: Tag) -> None:
     async with world.flying(), world.station() as (ground, _):
-        wire = tunnel.tag_to_wire(thesis_tag).encode()
+        wire = tag_to_wire(thesis_tag).encode()
         with pytest.raises(CommandRefused, match="id is 0"):
             await ground.command(wire[:4] + bytes(4) + wire[8:])
         with pytest.raises(CommandRefused, match="TAG has 50 bytes"):

@@ -10,8 +10,8 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
-from uavrt.mavlink import Peer
 from uavrt.mavlink.dialect import FileTransferProtocol
+from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.ftp_files import FileTree
 from uavrt.mavlink.ftp_server import MAX_SESSIONS, FileServer
 from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum

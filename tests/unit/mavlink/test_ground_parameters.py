@@ -9,8 +9,7 @@ import pytest
 from uavrt.config.parameters import RUN, parameter_values
 from uavrt.errors import CommandRefused, LinkError, TunnelError
 from uavrt.messages import StatusText
-from uavrt.tunnel import read_key
-from uavrt.tunnel.seal import parameter_inside, parameter_of
+from uavrt.tunnel.seal import parameter_inside, parameter_of, read_key
 from world import World
 
 Until = Callable[..., Awaitable[None]]

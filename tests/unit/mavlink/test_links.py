@@ -11,14 +11,11 @@ import pytest
 import serial
 
 from uavrt.errors import ConfigError, LinkError
-from uavrt.mavlink import (
-    Frame,
-    FrameWriter,
-    open_link,
-    parse_address,
-)
 from uavrt.mavlink import dialect as d
+from uavrt.mavlink.address import parse_address
+from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.stream import TcpLink
+from uavrt.mavlink.transport import open_link
 from uavrt.mavlink.udp import UdpLink
 
 Until = Callable[..., Awaitable[None]]

@@ -7,8 +7,10 @@ from typing import Any
 import pytest
 from mission_wire import OWN, VEHICLE, MissionWire
 
-from uavrt.guidance import MissionItem, difference, fence_items, fence_of
-from uavrt.mavlink import Message, MissionDownload, MissionUpload, dialect, homed
+from uavrt.guidance.mission import MissionItem, difference, fence_items, fence_of
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.mission_transfer import MissionDownload, MissionUpload, homed
 from uavrt.messages import KeepOut, VehicleFence
 from uavrt.simulation.fake_autopilot import Flavour
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from uavrt.commands import Generation, SystemState
 from uavrt.errors import CommandRefused, LinkError
-from uavrt.messages import Command, SystemState, Tag
-from uavrt.tunnel import Generation
+from uavrt.messages import Command, Tag
 from world import World
 
 Until = Callable[..., Awaitable[None]]

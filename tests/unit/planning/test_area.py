@@ -5,8 +5,7 @@ import pytest
 from some import some
 
 from uavrt.errors import PlanError
-from uavrt.planning import Circle, Polygon, SearchArea, survey_lines
-from uavrt.planning.area import check_reach
+from uavrt.planning.area import Circle, Polygon, SearchArea, check_reach, survey_lines
 
 SQUARE = Polygon.rectangle(0.0, 400.0, 0.0, 400.0, name="search area")
 

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from uavrt.errors import ConfigError
-from uavrt.localization import PATTERNS, Listening, TagPrior
+from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.planning import Beliefs, GroundReflection, HonestStop, TagBelief
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.trackers import TagPrior
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.propagation import GroundReflection
+from uavrt.planning.stopping import HonestStop
 from uavrt.simulation.propagation import Propagation, ground_reflection
 
 AREA = Area(west_m=0.0, east_m=500.0, south_m=0.0, north_m=500.0)

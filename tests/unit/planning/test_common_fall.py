@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavrt.localization import Listening, TagPrior
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.planning import TagBelief
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.trackers import TagPrior
+from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.common_fall import CommonFall
 
 AREA = Area(west_m=0.0, east_m=600.0, south_m=0.0, north_m=600.0)

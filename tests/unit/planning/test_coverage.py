@@ -8,13 +8,18 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.detection import enr_needed_db
-from uavrt.localization import Headings, pattern_named
-from uavrt.planning import LinkBudget, ListeningWay, absence, coverage_of, listening_way
-from uavrt.planning.coverage import Coverage
-from uavrt.simulation import Antenna, Flight, Leg, Propagation, Scenario, World
+from uavrt.detection.sensitivity import enr_needed_db
+from uavrt.localization.antenna import pattern_named
+from uavrt.localization.headings import Headings
+from uavrt.planning.coverage import Coverage, ListeningWay, absence, coverage_of, listening_way
+from uavrt.planning.link_budget import LinkBudget
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.propagation import Propagation
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.world import World
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import GroundGrid
+from uavrt.terrain.squares import GroundGrid
 
 _Floats = NDArray[np.float64]
 TAG = made.tag(2, 150e6, interval_uncertainty_s=0.06, interval_jitter_s=0.01)

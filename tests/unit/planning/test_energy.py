@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from uavrt.errors import ConfigError
-from uavrt.planning import Battery, EnergyModel, Multirotor, VehicleState, Wind
+from uavrt.planning.energy import Battery, EnergyModel
+from uavrt.planning.vehicle import Multirotor, VehicleState, Wind
 
 DRONE = Multirotor(speed_m_s=10.0)
 

@@ -8,7 +8,7 @@ import pytest
 
 from uavrt.cli.range import range as range_command
 from uavrt.messages import Poses
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 
 START_NS = 1_700_000_000_000_000_000
 

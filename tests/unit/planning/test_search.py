@@ -7,36 +7,22 @@ import numpy as np
 import pytest
 
 from uavrt.errors import PlanError, UsageError
-from uavrt.localization import PATTERNS, Listening, TagPrior
+from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.position.bayes_fix import Area
-from uavrt.planning import (
-    PLANNERS,
-    Battery,
-    Beliefs,
-    Circle,
-    Decision,
-    EnergyModel,
-    FixedWing,
-    FlyTo,
-    Hold,
-    HonestStop,
-    KeepAway,
-    Multirotor,
-    Polygon,
-    Return,
-    Rotate,
-    Search,
-    SearchArea,
-    SearchSettings,
-    TagBelief,
-    Vehicle,
-    VehicleState,
-    Wind,
-    flown,
-    planner_named,
-)
+from uavrt.localization.position.level_belief import Listening
+from uavrt.localization.position.trackers import TagPrior
+from uavrt.planning.actions import FlyTo, Hold, Return, Rotate
+from uavrt.planning.area import Circle, Polygon, SearchArea
+from uavrt.planning.beliefs import Beliefs, TagBelief
+from uavrt.planning.energy import Battery, EnergyModel
 from uavrt.planning.information import Listener, information_nats, minus_quarter_squares
+from uavrt.planning.keep_away import KeepAway
+from uavrt.planning.planners.registry import PLANNERS, planner_named
 from uavrt.planning.planners.ways import headings, sampled
+from uavrt.planning.search import Search, SearchSettings
+from uavrt.planning.situation import Decision
+from uavrt.planning.stopping import HonestStop
+from uavrt.planning.vehicle import FixedWing, Multirotor, Vehicle, VehicleState, Wind, flown
 
 SIDE_M = 400.0
 PRIOR = TagPrior(

@@ -6,25 +6,17 @@ import numpy as np
 import pytest
 
 from uavrt.guidance.neighbours import SEPARATION
-from uavrt.planning import (
-    FlyTo,
-    MiRate,
-    Multirotor,
-    Polygon,
-    Search,
-    SearchArea,
-    SearchSettings,
-    Separation,
-    Situation,
-    VehicleState,
-    Wind,
-    flown,
-)
-from uavrt.planning.beside import Beside
+from uavrt.planning.actions import FlyTo
+from uavrt.planning.area import Polygon, SearchArea
+from uavrt.planning.beside import Beside, Separation
 from uavrt.planning.division import Start, divided
 from uavrt.planning.information import information_nats
+from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.planners.ways import checked, sampled
-from uavrt_experiments.search import SCENARIOS
+from uavrt.planning.search import Search, SearchSettings
+from uavrt.planning.situation import Situation
+from uavrt.planning.vehicle import Multirotor, VehicleState, Wind, flown
+from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.drones import FlightOfDrones
 from uavrt_experiments.search.flight import beliefs_of
 from uavrt_experiments.search.scenario import Contender

@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from uavrt.errors import ConfigError
-from uavrt.planning import (
-    FixedWing,
-    FlyTo,
-    Hold,
-    Multirotor,
-    Rotate,
-    VehicleState,
-    Wind,
-    flown,
-)
-from uavrt.planning.vehicle import reachable
+from uavrt.planning.actions import FlyTo, Hold, Rotate
+from uavrt.planning.vehicle import FixedWing, Multirotor, VehicleState, Wind, flown, reachable
 
 START = VehicleState(time_s=100.0, east_m=0.0, north_m=0.0, height_m=30.0, yaw_deg=0.0)
 

@@ -6,10 +6,10 @@ import random
 import pytest
 
 from uavrt.attitude import from_euler_deg, yaw_deg
-from uavrt.config import AntennaSettings
+from uavrt.config.settings import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.pose import PoseRing
+from uavrt.pose.ring import PoseRing
 from uavrt.units import wrap_degrees_180
 
 START_NS = 1_700_205_419_230_494_976

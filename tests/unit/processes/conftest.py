@@ -18,8 +18,10 @@ from uavrt.clock import Clock
 from uavrt.config.settings import MavlinkSettings, RecordingSettings, Settings
 from uavrt.demo.programs import free_udp_port
 from uavrt.ground.link.drone_link import GroundLink
-from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
+from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import ChildLink, LineBuffer
+from uavrt.ipc.process import ProcessFrame
+from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import (
     Command,
     CommandReply,
@@ -30,7 +32,7 @@ from uavrt.messages import (
     Recorded,
 )
 from uavrt.processes.connection import ConnectionProcess
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 from world import turning_vehicle, until
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from uavrt.config.settings import DetectionSettings, OperatingModeName
-from uavrt.detection import PulseDetector, group
+from uavrt.detection import group
+from uavrt.detection.detector import PulseDetector
 from uavrt.detection.search.band import advance_together
 from uavrt.messages import ChannelBlock, Tag
 from uavrt.processes import hang_watch

@@ -6,7 +6,8 @@ import made
 import pytest
 
 from uavrt.guidance.mission import MissionItem
-from uavrt.mavlink import Message, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.message import Message
 from uavrt.messages import VehicleFence
 from uavrt.processes.fence_watch import FenceWatch
 from uavrt.simulation.mission_store import MissionStore

@@ -9,7 +9,7 @@ import pytest
 
 from uavrt.attitude import euler_deg
 from uavrt.clock import Clock
-from uavrt.ground.link.drone_link import DetectorAlive, DroneHeartbeat
+from uavrt.ground.link.protocol import DetectorAlive, DroneHeartbeat
 from uavrt.messages import Poses, PulsePose
 
 Bay = Any  # tests/unit/processes/conftest.py

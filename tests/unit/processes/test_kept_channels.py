@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from tests.unit.processes.test_radio_restart import Sink
 
-from uavrt.config import parse_settings
+from uavrt.config.loader import parse_settings
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import ConfigError
-from uavrt.ipc import Assignment
+from uavrt.ipc.assignment import Assignment
 from uavrt.messages import ChannelBlock
 from uavrt.processes.decimator import BandReceiver
 from uavrt.processes.kept_channels import KeptChannels

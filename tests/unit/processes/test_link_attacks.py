@@ -28,14 +28,10 @@ from attacked import (
 from serial_line import ADDRESS, BYTE_S, SerialLine
 from some import some
 
-from uavrt.ground.link import ask, confirm, motion_request, stop
-from uavrt.mavlink import FrameWriter
+from uavrt.ground.link.motion import ask, confirm, motion_request, stop
+from uavrt.mavlink.frame import FrameWriter
 from uavrt.messages import PulsePose, SystemStatus
-from uavrt.tunnel import (
-    MOTION_INSIDE,
-    MOTION_TYPE,
-    SEALED_TYPE,
-    Key,
+from uavrt.tunnel.motion import (
     MotionConfirmation,
     MotionState,
     MotionStop,
@@ -43,7 +39,8 @@ from uavrt.tunnel import (
     encode_request,
     encode_stop,
 )
-from uavrt.tunnel.seal import SealKeeper, seal, session_of
+from uavrt.tunnel.private import MOTION_TYPE, SEALED_TYPE
+from uavrt.tunnel.seal import MOTION_INSIDE, Key, SealKeeper, seal, session_of
 
 Bay = Any  # tests/unit/processes/conftest.py
 TRIALS = int(os.environ.get("UAVRT_LINK_TRIALS", "4"))

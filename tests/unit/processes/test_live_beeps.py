@@ -8,7 +8,7 @@ import pytest
 from tests.unit.processes.test_radio_restart import Sink
 
 from uavrt.config.settings import RecordingSettings, Settings
-from uavrt.ipc import Assignment
+from uavrt.ipc.assignment import Assignment
 from uavrt.messages import Beep, BeepKind
 from uavrt.processes import beep_listener
 from uavrt.processes.receiver import Receiver

@@ -12,8 +12,9 @@ from some import some
 from virtual_time import follow
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance import fence_items
-from uavrt.mavlink import dialect, parse_address
+from uavrt.guidance.mission import fence_items
+from uavrt.mavlink import dialect
+from uavrt.mavlink.address import parse_address
 from uavrt.messages import (
     Command,
     CommandReply,
@@ -33,7 +34,6 @@ from uavrt.messages import (
 from uavrt.processes.motion_desk import SIMULATOR_NUMBER, MotionDesk, Outlets
 from uavrt.simulation.flying import MODES, Flavour
 from uavrt.simulation.mission_store import MissionStore
-from uavrt.tunnel import encode_neighbour
 from uavrt.tunnel.motion import (
     MotionConfirmation,
     MotionState,
@@ -43,6 +43,7 @@ from uavrt.tunnel.motion import (
     encode_request,
     encode_stop,
 )
+from uavrt.tunnel.neighbours import encode_neighbour
 
 US, OTHERS = (254, 190), (254, 191)
 SETTINGS = GuidanceSettings(enabled=True, battery_wh=120.0, may_take_off=True)

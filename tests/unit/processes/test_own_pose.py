@@ -16,7 +16,8 @@ from uavrt.config.settings import MavlinkSettings, PoseSettings, RecordingSettin
 from uavrt.demo.programs import free_udp_port
 from uavrt.errors import ConfigError
 from uavrt.ground.link.vehicle import VehicleWatch
-from uavrt.mavlink import Peer, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import Peer
 from uavrt.messages import Poses, PulsePose, StatusText
 from uavrt.processes.own_pose import pose_address
 

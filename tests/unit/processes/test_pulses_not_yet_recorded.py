@@ -10,7 +10,7 @@ import pytest
 
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.messages import PulsePose, Recorded
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 
 Until = Callable[..., Awaitable[None]]
 

@@ -36,7 +36,7 @@ def block_at(time_ns: int, lost: int = 0) -> IQBlock:
 
 def make_receiver(directory: Path) -> Receiver:
     from uavrt.config.settings import RecordingSettings, Settings
-    from uavrt.ipc import Assignment
+    from uavrt.ipc.assignment import Assignment
 
     flight = made.flight_info(directory, (TAG,), sample_rate_hz=RATE_HZ)
     assignment = Assignment(

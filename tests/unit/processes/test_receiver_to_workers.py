@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver as GhostPlaces
 from uavrt.config.settings import DetectionSettings, RecordingSettings, Settings
-from uavrt.ipc import Assignment
+from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.sample_sockets import make_sample_sockets
 from uavrt.ipc.samples import ChannelReceiver, ChannelSender
 from uavrt.messages import Pulse, Tag

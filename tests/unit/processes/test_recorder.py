@@ -13,8 +13,10 @@ from some import some
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import AntennaSettings, RecordingSettings, Settings
-from uavrt.ipc import Assignment, ProcessFrame, decode_record, encode_record
+from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import ChildLink, LineBuffer
+from uavrt.ipc.process import ProcessFrame
+from uavrt.ipc.topics import decode_record, encode_record
 from uavrt.messages import (
     Command,
     CommandReply,
@@ -31,7 +33,9 @@ from uavrt.messages import (
 from uavrt.pose.mounting import Mounting
 from uavrt.processes.commit_times import PULSES_S
 from uavrt.processes.recorder import MOST_COMMANDS, POSE_PATIENCE_S, Recorder
-from uavrt.recording import FlightRecorder, read_flight, read_pulse_pose_log
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 from uavrt.supervisor.tree.waiting_records import Outbox
 
 S = 1_000_000_000

@@ -8,7 +8,7 @@ from tests.unit.processes.test_recorder import Drone, posed, pulse
 from tests.unit.processes.test_recorder import drone as drone
 
 from uavrt.messages import StatusText
-from uavrt.recording import read_flight
+from uavrt.recording.flight_reader import read_flight
 
 WITHIN_S = 5
 

@@ -6,10 +6,11 @@ from typing import Any
 
 import made
 
-from uavrt.ground.link.drone_link import DetectorAlive, DroneHeartbeat
+from uavrt.commands import SystemState
+from uavrt.ground.link.protocol import DetectorAlive, DroneHeartbeat
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import Frame
-from uavrt.messages import SearchReport, StatusText, SystemState, SystemStatus
+from uavrt.messages import SearchReport, StatusText, SystemStatus
 
 Bay = Any  # tests/unit/processes/conftest.py
 Until = Callable[..., Awaitable[None]]

@@ -12,14 +12,9 @@ import made
 import pytest
 from pulses import pulse_at
 
-from uavrt.messages import (
-    Command,
-    FlightInfo,
-    PulsePose,
-    StatusText,
-    SystemState,
-)
-from uavrt.recording import FlightRecorder
+from uavrt.commands import SystemState
+from uavrt.messages import Command, FlightInfo, PulsePose, StatusText
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
 

@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.mavlink import Peer
+from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.routes import FRESH_NS, STEADY_NS, Routes
 from uavrt.messages import PulsePose
 

@@ -10,8 +10,10 @@ from tests.unit.processes.test_motion_desk import Link
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import GuidanceSettings
-from uavrt.guidance import now_of
-from uavrt.mavlink import WATCHED_HZ, dialect, wind_of
+from uavrt.guidance.reports import now_of
+from uavrt.mavlink import dialect
+from uavrt.mavlink.vehicle_messages import WATCHED_HZ
+from uavrt.mavlink.wind import wind_of
 from uavrt.messages import VehicleFence, VehicleReport
 from uavrt.processes import guide
 from uavrt.simulation.flown import ASKED_IDS

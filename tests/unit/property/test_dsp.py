@@ -4,8 +4,10 @@ from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
 from original_tuner import original_center
 
-from uavrt.dsp import Channelizer, Decimator, FrontEnd, tune
-from uavrt.dsp.tuner import compatible_cost
+from uavrt.dsp.channelizer import Channelizer
+from uavrt.dsp.decimator import Decimator
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.dsp.tuner import compatible_cost, tune
 from uavrt.errors import TunerError
 from uavrt.messages import ChannelBlock, IQBlock
 

@@ -9,15 +9,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
-from uavrt.recording.formats import (
-    read_bearing_file,
-    read_position_file,
-    read_pulse_log,
-    read_pyradiotracking,
-    read_tagtracker,
-    read_ucsd_estimates,
-    read_ucsd_pings,
-)
+from uavrt.recording.formats.bearings_csv import read_bearing_file
+from uavrt.recording.formats.positions_csv import read_position_file
+from uavrt.recording.formats.pyradiotracking import read_pyradiotracking
+from uavrt.recording.formats.recognise import read_pulse_log
+from uavrt.recording.formats.tagtracker import read_tagtracker
+from uavrt.recording.formats.ucsd import read_ucsd_estimates, read_ucsd_pings
 
 cells = st.one_of(
     st.sampled_from(["7", "10", "11", "20", "nan", "-inf", "-9999", "1e400", "", "0", "1"]),

@@ -19,6 +19,7 @@ import pytest
 from until import until_async as until
 
 from uavrt.clock import Clock
+from uavrt.commands import CommandId
 from uavrt.errors import UavrtError
 from uavrt.ground.link import parallel_links as ways
 from uavrt.ground.session import GroundSession
@@ -30,8 +31,8 @@ from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
 from uavrt.messages import PulsePose
-from uavrt.recording import read_flight, read_pulse_file
-from uavrt.tunnel import CommandId
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.pulse_files import read_pulse_file
 from uavrt.tunnel.burst import BURST_TYPE
 from uavrt.tunnel.codec import DECODERS
 from uavrt.tunnel.convert import pulse_to_wire

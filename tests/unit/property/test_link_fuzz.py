@@ -14,7 +14,9 @@ import pytest
 from uavrt.config.parameters import parameter_values, with_parameter
 from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError, TunnelError
-from uavrt.mavlink import Component, Handlers, Peer, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.component import Component, Handlers
+from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.mavlink.parameters import ParameterServer, Requests, Wish
 from uavrt.messages import Command

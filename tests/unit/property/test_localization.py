@@ -5,15 +5,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.localization import (
-    PATTERNS,
-    Stations,
-    TangentPlane,
-    estimate_bearing,
-    estimate_position,
-)
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.position.power_law import power_tables
+from uavrt.localization.antenna import PATTERNS
+from uavrt.localization.bearing.estimate import estimate_bearing
+from uavrt.localization.position.estimate import estimate_position
+from uavrt.localization.position.stations import Stations
+from uavrt.localization.power_law import power_tables
+from uavrt.tangent_plane import TangentPlane
 
 angles = st.floats(0.0, 360.0, exclude_max=True)
 

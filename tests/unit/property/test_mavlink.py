@@ -9,21 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavrt.clock import Clock
-from uavrt.mavlink import (
-    Component,
-    FrameParser,
-    FrameWriter,
-    Handlers,
-    PacedQueue,
-    Priority,
-    TimeSync,
-    chunks_of,
-)
+from uavrt.mavlink.component import Component, Handlers
 from uavrt.mavlink.dialect import MESSAGES, Ping, Statustext, Tunnel
-from uavrt.mavlink.frame import crc16_mcrf4xx
-from uavrt.mavlink.pacing import CAPACITY, Tunnelled
-from uavrt.mavlink.statustext import TextAssembler
-from uavrt.simulation import demo_scenario
+from uavrt.mavlink.frame import FrameParser, FrameWriter, crc16_mcrf4xx
+from uavrt.mavlink.pacing import CAPACITY, PacedQueue, Priority, Tunnelled
+from uavrt.mavlink.statustext import TextAssembler, chunks_of
+from uavrt.mavlink.timesync import TimeSync
+from uavrt.simulation.demo_world import demo_scenario
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 
 PAYLOADS = st.binary(max_size=128)

@@ -7,10 +7,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from uavrt.attitude import Quaternion, from_euler_deg, normalised, product, rotated, slerp
-from uavrt.config import AntennaSettings
+from uavrt.config.settings import AntennaSettings
 from uavrt.errors import PoseUnavailable
 from uavrt.messages import AttitudeSample, PositionSample, Pulse
-from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.pose.attacher import PoseAttacher
+from uavrt.pose.ring import PoseRing
 from uavrt.units import wrap_degrees_180
 
 START_NS = 1_700_205_419_230_494_976

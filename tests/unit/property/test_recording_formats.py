@@ -14,15 +14,10 @@ from hypothesis import strategies as st
 
 from uavrt.errors import FormatError
 from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.recording import (
-    PulseFormat,
-    PulseWriter,
-    read_detector_config,
-    read_flight,
-    read_pulse_file,
-    read_pulse_pose_log,
-)
-from uavrt.recording.pulse_pose_log import format_line, parse_line
+from uavrt.recording.detector_configs import read_detector_config
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.pulse_files import PulseFormat, PulseWriter, read_pulse_file
+from uavrt.recording.pulse_pose_log import format_line, parse_line, read_pulse_pose_log
 
 times = st.integers(0, 2**62)
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)

@@ -6,22 +6,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.simulation import (
-    Fading,
-    Flight,
-    Interferer,
-    IQSynthesizer,
-    Leg,
-    Propagation,
-    Radio,
-    Scenario,
-    SimulatedTag,
-    World,
-    geometry,
-    parse_scenario,
-    scenario_toml,
-)
+from uavrt.simulation import geometry
 from uavrt.simulation.counter_random import stream_key, uniform
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.propagation import Fading, Propagation
+from uavrt.simulation.scenario import Interferer, Radio, Scenario, SimulatedTag
+from uavrt.simulation.scenario_file import parse_scenario, scenario_toml
+from uavrt.simulation.synthesis import IQSynthesizer
+from uavrt.simulation.world import World
 
 TAG = made.simulated_tag(
     1,

@@ -14,9 +14,11 @@ from campaigns import WELL, Framed
 
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import Limits, Order
-from uavrt.planning import VehicleState
+from uavrt.planning.vehicle import VehicleState
 from uavrt.simulation.flying import MODES, Flavour, Frame
-from uavrt_experiments.search import SCENARIOS, FlightOfDrones, Outcome
+from uavrt_experiments.search.catalogue import SCENARIOS
+from uavrt_experiments.search.drones import FlightOfDrones
+from uavrt_experiments.search.flight import Outcome
 from uavrt_experiments.search.scenario import Contender, Scenario
 
 PROMISED = 30

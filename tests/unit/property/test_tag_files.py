@@ -9,7 +9,9 @@ import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt.config import Settings, parse_settings, parse_tags, read_tags, write_tags
+from uavrt.config.loader import parse_settings
+from uavrt.config.settings import Settings
+from uavrt.config.tag_files import parse_tags, read_tags, write_tags
 from uavrt.errors import ConfigError, TagFileError
 from uavrt.messages import Tag
 from uavrt.units import s_from_ms

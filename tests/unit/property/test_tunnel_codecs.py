@@ -8,11 +8,14 @@ import made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavrt import tunnel
 from uavrt.attitude import euler_deg, from_euler_deg
+from uavrt.commands import Generation
 from uavrt.errors import TunnelError
 from uavrt.messages import PulsePose, Tag
-from uavrt.tunnel.codec import DECODERS
+from uavrt.tunnel.codec import DECODERS, TunnelMessage, decode, generation_of
+from uavrt.tunnel.convert import pulse_from_wire, pulse_to_wire, tag_from_wire, tag_to_wire
+from uavrt.tunnel.g0 import AckG0, PulseG0, TagG0
+from uavrt.tunnel.g1 import AckG1, Heartbeat, PulseG1, RawCapture, StartDetection, TagG1
 
 U8, U16, U32 = (st.integers(0, 2**bits - 1) for bits in (8, 16, 32))
 F64 = st.floats(allow_nan=False)
@@ -22,16 +25,16 @@ TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0")).filter(
 )
 
 MESSAGES = st.one_of(
-    st.builds(tunnel.AckG0, acked_command=U32, result=U32),
-    st.builds(tunnel.AckG1, acked_command=U32, result=U32, message=TEXT),
+    st.builds(AckG0, acked_command=U32, result=U32),
+    st.builds(AckG1, acked_command=U32, result=U32, message=TEXT),
     *(
         st.builds(kind, **{field.name: U32 for field in dataclasses.fields(kind)[:8]},
                   false_alarm_probability=F64)
-        for kind in (tunnel.TagG0,)
+        for kind in (TagG0,)
     ),
     st.builds(
-        tunnel.TagG1,
-        **{field.name: U32 for field in dataclasses.fields(tunnel.TagG1)[:8]},
+        TagG1,
+        **{field.name: U32 for field in dataclasses.fields(TagG1)[:8]},
         false_alarm_probability=F64,
         channel_number=U32,
         channel_center_frequency_hz=U32,
@@ -41,7 +44,7 @@ MESSAGES = st.one_of(
         interval2_deviation=F64,
     ),
     st.builds(
-        tunnel.StartDetection,
+        StartDetection,
         radio_center_frequency_hz=U32,
         gain=U32,
         detection_mode=U32,
@@ -49,21 +52,21 @@ MESSAGES = st.one_of(
         confidence_ratio=F64,
         debug_detector=st.none() | U32,
     ),
-    st.builds(tunnel.RawCapture, gain=U32, frequency_hz=st.none() | U32),
-    st.builds(tunnel.Heartbeat, system_id=U16, status=U16, cpu_temperature_c=F32),
+    st.builds(RawCapture, gain=U32, frequency_hz=st.none() | U32),
+    st.builds(Heartbeat, system_id=U16, status=U16, cpu_temperature_c=F32),
 )  # fmt: skip
 
 
 @given(MESSAGES)
-def test_a_message_comes_back_as_it_was(message: tunnel.TunnelMessage) -> None:
+def test_a_message_comes_back_as_it_was(message: TunnelMessage) -> None:
     payload = message.encode()
-    assert tunnel.decode(payload) == message
-    assert tunnel.decode(payload).encode() == payload
+    assert decode(payload) == message
+    assert decode(payload).encode() == payload
 
 
-def decoded_or_error(payload: bytes) -> tunnel.TunnelMessage | TunnelError:
+def decoded_or_error(payload: bytes) -> TunnelMessage | TunnelError:
     try:
-        return tunnel.decode(payload)
+        return decode(payload)
     except TunnelError as error:
         return error
 
@@ -85,12 +88,12 @@ def test_any_content_of_a_right_length_is_read_and_converted_or_refused(
 ) -> None:
     command, size = kind
     body = data.draw(st.binary(min_size=size - 4, max_size=size - 4))
-    message = tunnel.decode(struct.pack("<I", command) + body)
+    message = decode(struct.pack("<I", command) + body)
     try:
-        if isinstance(message, tunnel.TagG0 | tunnel.TagG1):
-            assert tunnel.tag_from_wire(message).tag_id == message.tag_id
-        if isinstance(message, tunnel.PulseG0 | tunnel.PulseG1):
-            read = tunnel.pulse_from_wire(message)
+        if isinstance(message, TagG0 | TagG1):
+            assert tag_from_wire(message).tag_id == message.tag_id
+        if isinstance(message, PulseG0 | PulseG1):
+            read = pulse_from_wire(message)
             pulse = read.pulse if isinstance(read, PulsePose) else read
             assert pulse is None or pulse.tag_id == message.tag_id
     except TunnelError:
@@ -114,12 +117,12 @@ TAGS = st.builds(
 
 @given(TAGS, st.sampled_from(["G0", "G1"]))
 def test_a_tag_with_whole_milliseconds_survives_both_generations(
-    tag: Tag, generation: tunnel.Generation
+    tag: Tag, generation: Generation
 ) -> None:
-    wire = tunnel.decode(tunnel.tag_to_wire(tag, generation).encode())
-    assert isinstance(wire, tunnel.TagG0 | tunnel.TagG1)
-    assert tunnel.generation_of(wire) == generation
-    assert tunnel.tag_from_wire(wire) == tag
+    wire = decode(tag_to_wire(tag, generation).encode())
+    assert isinstance(wire, TagG0 | TagG1)
+    assert generation_of(wire) == generation
+    assert tag_from_wire(wire) == tag
 
 
 ANGLES = st.tuples(st.floats(-179, 179), st.floats(-85, 85), st.floats(-179, 179))
@@ -142,7 +145,7 @@ def test_a_pulse_keeps_its_time_status_and_heading(
     angles: tuple[float, float, float],
     time_ns: int,
     status: str,
-    generation: tunnel.Generation,
+    generation: Generation,
     posed: bool,
 ) -> None:
     pose = made.pose(
@@ -165,10 +168,10 @@ def test_a_pulse_keeps_its_time_status_and_heading(
         predicted_next_end_ns=time_ns + 10**9,
     )
     sent = PulsePose(pulse=pulse, pose=pose if posed else None)
-    wire = tunnel.decode(tunnel.pulse_to_wire(sent, generation).encode())
-    assert isinstance(wire, tunnel.PulseG0 | tunnel.PulseG1)
+    wire = decode(pulse_to_wire(sent, generation).encode())
+    assert isinstance(wire, PulseG0 | PulseG1)
     assert wire.frequency_hz == 148_710_000
-    got = tunnel.pulse_from_wire(wire)
+    got = pulse_from_wire(wire)
     assert isinstance(got, PulsePose)
     assert abs(got.pulse.start_time_ns - time_ns) <= 500
     assert got.pulse.predicted_next_start_ns is not None

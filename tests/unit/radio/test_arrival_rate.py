@@ -4,7 +4,9 @@ import random
 
 import pytest
 
-from uavrt.config import RADIOS, RadioSettings, tuned_frequency
+from uavrt.config.parameters import tuned_frequency
+from uavrt.config.radios import RADIOS
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import ConfigError
 from uavrt.radio.arrival_rate import ArrivalRate
 from uavrt.radio.placing import Placer

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uavrt.dsp import BlockTimes
+from uavrt.dsp.block_times import BlockTimes
 
 RATE_HZ = 1000.0
 START_NS = 1_714_543_200_000_000_000

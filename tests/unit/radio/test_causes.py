@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.config import RADIOS, RadioSettings
+from uavrt.config.radios import RADIOS
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioError, RadioMissing, RadioStopped
 from uavrt.radio import answers, devices
 from uavrt.radio.answers import exit_error

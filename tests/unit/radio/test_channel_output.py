@@ -12,7 +12,7 @@ from uavrt.messages import Tag
 from uavrt.radio.channel_datagram import decode_channel_datagram
 from uavrt.radio.channel_output import ChannelOutput
 from uavrt.radio.udp_address import listen
-from uavrt.recording import detector_config
+from uavrt.recording.detector_configs import detector_config
 
 CENTER_HZ = 148.7e6
 RATE_HZ = 375_000.0

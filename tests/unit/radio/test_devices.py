@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.config import RadioSettings
-from uavrt.radio import unchosen, usb_radios
+from uavrt.config.settings import RadioSettings
+from uavrt.radio.devices import unchosen, usb_radios
 
 Plug = Callable[..., None]
 AIRSPY, HACKRF, RTLSDR = ("1d50", "60a1"), ("1d50", "6089"), ("0bda", "2838")

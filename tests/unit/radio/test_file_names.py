@@ -14,8 +14,8 @@ from some import some
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
-from uavrt.radio import open_recording
 from uavrt.radio.file_names import read_name
+from uavrt.radio.opening import open_recording
 
 
 @pytest.fixture

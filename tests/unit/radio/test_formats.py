@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from uavrt.errors import FormatError
-from uavrt.radio import FORMATS, sample_format
-from uavrt.radio.formats import CF32, SampleFormat, clean, sigmf_format
+from uavrt.radio.formats import CF32, FORMATS, SampleFormat, clean, sample_format, sigmf_format
 
 
 @pytest.mark.parametrize("stored", FORMATS.values(), ids=lambda f: f.name)

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.messages import IQBlock
-from uavrt.radio import RecordingSource, open_recording
+from uavrt.radio.opening import open_recording
+from uavrt.radio.recording import RecordingSource
 
 RATE_HZ = 250_000.0
 CENTER_HZ = 148.7e6

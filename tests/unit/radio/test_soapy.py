@@ -8,7 +8,7 @@ import pytest
 
 from uavrt.config.settings import RadioSettings
 from uavrt.errors import RadioMissing, RadioStopped
-from uavrt.radio import open_radio
+from uavrt.radio.opening import open_radio
 from uavrt.radio.soapy import SoapySource
 
 MODULE = """

@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from some import some
 
 from uavrt.errors import FormatError
-from uavrt.radio import CF32, CS16, StreamSource, open_stream
+from uavrt.radio.formats import CF32, CS16
+from uavrt.radio.opening import open_stream
+from uavrt.radio.stream import StreamSource
 
 RATE_HZ = 250_000.0
 CENTER_HZ = 148.7e6

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from uavrt.clock import parse_iso_utc
 from uavrt.messages import ChannelBlock
-from uavrt.radio import open_recording
-from uavrt.recording import ChannelRecorder, FlightLayout
+from uavrt.radio.opening import open_recording
+from uavrt.recording.channel_recorder import ChannelRecorder
+from uavrt.recording.layout import FlightLayout
 
 RATE_HZ = 3750.0
 CENTER_HZ = 148_124_375.0

@@ -7,7 +7,11 @@ import made
 import pytest
 
 from uavrt.errors import FormatError
-from uavrt.recording import detector_config, read_detector_config, write_detector_config
+from uavrt.recording.detector_configs import (
+    detector_config,
+    read_detector_config,
+    write_detector_config,
+)
 
 TAG = made.tag(
     interval_uncertainty_s=0.060, interval_jitter_s=0.010, false_alarm_probability=0.005

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 from virtual_time import VirtualClock
 
-from uavrt.config import Settings
-from uavrt.config.settings import DetectionSettings
+from uavrt.config.settings import DetectionSettings, Settings
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import (
     Command,
@@ -27,17 +26,11 @@ from uavrt.messages import (
     SearchReport,
     StatusText,
 )
-from uavrt.recording import (
-    FlightLayout,
-    FlightRecorder,
-    new_flight_directory,
-    read_detector_config,
-    read_flight,
-    read_health,
-    read_pulse_pose_log,
-    read_search_reports,
-)
-from uavrt.recording.flight_recorder import CHECKPOINT_S
+from uavrt.recording.detector_configs import read_detector_config
+from uavrt.recording.flight_reader import read_flight, read_health, read_search_reports
+from uavrt.recording.flight_recorder import CHECKPOINT_S, FlightRecorder
+from uavrt.recording.layout import FlightLayout, new_flight_directory
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 
 START_NS = 1_700_205_419_230_494_976
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from uavrt.errors import RecordingError
-from uavrt.recording import FlightLayout
 from uavrt.recording.heard import heard_tags
+from uavrt.recording.layout import FlightLayout
 
 
 def test_in_a_new_flight_whose_tables_are_not_made_yet_nothing_was_heard(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uavrt.errors import RecordingError
 from uavrt.messages import IQBlock
-from uavrt.radio import sigmf_layout
+from uavrt.radio.sigmf import sigmf_layout
 from uavrt.recording.iq_recorder import SETTLED_AFTER_S, IQRecorder
 from uavrt.recording.sample_file import SampleFile
 

@@ -10,7 +10,9 @@ import numbered
 
 from uavrt.ground.store.flights import PULSE_COLUMNS, FlightLibrary
 from uavrt.messages import FlightInfo, PulsePose
-from uavrt.recording import FlightLayout, FlightRecorder, read_flight
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout
 from uavrt.recording.schema import VERSION
 from uavrt.recording.spool import undelivered
 

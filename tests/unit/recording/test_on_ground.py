@@ -6,10 +6,11 @@ import made
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.config import Settings
+from uavrt.config.settings import Settings
 from uavrt.messages import Health
 from uavrt.on_ground import EVER_NS, spans_on_ground
-from uavrt.recording import FlightRecorder, read_flight
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
 
 START_NS = 1_700_000_000 * 10**9
 SECOND = 10**9

@@ -9,11 +9,12 @@ import numbered
 import pytest
 from some import some
 
-from uavrt.analysis.tracks import read_track
+from uavrt.analysis.tracks.recognised import read_track
 from uavrt.errors import FormatError
 from uavrt.messages import PulsePose
-from uavrt.recording import PulseWriter, pulse_format
-from uavrt.recording.formats import pulse_logs_in, read_pulse_log, write_tagtracker
+from uavrt.recording.formats.recognise import pulse_logs_in, read_pulse_log
+from uavrt.recording.formats.tagtracker import write_tagtracker
+from uavrt.recording.pulse_files import PulseWriter, pulse_format
 from uavrt.recording.pulse_pose_log import format_line
 
 NAMES = ("pulses.jsonl", "pulses.csv", "pulse_pose_log.txt", "Pulse-1.csv")

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from uavrt.recording import FlightLayout, ProcessLog
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.process_log import ProcessLog
 
 
 def test_lines_are_kept_and_ended(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from uavrt.errors import FormatError
 from uavrt.messages import BurstInside, Pulse, PulsePose
-from uavrt.recording import PulseFormat, PulseWriter, pulse_format, read_pulse_file
+from uavrt.recording.pulse_files import PulseFormat, PulseWriter, pulse_format, read_pulse_file
 
 # Written a second time: programs outside rely on it, also on the
 # order: what came later is at the end.

@@ -8,7 +8,8 @@ import pytest
 
 from uavrt.errors import FormatError
 from uavrt.messages import Poses
-from uavrt.recording import FlightRecorder, read_quiet_noise_db, read_usual_noise_db
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.quiet_noise import read_quiet_noise_db, read_usual_noise_db
 
 SECOND = 1_000_000_000
 TAGS = tuple(

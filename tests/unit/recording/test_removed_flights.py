@@ -9,7 +9,10 @@ import pytest
 
 from uavrt.errors import RecordingError
 from uavrt.messages import FlightInfo, PulsePose
-from uavrt.recording import FlightLayout, FlightRecorder, read_flight, read_pulse_pose_log
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.pulse_pose_log import read_pulse_pose_log
 
 MakePulsePose = Callable[..., PulsePose]
 MakeInfo = Callable[..., FlightInfo]

@@ -9,7 +9,7 @@ import pytest
 
 from uavrt.errors import FormatError
 from uavrt.foreign import TEXT_LOG
-from uavrt.recording.formats import read_pulse_log
+from uavrt.recording.formats.recognise import read_pulse_log
 from uavrt.recording.formats.text import read_lines
 
 # As a SensorGnome of 2016 writes: quotes, a C line, two ports, letters in a port's name.

@@ -7,11 +7,9 @@ import numbered
 import pytest
 
 from uavrt.messages import PulsePose
-from uavrt.recording.formats import (
-    read_bearing_file,
-    read_pulse_log,
-    write_tagtracker,
-)
+from uavrt.recording.formats.bearings_csv import read_bearing_file
+from uavrt.recording.formats.recognise import read_pulse_log
+from uavrt.recording.formats.tagtracker import write_tagtracker
 from uavrt.recording.pulse_pose_log import format_line
 
 SAVED = pytest.mark.parametrize(

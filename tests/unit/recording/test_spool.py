@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.errors import RecordingError
 from uavrt.messages import Delivered
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.spool import note_deliveries, undelivered
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from past_flight import TAG, write_flight
 
-from uavrt.config import write_tags
-from uavrt.recording import FlightLayout, read_flight
+from uavrt.config.tag_files import write_tags
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.layout import FlightLayout
 
 
 @pytest.fixture

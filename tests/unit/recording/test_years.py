@@ -8,11 +8,8 @@ from virtual_time import VirtualClock
 from uavrt import card as card_module
 from uavrt.computer import checks
 from uavrt.config.settings import RecordingSettings, Settings
-from uavrt.recording import (
-    flights_in_order,
-    new_flight_directory,
-    note_flight,
-)
+from uavrt.recording.flight_order import flights_in_order, note_flight
+from uavrt.recording.layout import new_flight_directory
 
 DAY_NS = 86_400 * 10**9
 SPRING_NS = 1_777_600_000 * 10**9

@@ -16,14 +16,11 @@ from ros_bench import (
     tags,
 )
 
-from uavrt.messages import (
-    Command,
-    CommandReply,
-    ProcessStatus,
-    SystemState,
-)
-from uavrt.ros2 import TOPICS, decode, encode
+from uavrt.commands import SystemState
+from uavrt.messages import Command, CommandReply, ProcessStatus
+from uavrt.ros2.cdr import decode, encode
 from uavrt.ros2.convert import coded_tag_to_ros, pulse_to_ros, tag_to_ros
+from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.messages import (
     DiagnosticArray,
     Flag,

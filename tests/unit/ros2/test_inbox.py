@@ -6,7 +6,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ros2 import TOPICS
+from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.inbox import BYTES_OF_ONE, Inbox, SendingOrder
 from uavrt.ros2.senders import Arrival, Sender
 

@@ -2,8 +2,9 @@
 
 import made
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import Settings
-from uavrt.messages import SystemState, SystemStatus
+from uavrt.messages import SystemStatus
 from uavrt.ros2.status import component_status
 
 

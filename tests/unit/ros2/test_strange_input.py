@@ -6,7 +6,8 @@ import made
 import pytest
 from ros_bench import FLIGHT, PULSE, TAG, Bench, S, started_with, tags
 
-from uavrt.messages import SystemState, Tag
+from uavrt.commands import SystemState
+from uavrt.messages import Tag
 from uavrt.ros2.convert import pulse_to_ros, tag_to_ros
 from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, KeyValue, RosTag
 

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from uavrt.errors import ConfigError
-from uavrt.simulation import Antenna, Flight, Leg, Scenario, demo_scenario, geometry
+from uavrt.simulation import geometry
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.scenario import Scenario
 
 
 def heading_of(quaternion: geometry.Quaternion) -> float:

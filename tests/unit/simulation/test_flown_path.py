@@ -9,9 +9,13 @@ import pytest
 from some import some
 
 from uavrt.mavlink import dialect
-from uavrt.simulation import Antenna, Flight, IQSynthesizer, Scenario, World
+from uavrt.simulation.antenna import Antenna
+from uavrt.simulation.flight import Flight
 from uavrt.simulation.flown import STEP_NS, Flown
 from uavrt.simulation.flown_path import FlownPath, PathWriter
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.synthesis import IQSynthesizer
+from uavrt.simulation.world import World
 
 SECOND_NS = 10**9
 

@@ -5,7 +5,8 @@ import itertools
 import made
 import pytest
 
-from uavrt.mavlink import Frame, FrameParser, FrameWriter, PacedQueue, Priority
+from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
+from uavrt.mavlink.pacing import PacedQueue, Priority
 from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
 from uavrt.tunnel.reliable import Outgoing
 

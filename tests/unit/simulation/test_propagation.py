@@ -3,10 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from uavrt.simulation import Antenna, Fading, Propagation, Wall
+from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.propagation import (
     SPEED_OF_LIGHT_M_S,
+    Fading,
     Link,
+    Propagation,
+    Wall,
     fading_db,
     ground_reflection,
     link,

@@ -2,11 +2,11 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.config import parse_tags
+from uavrt.config.tag_files import parse_tags
 from uavrt.errors import ConfigError
-from uavrt.simulation import (
-    Scenario,
-    demo_scenario,
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.scenario_file import (
     load_scenario,
     parse_scenario,
     scenario_toml,

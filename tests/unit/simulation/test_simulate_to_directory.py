@@ -7,10 +7,13 @@ import pytest
 import sigmf
 
 from uavrt.cli.simulate import simulate
-from uavrt.config import read_tags
+from uavrt.config.tag_files import read_tags
 from uavrt.errors import ConfigError, RecordingError
-from uavrt.simulation import IQSynthesizer, World, demo_scenario, load_scenario
+from uavrt.simulation.demo_world import demo_scenario
 from uavrt.simulation.recording import simulate_to_directory
+from uavrt.simulation.scenario_file import load_scenario
+from uavrt.simulation.synthesis import IQSynthesizer
+from uavrt.simulation.world import World
 
 RATE_HZ = 250_000.0
 

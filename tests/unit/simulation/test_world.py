@@ -4,15 +4,11 @@ import made
 import numpy as np
 import pytest
 
-from uavrt.simulation import (
-    Flight,
-    Leg,
-    Propagation,
-    Scenario,
-    World,
-    demo_scenario,
-)
-from uavrt.simulation.propagation import SPEED_OF_LIGHT_M_S
+from uavrt.simulation.demo_world import demo_scenario
+from uavrt.simulation.flight import Flight, Leg
+from uavrt.simulation.propagation import SPEED_OF_LIGHT_M_S, Propagation
+from uavrt.simulation.scenario import Scenario
+from uavrt.simulation.world import World
 
 SECOND_NS = 10**9
 

@@ -14,9 +14,11 @@ from uavrt.config.tag_files import faults_of_tags, read_tags, write_tags
 from uavrt.errors import TagFileError
 from uavrt.messages import Command, CommandReply
 from uavrt.supervisor.mission.orders import Mission
-from uavrt.tunnel import AckG1, decode, tag_to_wire
+from uavrt.tunnel.codec import decode
+from uavrt.tunnel.convert import tag_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
 from uavrt.tunnel.g0 import FAILURE
+from uavrt.tunnel.g1 import AckG1
 
 TAG = made.tag(interval_uncertainty_s=0.06, interval_jitter_s=0.01)
 BAD: list[tuple[dict[str, Any], str]] = [

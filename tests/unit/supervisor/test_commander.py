@@ -7,14 +7,15 @@ from typing import Any
 import made
 import pytest
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import (
     MavlinkSettings,
     RadioSettings,
     RecordingSettings,
     Settings,
 )
-from uavrt.messages import Command, CommandReply, SystemState
-from uavrt.recording import flights_in_order, note_flight
+from uavrt.messages import Command, CommandReply
+from uavrt.recording.flight_order import flights_in_order, note_flight
 from uavrt.recording.layout import FlightLayout
 from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.mission.flight_removal import SecondStep, removable

@@ -8,8 +8,9 @@ from typing import Any
 import made
 import pytest
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, CommandReply, FlightInfo, SystemState
+from uavrt.messages import Command, CommandReply, FlightInfo
 from uavrt.supervisor.mission.orders import Mission
 
 TAG = made.tag(2, 148_710_000.0, 1.254, name="otter")

@@ -13,9 +13,10 @@ from some import some
 from virtual_time import VirtualClock
 
 from uavrt.clock import Clock
+from uavrt.commands import SystemState
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import ConfigError
-from uavrt.messages import Command, FlightInfo, SystemState
+from uavrt.messages import Command, FlightInfo
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import STATE_NAME, SavedState, StateStore
 from uavrt.supervisor.mission.wall_clock import AGAIN_S, NOTED_S, WallClockWatch

@@ -7,9 +7,9 @@ from uavrt.clock import monotonic_s
 from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.supervisor.mission.orders import Mission
 from uavrt.supervisor.mission.saved_state import StateStore
+from uavrt.supervisor.start.launcher import Launcher
 from uavrt.supervisor.tree.fleet import Fleet
 from uavrt.supervisor.tree.instance import Instance
-from uavrt.supervisor.tree.launcher import Launcher
 from uavrt.supervisor.tree.table import PROCESSES
 
 

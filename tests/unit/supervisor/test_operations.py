@@ -9,9 +9,10 @@ from pathlib import Path
 import made
 import pytest
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import RecordingError, UavrtError
-from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation, SystemState
+from uavrt.messages import Command, CommandReply, FlightInfo, Health, Operation
 from uavrt.supervisor.mission.copying import save_flights
 from uavrt.supervisor.mission.operations import Operations, removable_drives
 from uavrt.supervisor.mission.progress import FlightProgress

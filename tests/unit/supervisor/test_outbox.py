@@ -4,7 +4,7 @@ import made
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.ipc import TOPICS, decode_record, encode_record
+from uavrt.ipc.topics import TOPICS, decode_record, encode_record
 from uavrt.messages import FlightInfo, PulsePose, StatusText
 from uavrt.supervisor.tree.table import PROCESSES
 from uavrt.supervisor.tree.waiting_records import BARREN_LIVES, MOST_KEPT, Outbox

@@ -8,8 +8,9 @@ import made
 import msgspec
 import pytest
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
-from uavrt.messages import Command, CommandReply, FlightInfo, SystemState
+from uavrt.messages import Command, CommandReply, FlightInfo
 from uavrt.supervisor.mission.kept_parameters import PARAMETERS_NAME
 from uavrt.supervisor.mission.orders import LAST_TAGS_NAME
 

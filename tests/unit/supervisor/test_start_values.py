@@ -7,7 +7,7 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.config import check_start
+from uavrt.config.parameters import check_start
 from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
 from uavrt.errors import ConfigError
 from uavrt.messages import Command, CommandReply, Tag

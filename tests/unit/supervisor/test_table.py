@@ -2,6 +2,7 @@ import importlib
 
 import pytest
 
+from uavrt.commands import SystemState
 from uavrt.config.settings import (
     BearingSettings,
     DetectionSettings,
@@ -11,8 +12,7 @@ from uavrt.config.settings import (
     Settings,
     Shape,
 )
-from uavrt.ipc import TOPICS
-from uavrt.messages import SystemState
+from uavrt.ipc.topics import TOPICS
 from uavrt.supervisor.tree.shapes import SHAPES, rows_for
 from uavrt.supervisor.tree.table import PROCESSES, SUPERVISOR_TOPICS, consumers_of
 

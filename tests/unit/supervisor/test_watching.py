@@ -8,12 +8,13 @@ from hypothesis import strategies as st
 
 from uavrt.config.settings import RecordingSettings
 from uavrt.detection.track.reporting import _REPORT_EVERY_NS
-from uavrt.ipc import TOPICS
-from uavrt.recording import FLIGHT_ORDER, FlightLayout, flights_in_order, note_flight
+from uavrt.ipc.topics import TOPICS
+from uavrt.recording.flight_order import FLIGHT_ORDER, flights_in_order, note_flight
+from uavrt.recording.layout import FlightLayout
 from uavrt.supervisor.mission.disk_guard import DiskGuard
 from uavrt.supervisor.pace import PaceWatch
+from uavrt.supervisor.start.restarts import SOON, RestartPolicy, Restarts
 from uavrt.supervisor.tree.budget import REPEAT_S, SLOWER, WINDOW_S, BudgetWatch
-from uavrt.supervisor.tree.restarts import SOON, RestartPolicy, Restarts
 from uavrt.units import s_from_ns
 
 

@@ -5,8 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import Elevation, HillLosses, ground_grid, terrain_loss_map
-from uavrt_experiments.search import PLANE, elevation_of
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.hill_losses import HillLosses
+from uavrt.terrain.squares import ground_grid
+from uavrt.terrain.viewshed import terrain_loss_map
+from uavrt_experiments.search.terrain import PLANE, elevation_of
 
 _Floats = NDArray[np.float64]
 SIDES = {"west": -1.0, "east": 1.0, "south": -1.0, "north": 1.0}

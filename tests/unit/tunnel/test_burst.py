@@ -12,8 +12,9 @@ from some import some
 from uavrt.errors import TunnelError
 from uavrt.messages import BurstInside, Delivered, Pulse, PulsePose
 from uavrt.processes.pulse_outlet import PulseOutlet
-from uavrt.tunnel import BURST_TYPE, Exchange, Receipt, encode_burst, payload_hash
-from uavrt.tunnel.burst import decode_burst
+from uavrt.tunnel.burst import BURST_TYPE, decode_burst, encode_burst
+from uavrt.tunnel.exchange import Exchange
+from uavrt.tunnel.private import Receipt, payload_hash
 from uavrt.tunnel.wire import MAX_PAYLOAD
 
 START_NS = 1_795_000_000_123_456_789

@@ -8,12 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uavrt.commands import CommandId
 from uavrt.errors import LinkError, TunnelError
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import Command
-from uavrt.tunnel import AckG1, CodedTag, CommandId, Exchange, UploadG2, decode, tag_list_digest
-from uavrt.tunnel.exchange import Answer
+from uavrt.tunnel.codec import decode
+from uavrt.tunnel.coded_tag import CodedTag
+from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.g1 import AckG1
+from uavrt.tunnel.g2 import UploadG2
 from uavrt.tunnel.seal import MAX_INSIDE
+from uavrt.tunnel.tag_lists import tag_list_digest
 from uavrt.tunnel.wire import MAX_PAYLOAD
 
 GROUND = (255, 190)

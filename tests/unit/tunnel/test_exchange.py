@@ -6,11 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt.messages import Command, CommandReply, PulsePose, SystemState
-from uavrt.tunnel import AckG0, AckG1, CommandId, PulseG0, PulseG1, decode, tag_to_wire
+from uavrt.commands import CommandId, SystemState
+from uavrt.messages import Command, CommandReply, PulsePose
+from uavrt.tunnel.codec import decode
+from uavrt.tunnel.convert import tag_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
-from uavrt.tunnel.g0 import HeaderMessage
-from uavrt.tunnel.g1 import StartDetection
+from uavrt.tunnel.g0 import AckG0, HeaderMessage, PulseG0
+from uavrt.tunnel.g1 import AckG1, PulseG1, StartDetection
 
 QGC = (255, 190)
 MAVSDK = (245, 190)

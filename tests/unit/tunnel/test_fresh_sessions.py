@@ -9,9 +9,8 @@ from sealed import introduce
 from virtual_time import VirtualClock
 
 from uavrt.errors import LinkError, TunnelError
-from uavrt.tunnel import MotionState, encode_state
 from uavrt.tunnel.gate import ALIVE_S, Sealer
-from uavrt.tunnel.motion import MAX_TEXT, decode_state
+from uavrt.tunnel.motion import MAX_TEXT, MotionState, decode_state, encode_state
 from uavrt.tunnel.seal import (
     ALIVE_INSIDE,
     Key,

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from uavrt.errors import TunnelError
 from uavrt.messages import Course, FoundTag, Neighbour
-from uavrt.tunnel import decode_neighbour
-from uavrt.tunnel import encode_course as course_bytes
-from uavrt.tunnel import encode_neighbour as neighbour_bytes
-from uavrt.tunnel.neighbours import decode_course
+from uavrt.tunnel.neighbours import decode_course, decode_neighbour
+from uavrt.tunnel.neighbours import encode_course as course_bytes
+from uavrt.tunnel.neighbours import encode_neighbour as neighbour_bytes
 from uavrt.tunnel.seal import MAX_INSIDE
 from uavrt.tunnel.wire import MAX_PAYLOAD
 

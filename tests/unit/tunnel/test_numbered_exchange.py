@@ -9,17 +9,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 from some import some
 
-from uavrt import tunnel
+from uavrt.commands import CommandId, Generation, SystemState
 from uavrt.errors import ConfigError
 from uavrt.ground.link.command_payloads import Writing
-from uavrt.messages import (
-    Command,
-    Operation,
-    PulsePose,
-    SystemState,
-)
-from uavrt.tunnel import CommandId
+from uavrt.messages import Command, Operation, PulsePose
+from uavrt.tunnel.codec import decode
+from uavrt.tunnel.convert import ack_to_wire, pulse_to_wire
 from uavrt.tunnel.exchange import Answer, Exchange
+from uavrt.tunnel.g0 import FAILURE, SUCCESS
+from uavrt.tunnel.g1 import AckG1, PulseG1
+from uavrt.tunnel.g2 import (
+    AckG2,
+    BareG2,
+    DetectorHeartbeat,
+    HeartbeatG2,
+    OperationProgress,
+    PulseG2,
+    PulseG2v1,
+    TagG2,
+    UploadG2,
+)
 from uavrt.tunnel.requests import KEPT, KEPT_S
 
 GROUND = (255, 190)
@@ -34,7 +43,7 @@ class Drone:
     now_s: float = 1000.0
     refuse: str = ""
 
-    def hear(self, payload: bytes, asker: tuple[int, int] = GROUND) -> tunnel.AckG2 | None:
+    def hear(self, payload: bytes, asker: tuple[int, int] = GROUND) -> AckG2 | None:
         result = self.exchange.receive(payload, asker)
         if isinstance(result, Command):
             self.commands.append(result)
@@ -46,8 +55,8 @@ class Drone:
         if result is None:
             return None
         assert result.asker == asker
-        ack = tunnel.decode(result.payload, "G2")
-        assert isinstance(ack, tunnel.AckG2)
+        ack = decode(result.payload, "G2")
+        assert isinstance(ack, AckG2)
         return ack
 
 
@@ -62,7 +71,7 @@ TAGS = [made.tag(number, 148_710_000.0, 1.3) for number in (2, 4, 6)]
 
 
 def stop(request_id: int) -> bytes:
-    return tunnel.BareG2(command=CommandId.STOP_DETECTION, request_id=request_id).encode()
+    return BareG2(command=CommandId.STOP_DETECTION, request_id=request_id).encode()
 
 
 def test_a_repeated_request_gets_the_same_acknowledgement_and_is_done_once() -> None:
@@ -86,12 +95,12 @@ def test_a_request_that_is_still_worked_on_gets_no_second_answer() -> None:
 def test_a_request_id_used_for_something_else_is_refused() -> None:
     one = drone()
     one.hear(stop(5))
-    other = tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=5).encode()
+    other = BareG2(command=CommandId.SAVE_LOGS, request_id=5).encode()
     answer = some(one.hear(other))
-    assert answer.result == tunnel.FAILURE
+    assert answer.result == FAILURE
     assert "request_id reuse" in answer.message
     again = some(one.hear(stop(5)))
-    assert again.result == tunnel.SUCCESS  # the first one's is still kept
+    assert again.result == SUCCESS  # the first one's is still kept
     assert one.hear(other, (254, 190)) is not None  # another station's ids are its own
     assert [command.name for command in one.commands] == ["stop_detection", "save_logs"]
 
@@ -114,27 +123,25 @@ def test_the_last_sixteen_requests_are_kept_for_two_minutes_and_id_0_never() -> 
 def test_an_upload_is_complete_only_with_every_tag() -> None:
     one = drone()
     first, *inside, last = Writing("G2").upload(TAGS)
-    assert one.hear(first).result == tunnel.SUCCESS  # type: ignore[union-attr]
-    assert one.hear(inside[0]).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    assert one.hear(first).result == SUCCESS  # type: ignore[union-attr]
+    assert one.hear(inside[0]).result == SUCCESS  # type: ignore[union-attr]
     incomplete = some(one.hear(last))
     assert incomplete.message == "incomplete: missing 1,2"
     one.refuse = "tag 4 was already sent with other values"
-    assert one.hear(inside[1]).result == tunnel.FAILURE  # type: ignore[union-attr]
+    assert one.hear(inside[1]).result == FAILURE  # type: ignore[union-attr]
     one.refuse = ""
-    assert one.hear(inside[2]).result == tunnel.SUCCESS  # type: ignore[union-attr]
-    assert one.hear(inside[1]).result == tunnel.FAILURE  # type: ignore[union-attr]  # replayed
-    retry = tunnel.decode(inside[1])
-    assert isinstance(retry, tunnel.TagG2)
-    fresh = tunnel.TagG2(
-        request_id=12345, upload_id=retry.upload_id, tag_index=1, tag=retry.tag
-    )
-    assert one.hear(fresh.encode()).result == tunnel.SUCCESS  # type: ignore[union-attr]
-    end = tunnel.decode(last)
-    assert isinstance(end, tunnel.UploadG2)
-    ended = tunnel.UploadG2(
+    assert one.hear(inside[2]).result == SUCCESS  # type: ignore[union-attr]
+    assert one.hear(inside[1]).result == FAILURE  # type: ignore[union-attr]  # replayed
+    retry = decode(inside[1])
+    assert isinstance(retry, TagG2)
+    fresh = TagG2(request_id=12345, upload_id=retry.upload_id, tag_index=1, tag=retry.tag)
+    assert one.hear(fresh.encode()).result == SUCCESS  # type: ignore[union-attr]
+    end = decode(last)
+    assert isinstance(end, UploadG2)
+    ended = UploadG2(
         command=CommandId.END_TAGS, request_id=12346, upload_id=end.upload_id, tag_count=3
     )
-    assert one.hear(ended.encode()).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    assert one.hear(ended.encode()).result == SUCCESS  # type: ignore[union-attr]
     assert [c.tag.tag_id for c in one.commands if c.tag is not None] == [2, 4, 6, 4]
     assert one.commands[-1].name == "end_tags"
 
@@ -148,22 +155,20 @@ def test_tags_of_another_upload_and_counts_that_differ_are_refused_by_name() -> 
     upload_id = int.from_bytes(first[8:12], "little")
 
     def frame(command: CommandId, request_id: int, upload: int, count: int) -> str:
-        message = tunnel.UploadG2(
+        message = UploadG2(
             command=command, request_id=request_id, upload_id=upload, tag_count=count
         )
         answer = some(one.hear(message.encode()))
-        assert answer.result == tunnel.FAILURE
+        assert answer.result == FAILURE
         return answer.message
 
     assert "stale upload_id" in frame(CommandId.END_TAGS, 1, upload_id + 1, 1)
     assert "tag_count mismatch" in frame(CommandId.END_TAGS, 2, upload_id, 2)
     assert "tag_count is 0" in frame(CommandId.START_TAGS, 3, 9, 0)
-    wire = tunnel.decode(tag)
-    assert isinstance(wire, tunnel.TagG2)
+    wire = decode(tag)
+    assert isinstance(wire, TagG2)
     for upload, index, word in ((upload_id + 1, 0, "stale"), (upload_id, 1, "beyond")):
-        message = tunnel.TagG2(
-            request_id=50 + index, upload_id=upload, tag_index=index, tag=wire.tag
-        )
+        message = TagG2(request_id=50 + index, upload_id=upload, tag_index=index, tag=wire.tag)
         answer = some(one.hear(message.encode()))
         assert word in answer.message
 
@@ -172,37 +177,37 @@ def test_progress_goes_to_who_asked_until_it_is_complete() -> None:
     one = drone()
     step = Operation(name="save_logs", state="running", step=1, step_count=4, message="one")
     assert one.exchange.progress(step) is None  # before the supervisor's reply
-    save = tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode()
+    save = BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode()
     one.hear(save, (245, 190))
     (again,) = one.exchange.progress_again()
     assert again == one.exchange.progress(step)
     assert again.asker == (245, 190)
-    read = tunnel.decode(again.payload, "G2")
-    assert read == tunnel.OperationProgress(
+    read = decode(again.payload, "G2")
+    assert read == OperationProgress(
         operation=12, request_id=9, state=0, step=1, step_count=4, message="one"
     )
     last = some(
         one.exchange.progress(Operation(name="save_logs", state="failed", message="full"))
     )
-    ended = tunnel.decode(last.payload, "G2")
-    assert isinstance(ended, tunnel.OperationProgress)
+    ended = decode(last.payload, "G2")
+    assert isinstance(ended, OperationProgress)
     assert (ended.state, ended.message) == (2, "full")
     assert one.exchange.progress_again() == []
 
 
 def test_version_4_has_no_progress_and_tells_its_number() -> None:
     one = drone(version=4)
-    one.hear(tunnel.BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode())
+    one.hear(BareG2(command=CommandId.SAVE_LOGS, request_id=9).encode())
     assert one.exchange.progress(Operation(name="save_logs", state="running")) is None
     beat = some(one.exchange.heartbeat(SystemState.HAS_TAGS, None))
-    read = tunnel.decode(beat, "G2")
-    assert isinstance(read, tunnel.HeartbeatG2)
+    read = decode(beat, "G2")
+    assert isinstance(read, HeartbeatG2)
     assert (read.protocol_version, read.status) == (4, 2)
     alive = some(one.exchange.detector_heartbeat(2, 10**18))
-    assert isinstance(tunnel.decode(alive, "G2"), tunnel.PulseG2)
+    assert isinstance(decode(alive, "G2"), PulseG2)
     assert isinstance(
-        tunnel.decode(drone().exchange.detector_heartbeat(2, 0) or b"", "G2"),
-        tunnel.DetectorHeartbeat,
+        decode(drone().exchange.detector_heartbeat(2, 0) or b"", "G2"),
+        DetectorHeartbeat,
     )
 
 
@@ -211,7 +216,7 @@ def test_inferred_layouts_are_used_only_where_the_settings_say_so() -> None:
         Exchange("G2")
     one = drone(generation="auto", experimental=False)
     first, tag, last = Writing("G2").upload(TAGS[:1])
-    assert one.hear(first).result == tunnel.SUCCESS  # type: ignore[union-attr]
+    assert one.hear(first).result == SUCCESS  # type: ignore[union-attr]
     refused = some(one.hear(tag))
     assert "never seen" in refused.message
     assert one.hear(last).message == "incomplete: missing 0"  # type: ignore[union-attr]
@@ -224,34 +229,34 @@ def test_version_1_speaks_as_g1_with_a_number_and_a_longer_pulse() -> None:
     assert len(beat) == 16
     report = made.search_report(2, 10**18)
     payload = some(exchange.search_report(report))
-    read = tunnel.decode(payload, "G2v1")
-    assert isinstance(read, tunnel.PulseG2v1)
+    read = decode(payload, "G2v1")
+    assert isinstance(read, PulseG2v1)
     assert (read.collection_id, read.pulse.detection_status) == (0, 3)
     start, tag, _ = Writing("G2v1").upload(TAGS[:1])
     assert isinstance(exchange.receive(start, GROUND), Command)
     assert isinstance(exchange.receive(tag, GROUND), Command)
     refusal = exchange.receive(tag[:50], GROUND)
     assert isinstance(refusal, Answer)
-    assert isinstance(tunnel.decode(refusal.payload, "G2v1"), tunnel.AckG1)
+    assert isinstance(decode(refusal.payload, "G2v1"), AckG1)
 
 
 def test_a_payload_of_a_wrong_length_is_refused_under_its_request_id() -> None:
     answer = some(drone().hear(stop(123) + b"\0"))
-    assert (answer.request_id, answer.result) == (123, tunnel.FAILURE)
+    assert (answer.request_id, answer.result) == (123, FAILURE)
     assert "9 bytes" in answer.message
 
 
 @pytest.mark.parametrize(("generation", "room"), [("G1", 115), ("G2", 107)])
-def test_of_a_long_directory_the_end_is_told(generation: tunnel.Generation, room: int) -> None:
+def test_of_a_long_directory_the_end_is_told(generation: Generation, room: int) -> None:
     path = "/home/pi/" + "ü" * 60 + "/flights/flight_log_2026-11-21_22-05-04"
-    payload = tunnel.ack_to_wire(5, True, path, generation).encode()
-    ack = tunnel.decode(payload, generation)
-    assert isinstance(ack, tunnel.AckG1 | tunnel.AckG2)
+    payload = ack_to_wire(5, True, path, generation).encode()
+    ack = decode(payload, generation)
+    assert isinstance(ack, AckG1 | AckG2)
     assert ack.message.startswith("…")
     assert path.endswith(ack.message[1:])
     assert room - 1 <= len(ack.message.encode()) <= room
-    short = tunnel.decode(tunnel.ack_to_wire(5, True, "/x", generation).encode(), generation)
-    assert isinstance(short, tunnel.AckG1 | tunnel.AckG2)
+    short = decode(ack_to_wire(5, True, "/x", generation).encode(), generation)
+    assert isinstance(short, AckG1 | AckG2)
     assert short.message == "/x"
 
 
@@ -266,11 +271,11 @@ def test_no_payload_stops_the_conversation(payloads: list[bytes]) -> None:
 
 def test_a_pulse_survives_every_generation() -> None:
     pulse = made.pulse(1_700_206_353_000_000_000, group_sequence=3)
-    generations: tuple[tunnel.Generation, ...] = ("G1", "G2v1", "G2")
+    generations: tuple[Generation, ...] = ("G1", "G2v1", "G2")
     inner = []
     for generation in generations:
-        payload = tunnel.pulse_to_wire(PulsePose(pulse=pulse, pose=None), generation).encode()
-        read = tunnel.decode(payload, generation)
-        assert isinstance(read, tunnel.PulseG1 | tunnel.PulseG2v1 | tunnel.PulseG2)
-        inner.append((read if isinstance(read, tunnel.PulseG1) else read.pulse).encode())
+        payload = pulse_to_wire(PulsePose(pulse=pulse, pose=None), generation).encode()
+        read = decode(payload, generation)
+        assert isinstance(read, PulseG1 | PulseG2v1 | PulseG2)
+        inner.append((read if isinstance(read, PulseG1) else read.pulse).encode())
     assert len(set(inner)) == 1

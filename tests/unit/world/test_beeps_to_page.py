@@ -8,9 +8,10 @@ from typing import Any
 import made
 from asked_page import AskedPage
 
-from uavrt.config import read_tags
-from uavrt.messages import Beep, BeepKind, SystemState
-from uavrt.recording import read_beeps, read_flight
+from uavrt.commands import SystemState
+from uavrt.config.tag_files import read_tags
+from uavrt.messages import Beep, BeepKind
+from uavrt.recording.flight_reader import read_beeps, read_flight
 from world import THESIS_TAG, World, until
 
 OFF_LABEL = made.beep(

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from asked_page import AskedPage
 
+from uavrt.commands import SystemState
 from uavrt.demo.programs import free_udp_port
-from uavrt.messages import SystemState
-from uavrt.recording import read_flight
+from uavrt.recording.flight_reader import read_flight
 from world import THESIS_TAG, World, until
 
 VEHICLES, PULSES, PULSES_HZ, LOSS = 5, 64, 8.0, 0.2

@@ -3,7 +3,8 @@
 import asyncio
 from pathlib import Path
 
-from uavrt.messages import PulsePose, SystemState
+from uavrt.commands import SystemState
+from uavrt.messages import PulsePose
 from world import THESIS_TAG, World, until
 
 

@@ -11,9 +11,9 @@ import pytest
 from asked_page import AskedPage
 from pulses import pulse_at
 
-from uavrt.ground.web.tag_table import table_version
+from uavrt.ground.store.tag_table import table_version
 from uavrt.messages import Command
-from uavrt.recording import read_flight
+from uavrt.recording.flight_reader import read_flight
 from uavrt.units import NANOSECONDS_PER_SECOND
 from world import THESIS_TAG, World, until
 

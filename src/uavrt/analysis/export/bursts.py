@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 from uavrt.analysis.survey import Survey
 from uavrt.messages import Pose, Pulse, PulsePose, Tag
-from uavrt.recording import TableWriter
-from uavrt.recording.formats import tag_numbers
+from uavrt.recording.csv_line import TableWriter
+from uavrt.recording.formats.ucsd import tag_numbers
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _SAME_HZ = 2_000.0

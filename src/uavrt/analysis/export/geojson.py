@@ -4,7 +4,7 @@ import json
 import math
 from typing import Any
 
-from uavrt.analysis.measure import (
+from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
     ray,
@@ -20,8 +20,9 @@ from uavrt.analysis.power_survey import HeightBand, TagSignal
 from uavrt.analysis.records import bearing_record, known, position_record
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
-from uavrt.localization import Position, StrongestSignal
-from uavrt.recording import Ring
+from uavrt.localization.position.strongest import StrongestSignal
+from uavrt.localization.results import Position
+from uavrt.recording.integrated import Ring
 
 _PLACES = 8
 """Decimals of a degree: 1 mm."""

@@ -33,7 +33,7 @@ from uavrt.analysis.export.geopackage_index import SCHEMA as INDEX_SCHEMA
 from uavrt.analysis.export.geopackage_index import add_index
 from uavrt.analysis.export.geopackage_styles import SCHEMA as STYLE_SCHEMA
 from uavrt.analysis.export.geopackage_styles import add_style
-from uavrt.analysis.measure import (
+from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
     ray,

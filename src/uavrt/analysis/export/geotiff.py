@@ -13,7 +13,7 @@ import struct
 import numpy as np
 
 from uavrt.analysis.export.kmz import bounds
-from uavrt.localization import PositionGrid
+from uavrt.localization.results import PositionGrid
 from uavrt.units import wrap_degrees_360
 
 _SHORT, _LONG, _ASCII, _DOUBLE = 3, 4, 2, 12

@@ -16,7 +16,7 @@ from uavrt.analysis.export.geojson import (
 )
 from uavrt.analysis.export.png import disc, heat, png_bytes, signal
 from uavrt.analysis.export.xml_text import printable
-from uavrt.analysis.measure import (
+from uavrt.analysis.measure.shapes import (
     REGION_SHARES,
     Point,
     ray,
@@ -28,8 +28,10 @@ from uavrt.analysis.measure import (
 )
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.clock import iso_utc
-from uavrt.localization import Position, PositionGrid, SignalSurface, TangentPlane
+from uavrt.localization.position.strongest import SignalSurface
+from uavrt.localization.results import Position, PositionGrid
 from uavrt.messages import PulsePose
+from uavrt.tangent_plane import TangentPlane
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _STYLES = {

@@ -9,9 +9,13 @@ from typing import Any
 from uavrt.analysis.export.geojson import cautions_of
 from uavrt.analysis.survey import Survey
 from uavrt.clock import iso_utc
-from uavrt.localization import Found, Position, PositionMethod, ReadAs, TagBearing, place
-from uavrt.recording import PulseWriter, TableWriter
-from uavrt.recording.formats import BearingRow, PositionRow, write_tagtracker
+from uavrt.localization.flight_estimates import Found, ReadAs, TagBearing, place
+from uavrt.localization.results import Position, PositionMethod
+from uavrt.recording.csv_line import TableWriter
+from uavrt.recording.formats.bearings_csv import BearingRow
+from uavrt.recording.formats.positions_csv import PositionRow
+from uavrt.recording.formats.tagtracker import write_tagtracker
+from uavrt.recording.pulse_files import PulseWriter
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MOVEBANK_COLUMNS = (

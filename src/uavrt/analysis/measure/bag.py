@@ -18,36 +18,17 @@ from typing import Any
 
 import msgspec
 
-from uavrt.config import AntennaSettings, Settings
+from uavrt.config.settings import AntennaSettings, Settings
 from uavrt.errors import FormatError, UsageError, needs_extra
 from uavrt.messages import FlightInfo, PulsePose, StatusText
-from uavrt.pose import Mounting
-from uavrt.recording import (
-    Flight,
-    FlightLayout,
-    read_flight,
-    read_integrated,
-    read_search_reports,
-    read_stops,
-)
-from uavrt.ros2 import (
-    LOG_DEPTH,
-    LOG_LEVELS,
-    LOG_MESSAGE,
-    LOG_TOPIC,
-    START_STOP,
-    TOPICS,
-    DiagnosticArray,
-    DiagnosticStatus,
-    Flag,
-    Header,
-    Log,
-    RosMessage,
+from uavrt.pose.mounting import Mounting
+from uavrt.recording.flight_reader import Flight, read_flight, read_search_reports, read_stops
+from uavrt.recording.integrated import read_integrated
+from uavrt.recording.layout import FlightLayout
+from uavrt.ros2.cdr import encode
+from uavrt.ros2.convert import (
     burst_to_ros,
     coded_tag_to_ros,
-    encode,
-    full_definition,
-    full_name,
     heartbeat,
     key_values,
     pose_stamped,
@@ -55,8 +36,11 @@ from uavrt.ros2 import (
     pulse_to_ros,
     tag_to_ros,
     time_to_ros,
-    type_hash,
 )
+from uavrt.ros2.gateway import LOG_LEVELS
+from uavrt.ros2.graph import LOG_DEPTH, LOG_MESSAGE, LOG_TOPIC, START_STOP, TOPICS
+from uavrt.ros2.interface import full_definition, full_name, type_hash
+from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, Flag, Header, Log, RosMessage
 
 CHUNK_BYTES = 65536
 RECORDED = "recorded/"

@@ -11,9 +11,12 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from uavrt.clock import monotonic_s
-from uavrt.dsp import FrontEnd, channel_center_hz
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.dsp.plan import channel_center_hz
 from uavrt.errors import ConfigError
-from uavrt.radio import ChannelDatagramSender, PortScheme, SampleSource, channel_port
+from uavrt.radio.channel_datagram import PortScheme, channel_port
+from uavrt.radio.channel_sender import ChannelDatagramSender
+from uavrt.radio.source import SampleSource
 
 ORIGINAL_CHANNELS: Final = 100
 ORIGINAL_CHANNEL_RATE_HZ: Final = 3750.0

@@ -12,10 +12,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config import GAP_TOLERANCE_S
-from uavrt.detection.beeps import BURST_S, FEWEST_BURSTS, Beat, fit_beat, split_bursts
-from uavrt.detection.coded import Cells
-from uavrt.dsp import BlockTimes
+from uavrt.config.code_rules import GAP_TOLERANCE_S
+from uavrt.detection.beeps.interval_fit import Beat, fit_beat
+from uavrt.detection.beeps.trains import BURST_S, FEWEST_BURSTS, split_bursts
+from uavrt.detection.coded.cells import Cells
+from uavrt.dsp.block_times import BlockTimes
 from uavrt.messages import ChannelBlock, Tag
 
 LONGEST_PULSE_S: Final = 0.006

@@ -15,7 +15,8 @@ from uavrt.analysis.measure.pulse_fit import (
     without_carriers,
     without_impulses,
 )
-from uavrt.detection.beeps import FEWEST, FoundBeat, fit_beat
+from uavrt.detection.beeps.beats import FEWEST, FoundBeat
+from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SAME_RATE: Final = 0.004

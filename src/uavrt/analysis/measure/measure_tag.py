@@ -22,13 +22,16 @@ from uavrt.analysis.measure.coded_bursts import (
 )
 from uavrt.analysis.measure.measure_pulses import PulseWindow, measure_pulses
 from uavrt.analysis.measure.measured_tag import MeasuredTag
-from uavrt.config import Receiver
-from uavrt.detection.beeps import FEWEST, Points, PointSearch, Train, find_trains
-from uavrt.dsp import BlockTimes, FrontEnd
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.beeps.beats import FEWEST
+from uavrt.detection.beeps.points import Points, PointSearch
+from uavrt.detection.beeps.trains import Train, find_trains
+from uavrt.dsp.block_times import BlockTimes
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.dsp.plan import ONE_CHANNEL_RATE_HZ, usable_half_span_hz
 from uavrt.errors import ConfigError, UavrtError, UsageError
 from uavrt.messages import ChannelBlock, IQBlock
-from uavrt.radio import SampleSource
+from uavrt.radio.source import SampleSource
 from uavrt.units import ns_from_s
 
 WINDOW_HZ: Final = 2000.0

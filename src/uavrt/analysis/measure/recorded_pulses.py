@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from uavrt.clock import monotonic_s
-from uavrt.detection import (
-    DetectorGroup,
-    OperatingMode,
-    PulseDetector,
-    Receiver,
-)
-from uavrt.dsp import Carriers, Clipping, FrontEnd, InputCheck
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.detector import PulseDetector
+from uavrt.detection.group import DetectorGroup
+from uavrt.detection.modes import OperatingMode
+from uavrt.dsp.carriers import Carriers
+from uavrt.dsp.clipping import Clipping
+from uavrt.dsp.frontend import FrontEnd
+from uavrt.dsp.input_check import InputCheck
 from uavrt.errors import ConfigError, UavrtError
 from uavrt.messages import ChannelBlock, IQBlock, Pulse, SearchReport, Tag
-from uavrt.radio import SampleSource
+from uavrt.radio.source import SampleSource
 
 if TYPE_CHECKING:
-    from uavrt.detection.coded import CodedDetector
+    from uavrt.detection.coded.detector import CodedDetector
 
 _LOOK_S: Final = 0.5
 """How often a waiting reader looks whether it should stop."""

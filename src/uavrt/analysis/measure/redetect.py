@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from uavrt.analysis.flown_with import flight_settings
-from uavrt.config import AntennaSettings, DetectionSettings, Settings
+from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.messages import (
     AttitudeSample,
     FlightInfo,
@@ -20,9 +20,12 @@ from uavrt.messages import (
     PulsePose,
     Tag,
 )
-from uavrt.pose import PoseAttacher, PoseRing
-from uavrt.radio import SampleSource
-from uavrt.recording import Flight, FlightRecorder, new_flight_directory
+from uavrt.pose.attacher import PoseAttacher
+from uavrt.pose.ring import PoseRing
+from uavrt.radio.source import SampleSource
+from uavrt.recording.flight_reader import Flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import new_flight_directory
 
 
 class FlightWriter:

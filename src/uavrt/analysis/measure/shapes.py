@@ -5,13 +5,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from uavrt.clock import told_utc
-from uavrt.localization import (
-    Position,
-    TagBearing,
-    TagPosition,
-    TangentPlane,
-    region_outlines,
-)
+from uavrt.localization.flight_estimates import TagBearing, TagPosition
+from uavrt.localization.position.regions import region_outlines
+from uavrt.localization.results import Position
+from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
 Point = tuple[float, float]

@@ -14,23 +14,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.dsp import BlockTimes
+from uavrt.dsp.block_times import BlockTimes
 from uavrt.errors import FormatError, UsageError
-from uavrt.localization import (
-    ArrayMethod,
-    Headings,
-    SwitchedPulse,
-    SwitchSchedule,
-    TagBearing,
-    TangentPlane,
+from uavrt.localization.bearing.array_bearings import (
+    Steering,
     circle_steering,
-    measure_switched_pulse,
     pair_steering,
     switched_bearing,
 )
-from uavrt.localization.bearing.array_bearings import Steering
+from uavrt.localization.bearing.switched_pulse import (
+    SwitchedPulse,
+    SwitchSchedule,
+    measure_switched_pulse,
+)
+from uavrt.localization.flight_estimates import TagBearing
+from uavrt.localization.headings import Headings
+from uavrt.localization.results import ArrayMethod
 from uavrt.messages import Pose, PulsePose
-from uavrt.radio import open_recording, sigmf_global
+from uavrt.radio.opening import open_recording
+from uavrt.radio.sigmf import sigmf_global
+from uavrt.tangent_plane import TangentPlane
 
 SWITCH_KEY = "uavrt:antenna_switch"
 """In the global part of the recording's metadata (docs/reference/formats.md)."""

@@ -15,7 +15,7 @@ from uavrt.analysis.report.style import (
 )
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
-from uavrt.recording import FlightFold
+from uavrt.recording.integrated import FlightFold
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -13,7 +13,7 @@ from uavrt.analysis.report.style import FAINT, SNR_COLORS, SOFT
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-    from uavrt.recording import FlightFold
+    from uavrt.recording.integrated import FlightFold
 
 CAPTION = (
     "The whole flight folded at the interval that was found: each row is a part of the flight, "

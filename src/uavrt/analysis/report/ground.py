@@ -12,7 +12,7 @@ from uavrt.analysis.map_files import MapFile, tile_corner, tile_place
 from uavrt.analysis.report.style import SOFT
 from uavrt.analysis.survey import Survey
 from uavrt.errors import FormatError
-from uavrt.localization import TangentPlane
+from uavrt.tangent_plane import TangentPlane
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import Point, ray, ray_length_m, rings95, way_of, wedge
+from uavrt.analysis.measure.shapes import Point, ray, ray_length_m, rings95, way_of, wedge
 from uavrt.analysis.power_survey import TagSignal
 from uavrt.analysis.report.ground import draw_ground
 from uavrt.analysis.report.style import (
@@ -21,13 +21,10 @@ from uavrt.analysis.report.style import (
 )
 from uavrt.analysis.survey import Survey, thinned
 from uavrt.analysis.whole_flight import POSITION_M
-from uavrt.localization import (
-    Position,
-    SignalSurface,
-    StrongestSignal,
-    TangentPlane,
-    region_outlines,
-)
+from uavrt.localization.position.regions import region_outlines
+from uavrt.localization.position.strongest import SignalSurface, StrongestSignal
+from uavrt.localization.results import Position
+from uavrt.tangent_plane import TangentPlane
 from uavrt.units import wrap_degrees_360
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from uavrt.analysis.report.ground import maps_under
 from uavrt.analysis.report.style import new_figure, styled, svg_data, tag_color
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
-from uavrt.recording import FlightFold
+from uavrt.recording.integrated import FlightFold
 
 _CSS = """
 :root { --ink:#1b2430; --soft:#5c6773; --line:#dfe4e9; --warm:#fff6e5; }

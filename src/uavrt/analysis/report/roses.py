@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from uavrt.analysis.report.style import INK, SOFT, message, tag_color
 from uavrt.analysis.survey import Survey
 from uavrt.attitude import yaw_deg
-from uavrt.localization import TagBearing, pattern_named
+from uavrt.localization.antenna import pattern_named
+from uavrt.localization.flight_estimates import TagBearing
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 if TYPE_CHECKING:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uavrt.analysis.export import chance
+from uavrt.analysis.export.png import chance
 from uavrt.analysis.report.maps import LocalMap, draw_track
 from uavrt.analysis.report.style import SOFT, new_figure, styled
 from uavrt.analysis.silence import SilentMap
 from uavrt.analysis.survey import Survey
-from uavrt.planning import Coverage
+from uavrt.planning.coverage import Coverage
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable

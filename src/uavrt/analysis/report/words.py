@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import uavrt
-from uavrt.analysis.measure import remarks_of
+from uavrt.analysis.measure.shapes import remarks_of
 from uavrt.analysis.silence import around_in_words
 from uavrt.analysis.survey import Survey
 from uavrt.analysis.verdict_words import where_in_words
 from uavrt.analysis.whole_flight import chance_in_words
 from uavrt.clock import told_utc
-from uavrt.localization import Position, TangentPlane
+from uavrt.localization.results import Position
 from uavrt.messages import STATION_COUNTER, Pulse, SearchReport, Tag
-from uavrt.recording import IntegratedVerdict
+from uavrt.recording.integrated import IntegratedVerdict
+from uavrt.tangent_plane import TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 
 Table = tuple[list[str], list[list[str]]]

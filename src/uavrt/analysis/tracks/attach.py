@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.tracks.track import VehicleTrack
 from uavrt.attitude import yaw_deg
-from uavrt.config import AntennaSettings
+from uavrt.config.settings import AntennaSettings
 from uavrt.errors import UsageError
-from uavrt.localization import PATTERNS, TangentPlane
+from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import PulsePose
-from uavrt.pose import PoseAttacher, PoseRing
+from uavrt.pose.attacher import PoseAttacher
+from uavrt.pose.ring import PoseRing
+from uavrt.tangent_plane import TangentPlane
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 _ZONES_S, _MOST_ZONES_S = 1800.0, 26 * 3600.0

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 
 from uavrt.analysis.tracks.track import VehicleTrack
-from uavrt.config import AntennaSettings
+from uavrt.config.settings import AntennaSettings
 from uavrt.errors import PoseUnavailable, UsageError
 from uavrt.messages import FlightInfo, Pose, Tag
-from uavrt.pose import PoseRing
-from uavrt.recording import Flight
+from uavrt.pose.ring import PoseRing
+from uavrt.recording.flight_reader import Flight
 from uavrt.units import ns_from_s
 
 _STEP_NS = 200_000_000

@@ -28,7 +28,7 @@ from uavrt.errors import FormatError
 from uavrt.foreign import GPX, read_xml
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.on_earth import OffEarthError
-from uavrt.recording.formats import place_or_none, read_lines
+from uavrt.recording.formats.text import place_or_none, read_lines
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MAGNETIC = (

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.messages import AttitudeSample, PositionSample
-from uavrt.recording import csv_cells
-from uavrt.recording.formats import place_or_none, read_lines, wrong_line
+from uavrt.recording.csv_line import csv_cells
+from uavrt.recording.formats.text import place_or_none, read_lines, wrong_line
 
 FIRST_COLUMN = b"time_ns,latitude_deg"
 

@@ -17,17 +17,9 @@ from uavrt.analysis.tracks.track import VehicleTrack, attitude, in_order
 from uavrt.attitude import from_euler_deg
 from uavrt.errors import FormatError
 from uavrt.foreign import TRACK, read_file
-from uavrt.mavlink import (
-    MARKER_V1,
-    MARKER_V2,
-    SIGNED,
-    Frame,
-    FrameParser,
-    attitude_sample,
-    crc16_mcrf4xx,
-    dialect,
-    position_sample,
-)
+from uavrt.mavlink import dialect
+from uavrt.mavlink.frame import MARKER_V1, MARKER_V2, SIGNED, Frame, FrameParser, crc16_mcrf4xx
+from uavrt.mavlink.samples import attitude_sample, position_sample
 from uavrt.messages import AttitudeSample, PositionSample
 from uavrt.on_ground import spans_on_ground
 

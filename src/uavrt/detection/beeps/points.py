@@ -13,7 +13,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from uavrt.dsp import medians, transform_columns
+from uavrt.dsp.fourier import transform_columns
+from uavrt.dsp.sliding_medians import medians
 
 WINDOW_S: Final = 0.016
 """Length of the Hann window [s]; it loses 3 to 5 dB of pulses of 2.5, 20 and 30 ms."""

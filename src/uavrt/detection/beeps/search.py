@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from uavrt.config import Receiver
+from uavrt.config.ghost_places import Receiver
 from uavrt.detection.beeps.gaps import gapped_tags
 from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
 from uavrt.detection.beeps.points import NO_POINTS, PointSearch
 from uavrt.detection.beeps.trains import Train, find_trains
-from uavrt.dsp import BlockTimes
+from uavrt.dsp.block_times import BlockTimes
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 

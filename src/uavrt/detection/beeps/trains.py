@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from uavrt.config import Receiver
+from uavrt.config.ghost_places import Receiver
 from uavrt.detection.beeps.beats import FEWEST, FoundBeat, find_beats
 from uavrt.detection.beeps.points import Points
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config import GAP_TOLERANCE_S
+from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.cells import NEUTRAL, UNIT, Cells
 from uavrt.messages import Tag
 

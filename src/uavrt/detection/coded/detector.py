@@ -1,6 +1,7 @@
 """The detector of coded tags: samples of a channel in, one record for each burst out.
 
-A pure stage, as `uavrt.detection.PulseDetector` is, but for all codes of a channel together
+A pure stage, as `uavrt.detection.detector.PulseDetector` is, but for all codes of a channel
+together
 (docs/explanation/coded-tags.md).
 """
 
@@ -23,7 +24,9 @@ from uavrt.detection.coded.limits import FALSE_PER_HOUR, limit, sum_limit
 from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, make_code_book
 from uavrt.detection.coded.tracks import Tracks
 from uavrt.detection.reporting import report_every_s
-from uavrt.detection.signal import Cleaner, Counters, Intake
+from uavrt.detection.signal.block_order import Intake
+from uavrt.detection.signal.samples import Counters
+from uavrt.detection.signal.signal_cleaning import Cleaner
 from uavrt.messages import Pulse, SearchReport, Tag
 from uavrt.units import NANOSECONDS_PER_SECOND, db_from_power, ns_from_s
 

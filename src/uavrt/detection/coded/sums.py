@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.config import GAP_TOLERANCE_S
+from uavrt.config.code_rules import GAP_TOLERANCE_S
 from uavrt.detection.coded.cells import Cells
 from uavrt.messages import Tag
 from uavrt.native import kernels

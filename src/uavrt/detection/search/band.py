@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.bounds import Bounds
 from uavrt.detection.search.anchors import AnchorSearch, search_together
 from uavrt.detection.search.evidence import gate
 from uavrt.detection.search.grid import Grid, Spectrogram
@@ -18,8 +17,9 @@ from uavrt.detection.search.noise import RowNoise, update_together
 from uavrt.detection.search.rates import make_searches
 from uavrt.detection.search.spectra import Workspace, columns_ahead, push_together
 from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, weakest_enr_db, young_margin
-from uavrt.detection.signal import SampleBuffer
-from uavrt.detection.track import Bursts, Known
+from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.track.bounds import Bounds
+from uavrt.detection.track.bursts import Bursts, Known
 from uavrt.messages import Tag
 
 NOISE_STRIDE = SLOT

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import Grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
+from uavrt.detection.search.refine import Refiner
 from uavrt.detection.search.thresholds import begun_within_s, decision_interval_s
-from uavrt.detection.signal import Refiner
 from uavrt.messages import Tag
 
 POWER_LIMIT = 16.0

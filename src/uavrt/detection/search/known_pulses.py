@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import Grid
-from uavrt.detection.signal import Measured
+from uavrt.detection.search.refine import Measured
 
 _SAME_BINS = 1.5
 _LEAK_SHARE = 0.2

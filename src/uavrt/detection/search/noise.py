@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.dsp import medians
+from uavrt.dsp.sliding_medians import medians
 
 TRUNCATION = 4.0
 """Cells above so many times the noise are not noise: 1.8 % of noise, all of a pulse."""

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search import ROWS_PER_BIN, Grid, effective_hypotheses
-from uavrt.detection.signal import Measured
+from uavrt.detection.search.grid import ROWS_PER_BIN, Grid
+from uavrt.detection.search.refine import Measured
+from uavrt.detection.search.thresholds import effective_hypotheses
 from uavrt.detection.track.chance import QUIET, OnAir
 from uavrt.detection.track.tracks import Track
 

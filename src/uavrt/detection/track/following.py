@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.bounds import Bounds
-from uavrt.detection.search import Grid
-from uavrt.detection.signal import TRACK_BAND_HZ, Measured, Refiner, SampleBuffer
+from uavrt.detection.search.grid import Grid
+from uavrt.detection.search.refine import TRACK_BAND_HZ, Measured, Refiner
+from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.track.bounds import Bounds
 from uavrt.detection.track.chance import QUIET, OnAir
 from uavrt.detection.track.masking import hiding, is_due, stronger_beside, strongest_first
 from uavrt.detection.track.tracks import Slot, Track

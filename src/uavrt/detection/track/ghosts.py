@@ -17,8 +17,8 @@ from typing import Generic
 
 import numpy as np
 
-from uavrt.config import Receiver
-from uavrt.detection.signal import timing_error_s
+from uavrt.config.ghost_places import Receiver
+from uavrt.detection.search.refine import timing_error_s
 from uavrt.detection.track.coincidence import by_chance, of_ghosts
 from uavrt.detection.track.masking import level
 from uavrt.detection.track.tracks import CLOCK_ERROR, Slot, Track

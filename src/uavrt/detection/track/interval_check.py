@@ -11,9 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.bounds import Bounds
-from uavrt.detection.search import Candidate, Grid, RateSearch, sliding_maximum
-from uavrt.detection.signal import Refiner
+from uavrt.detection.search.grid import Grid, sliding_maximum
+from uavrt.detection.search.hypotheses import Candidate, RateSearch
+from uavrt.detection.search.refine import Refiner
+from uavrt.detection.track.bounds import Bounds
 
 _MOST_WIDTHS = 0.5
 """Beyond the bound, in pulse widths: of an interval further off two pulses meet a lattice."""

@@ -10,9 +10,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.bounds import Bounds
-from uavrt.detection.search import Candidate, Evidence, Grid, KnownPulses, RateSearch, gate
-from uavrt.detection.signal import TRACK_BAND_HZ, Measured, Refiner, SampleBuffer, apart_hz
+from uavrt.detection.search.evidence import Evidence, gate
+from uavrt.detection.search.grid import Grid
+from uavrt.detection.search.hypotheses import Candidate, RateSearch
+from uavrt.detection.search.known_pulses import KnownPulses
+from uavrt.detection.search.refine import TRACK_BAND_HZ, Measured, Refiner
+from uavrt.detection.signal.frequency_circle import apart_hz
+from uavrt.detection.signal.samples import SampleBuffer
+from uavrt.detection.track.bounds import Bounds
 from uavrt.detection.track.interval_check import Intervals
 from uavrt.detection.track.tracks import MORE_CELLS, MOST_TOLD_BY_ONE, Track, independent_cells
 from uavrt.detection.track.two_rates import log_evidence

@@ -5,7 +5,8 @@ it: one 20 dB stronger and 100 Hz away covers a tag's pulse whenever the two ove
 frequency and amplitude are known from its own track, so it can be subtracted.
 """
 
-from uavrt.detection.signal import Measured, apart_hz
+from uavrt.detection.search.refine import Measured
+from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.track.tracks import Track
 
 STRONGER = 2.0

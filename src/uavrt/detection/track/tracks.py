@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
-from uavrt.detection.search import group_tail
-from uavrt.detection.signal import TRACK_BAND_HZ, Measured, timing_error_s
+from uavrt.detection.search.refine import TRACK_BAND_HZ, Measured, timing_error_s
+from uavrt.detection.search.thresholds import group_tail
 from uavrt.detection.track.chance import QUIET, OnAir, log_begin, log_empty, log_odds
 from uavrt.messages import Tag
 

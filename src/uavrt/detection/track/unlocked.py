@@ -10,7 +10,8 @@ original).
 import math
 from collections.abc import Callable
 
-from uavrt.detection.signal import Measured, apart_hz
+from uavrt.detection.search.refine import Measured
+from uavrt.detection.signal.frequency_circle import apart_hz
 from uavrt.detection.track.chance import OnAir
 from uavrt.detection.track.tracks import Track
 

@@ -18,9 +18,12 @@ from uavrt.ground.fetch.flight_list import drone_flights
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry, fetch_file, require_room
 from uavrt.ground.fetch.sample_files import is_samples
 from uavrt.ground.link.session_parts import HeldSession
-from uavrt.ground.store import is_the_drones
-from uavrt.mavlink import Frame, Peer, dialect
-from uavrt.recording import FETCHED_COPY, FLIGHT_PREFIX, FlightLayout
+from uavrt.ground.store.beside_drone import is_the_drones
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame
+from uavrt.recording.flight_order import FETCHED_COPY, FLIGHT_PREFIX
+from uavrt.recording.layout import FlightLayout
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 REPORT_S = 0.2

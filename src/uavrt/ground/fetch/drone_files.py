@@ -11,9 +11,12 @@ from contextlib import asynccontextmanager
 
 from uavrt.errors import LinkError
 from uavrt.ground.fetch.ftp_client import FileClient
-from uavrt.ground.link import Ways
+from uavrt.ground.link.parallel_links import Ways
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
-from uavrt.mavlink import STATION_SYSTEM_ID, Frame, Peer, Signing, SigningKey, dialect
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.signing import Signing, SigningKey
 
 BEAT_S = 1.0
 PINGS = 4

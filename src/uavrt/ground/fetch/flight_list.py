@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 from uavrt.errors import LinkError
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
-from uavrt.recording import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, names_in_order
+from uavrt.recording.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, names_in_order
 
 MOST_NOTED = 8_000
 """Bytes that are read of what is noted, from its end: some 250 flights, 2 s by a radio."""

@@ -18,7 +18,7 @@ from pathlib import Path
 from uavrt.clock import monotonic_s
 from uavrt.errors import LinkError, RecordingError
 from uavrt.ground.fetch.same_flight import others, place_for
-from uavrt.mavlink import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
+from uavrt.mavlink.ftp_wire import DATA_SIZE, FtpError, FtpPacket, Opcode, checksum
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, s_from_ns
 
 REPLY_NS = ns_from_s(1.5)

@@ -15,7 +15,7 @@ from typing import Any
 
 from uavrt.clock import parse_iso_utc
 from uavrt.foreign import NOTES, read_file, read_json
-from uavrt.recording import open_plain
+from uavrt.recording.plain_database import open_plain
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 CHUNK = 1 << 20

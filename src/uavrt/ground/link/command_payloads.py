@@ -3,12 +3,15 @@
 import random
 from collections.abc import Sequence
 
-from uavrt import tunnel
-from uavrt.commands import COMMANDS, CommandName
-from uavrt.config import check_start
+from uavrt.commands import COMMANDS, CommandId, CommandName, Generation
+from uavrt.config.parameters import check_start
 from uavrt.errors import LinkError
 from uavrt.messages import Tag
-from uavrt.tunnel import CodedTag, CommandId, Generation, tag_to_wire
+from uavrt.tunnel.coded_tag import CodedTag
+from uavrt.tunnel.convert import tag_to_wire
+from uavrt.tunnel.g0 import HeaderMessage
+from uavrt.tunnel.g1 import RawCapture, StartDetection, TagG1
+from uavrt.tunnel.g2 import BareG2, RawCaptureG2, StartDetectionG2, TagG2, UploadG2
 
 NUMBERED_FROM = 2**31
 
@@ -42,16 +45,16 @@ class Writing:
         if self._generation != "G2":
             older: Generation = "G0" if self._generation == "G0" else "G1"
             return [
-                tunnel.HeaderMessage(command=CommandId.START_TAGS).encode(),
+                HeaderMessage(command=CommandId.START_TAGS).encode(),
                 *(
                     (CodedTag(tag=tag) if tag.coded else tag_to_wire(tag, older)).encode()
                     for tag in tags
                 ),
-                tunnel.HeaderMessage(command=CommandId.END_TAGS).encode(),
+                HeaderMessage(command=CommandId.END_TAGS).encode(),
             ]
         upload_id = self._next_id()
         frames = [
-            tunnel.UploadG2(
+            UploadG2(
                 command=command,
                 request_id=self._next_id(),
                 upload_id=upload_id,
@@ -70,8 +73,8 @@ class Writing:
                 inside.append(CodedTag(tag=tag, **numbers).encode())
                 continue
             wire = tag_to_wire(tag, "G1")
-            assert isinstance(wire, tunnel.TagG1)
-            inside.append(tunnel.TagG2(tag=wire, **numbers).encode())
+            assert isinstance(wire, TagG1)
+            inside.append(TagG2(tag=wire, **numbers).encode())
         return [frames[0], *inside, frames[1]]
 
     def correction(self, tag: Tag) -> bytes:
@@ -79,20 +82,20 @@ class Writing:
         if self._generation != "G2":
             return tag_to_wire(tag, "G0" if self._generation == "G0" else "G1").encode()
         wire = tag_to_wire(tag, "G1")
-        assert isinstance(wire, tunnel.TagG1)
+        assert isinstance(wire, TagG1)
         numbers = {"request_id": self._next_id(), "upload_id": 0, "tag_index": 0}
-        return tunnel.TagG2(tag=wire, **numbers).encode()
+        return TagG2(tag=wire, **numbers).encode()
 
     def start(self, center_frequency_hz: float | None, gain: int) -> bytes:
         """Write a start; a frequency of None is 0: the drone's tuner chooses."""
         check_start(None, center_frequency_hz, gain)
         if self._generation == "G0":
-            return tunnel.HeaderMessage(command=CommandId.START_DETECTION).encode()
-        start = tunnel.StartDetection(
+            return HeaderMessage(command=CommandId.START_DETECTION).encode()
+        start = StartDetection(
             radio_center_frequency_hz=round(center_frequency_hz or 0), gain=gain
         )
         if self._generation == "G2":
-            return tunnel.StartDetectionG2(request_id=self._next_id(), start=start).encode()
+            return StartDetectionG2(request_id=self._next_id(), start=start).encode()
         return start.encode()
 
     def capture(self, center_frequency_hz: float | None, gain: int) -> bytes:
@@ -101,17 +104,17 @@ class Writing:
         frequency_hz = round(center_frequency_hz or 0)
         self._check_known("raw_capture")
         if self._generation == "G2":
-            return tunnel.RawCaptureG2(
+            return RawCaptureG2(
                 request_id=self._next_id(), gain=gain, frequency_hz=frequency_hz
             ).encode()
-        return tunnel.RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
+        return RawCapture(gain=gain, frequency_hz=frequency_hz).encode()
 
     def bare(self, name: CommandName) -> bytes:
         """Write a command without fields; raises `LinkError` where there is none."""
         number = self._check_known(name)
         if self._generation == "G2":
-            return tunnel.BareG2(command=number, request_id=self._next_id()).encode()
-        return tunnel.HeaderMessage(command=number).encode()
+            return BareG2(command=number, request_id=self._next_id()).encode()
+        return HeaderMessage(command=number).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
         """Get the number of a command that the drone's generation has."""

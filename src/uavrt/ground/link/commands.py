@@ -12,14 +12,20 @@ from math import nan
 from typing import Any
 
 from uavrt.commands import Button, SystemState
-from uavrt.config import TagCorrection, correction_of, faults_of_tags
-from uavrt.detection import gain_in_words
+from uavrt.config.tag_corrections import TagCorrection, correction_of
+from uavrt.config.tag_files import faults_of_tags
+from uavrt.detection.sensitivity import gain_in_words
 from uavrt.errors import FormatError, LinkError, UavrtError
+from uavrt.ground.link.actions import (
+    ACTIONS,
+    COMMAND_OF_ACTION,
+    Busy,
+    action_states,
+    unreachable,
+)
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.session_parts import HeldSession
-from uavrt.ground.web import ACTIONS, COMMAND_OF_ACTION, Busy, action_states
-from uavrt.ground.web.actions import unreachable
-from uavrt.recording import Mark, mark_note
+from uavrt.recording.places import Mark, mark_note
 
 
 def _parameter(wish: Any) -> tuple[str, float]:

@@ -7,7 +7,7 @@ a few of the hashes before, so that one that is lost costs no repetition of its 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable
 
-from uavrt.tunnel import MAX_HASHES, Receipt, payload_hash
+from uavrt.tunnel.private import MAX_HASHES, Receipt, payload_hash
 from uavrt.units import ns_from_s
 
 PERIOD_NS = ns_from_s(0.150)

@@ -10,8 +10,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from math import ceil
 from typing import Any
 
-from uavrt import tunnel
-from uavrt.commands import NO_UPLOAD, CommandName
+from uavrt.commands import NO_UPLOAD, CommandName, Generation
 from uavrt.errors import CommandRefused, LinkError, RecordingError, UavrtError
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.ground.link.delivery_receipts import Receipts
@@ -28,32 +27,21 @@ from uavrt.ground.link.stored_pulses import new_store
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
 from uavrt.ground.link.vehicle_missions import VehicleMissions
 from uavrt.log import get_logger
-from uavrt.mavlink import (
-    GCS_SYSTEM_ID,
-    STATION_SYSTEM_ID,
-    Frame,
-    Link,
-    Message,
-    Peer,
-    Signing,
-    SigningKey,
-)
 from uavrt.mavlink.dialect import FileTransferProtocol, Tunnel
+from uavrt.mavlink.discovery import GCS_SYSTEM_ID, STATION_SYSTEM_ID, Peer
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.signing import Signing, SigningKey
 from uavrt.messages import Neighbour, Tag
-from uavrt.tunnel import (
-    CODED_TAG_TYPE,
-    MAX_SEALED_HASHES,
-    MOTION_TYPE,
-    NEIGHBOUR_TYPE,
-    PAYLOAD_TYPE,
-    Generation,
-    Key,
-    MotionState,
-    Sealer,
-    encode_neighbour,
-    is_confirmation,
-    is_stop,
-)
+from uavrt.tunnel.codec import acked_command_of
+from uavrt.tunnel.coded_tag import CODED_TAG_TYPE
+from uavrt.tunnel.gate import Sealer
+from uavrt.tunnel.motion import MotionState, is_confirmation, is_stop
+from uavrt.tunnel.neighbours import encode_neighbour
+from uavrt.tunnel.private import MAX_SEALED_HASHES, MOTION_TYPE, NEIGHBOUR_TYPE
+from uavrt.tunnel.seal import Key
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 from uavrt.units import ns_from_s, s_from_ns
 
 __all__ = [
@@ -373,7 +361,7 @@ class GroundLink:
         LinkError
             No answer after four tries.
         """
-        number = tunnel.acked_command_of(payload)
+        number = acked_command_of(payload)
         assert number is not None
         request_id = self._writing.request_id_of(payload)
 

@@ -9,8 +9,12 @@ from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
 from uavrt.ground.link.protocol import GroundProtocol
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
-from uavrt.mavlink import Frame, Message, Peer, decode_value, dialect
+from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavParamType, MavProtocolCapability
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.parameters import decode_value
 
 TRIES = 5
 QUIET_S = 0.5

@@ -17,20 +17,12 @@ from uavrt.geodesy import distance_m
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.motion import ask, confirm, motion_request, stop
 from uavrt.ground.link.session_parts import HeldSession
-from uavrt.guidance import (
-    NOT_CHECKED_ABOARD,
-    OFFER_HOLDS_S,
-    Limits,
-    Order,
-    area_in,
-    circle,
-    keep_out_in,
-    survey_items,
-    survey_places,
-)
-from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT
+from uavrt.guidance.area_text import MOST_CORNERS, MOST_KEEP_OUT, area_in, circle, keep_out_in
+from uavrt.guidance.mission import NOT_CHECKED_ABOARD, survey_items
+from uavrt.guidance.orders import OFFER_HOLDS_S, Limits, Order
+from uavrt.guidance.plans import survey_places
 from uavrt.messages import KeepOut, MotionRequest
-from uavrt.tunnel import MAX_PLACES, MotionState
+from uavrt.tunnel.motion import MAX_PLACES, MotionState
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 SILENCE_NS = ns_from_s(6.0)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from uavrt.errors import ConfigError
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
-from uavrt.mavlink import SigningKey, read_signing_key
-from uavrt.tunnel import Key, read_key
+from uavrt.mavlink.signing import SigningKey, read_signing_key
+from uavrt.tunnel.seal import Key, read_key
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from uavrt.errors import CommandRefused, LinkError, UsageError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.messages import MotionAction, MotionRequest
-from uavrt.tunnel import (
+from uavrt.tunnel.motion import (
     MOTION_ACTIONS,
     MotionConfirmation,
     MotionState,

@@ -11,7 +11,9 @@ from collections.abc import Callable
 from uavrt.clock import monotonic_s
 from uavrt.errors import UavrtError
 from uavrt.log import get_logger
-from uavrt.mavlink import Link, keep_open, parse_address
+from uavrt.mavlink.address import parse_address
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.transport import keep_open
 from uavrt.nmea import BAUD, Sentence, SentenceParser
 
 log = get_logger()

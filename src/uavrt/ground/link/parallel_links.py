@@ -12,8 +12,12 @@ from functools import partial
 
 from uavrt.errors import LinkError
 from uavrt.log import get_logger
-from uavrt.mavlink import Frame, FrameWriter, Link, Message, Signing, open_link
 from uavrt.mavlink.dialect import MavComponent
+from uavrt.mavlink.frame import Frame, FrameWriter
+from uavrt.mavlink.link import Link
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.signing import Signing
+from uavrt.mavlink.transport import open_link
 from uavrt.units import ns_from_s
 
 log = get_logger()

@@ -5,19 +5,15 @@ import math
 from collections import Counter, deque
 from dataclasses import dataclass
 
-from uavrt import tunnel
+from uavrt.commands import CommandId, Generation, SystemState
 from uavrt.errors import LinkError, TunnelError
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
 from uavrt.log import get_logger
-from uavrt.mavlink import (
-    STATION_SYSTEM_ID,
-    Frame,
-    Peer,
-    TextAssembler,
-    dialect,
-    station_heartbeat,
-)
+from uavrt.mavlink import dialect
+from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, station_heartbeat
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.statustext import TextAssembler
 from uavrt.messages import (
     Beep,
     BurstInside,
@@ -26,22 +22,32 @@ from uavrt.messages import (
     PulsePose,
     SearchReport,
     StatusText,
-    SystemState,
     Tag,
 )
-from uavrt.tunnel import (
-    FROM_DRONE,
+from uavrt.tunnel.codec import TunnelMessage, acked_command_of, decode
+from uavrt.tunnel.convert import pulse_from_wire, tag_of_number, tells_a_place
+from uavrt.tunnel.g0 import SUCCESS, AckG0, PulseG0
+from uavrt.tunnel.g1 import STATES, AckG1, Heartbeat, PulseG1
+from uavrt.tunnel.g2 import (
+    AckG2,
+    DetectorHeartbeat,
+    HeartbeatG2,
+    HeartbeatG2v1,
+    OperationProgress,
+    PulseG2,
+    PulseG2v1,
+)
+from uavrt.tunnel.gate import Sealer
+from uavrt.tunnel.link_messages import FROM_DRONE
+from uavrt.tunnel.motion import MotionState
+from uavrt.tunnel.private import (
     MOTION_STATE_TYPE,
     PROVEN_STATE_TYPE,
     RECEIPT_TYPE,
     SEALED_TYPE,
     SESSION_TYPE,
-    STATES,
-    CommandId,
-    Generation,
-    MotionState,
-    Sealer,
 )
+from uavrt.tunnel.wire import PAYLOAD_TYPE
 from uavrt.units import ns_from_s
 
 log = get_logger()
@@ -198,7 +204,7 @@ class GroundProtocol:
         return self.tunnel_message(receipt.encode(), RECEIPT_TYPE)
 
     def tunnel_message(
-        self, payload: bytes, payload_type: int = tunnel.PAYLOAD_TYPE
+        self, payload: bytes, payload_type: int = PAYLOAD_TYPE
     ) -> dialect.Tunnel:
         """Write a payload to the drone; raises `LinkError` before it is found."""
         if self.drone is None:
@@ -257,8 +263,8 @@ class GroundProtocol:
 
     def _read(self, payload_type: int, payload: bytes) -> GroundEvent | None:
         """Read a payload of any type; None for what is not shown."""
-        if payload_type == tunnel.PAYLOAD_TYPE:
-            event = self._event(tunnel.decode(payload, self._generation))
+        if payload_type == PAYLOAD_TYPE:
+            event = self._event(decode(payload, self._generation))
             self.counters["unexpected_payloads"] += event is None
             return event
         if payload_type == SESSION_TYPE and self._sealer is not None:
@@ -292,13 +298,13 @@ class GroundProtocol:
         )
 
     def _tunnel(self, payload_type: int, payload: bytes) -> list[GroundEvent]:
-        plain = payload_type == tunnel.PAYLOAD_TYPE
+        plain = payload_type == PAYLOAD_TYPE
         try:
             event = self._read(payload_type, payload)
         except TunnelError as error:
             self.counters["bad_payloads"] += 1
             self._log_bad("bad tunnel payload", error)
-            if plain and tunnel.acked_command_of(payload) == CommandId.PULSE:
+            if plain and acked_command_of(payload) == CommandId.PULSE:
                 self._in_hand.append(payload)  # in the log; again it would be no better
             return []
         if event is None:
@@ -310,32 +316,28 @@ class GroundProtocol:
         self.counters[type(event).__name__] += 1
         return [event]
 
-    def _pulse(self, message: tunnel.PulseG0 | tunnel.PulseG1) -> GroundEvent:
-        tag = tunnel.tag_of_number(message.tag_id, self.tags)
-        pulse = tunnel.pulse_from_wire(message, tag)
+    def _pulse(self, message: PulseG0 | PulseG1) -> GroundEvent:
+        tag = tag_of_number(message.tag_id, self.tags)
+        pulse = pulse_from_wire(message, tag)
         if pulse is None:
             return self._detector_alive(message.tag_id)
-        if (
-            isinstance(pulse, PulsePose)
-            and pulse.pose is None
-            and tunnel.tells_a_place(message)
-        ):
+        if isinstance(pulse, PulsePose) and pulse.pose is None and tells_a_place(message):
             self.counters["bad_poses"] += 1  # the pulse is kept without it
         return pulse
 
     def _detector_alive(self, tag_id: int) -> DetectorAlive:
-        tag = tunnel.tag_of_number(tag_id, self.tags)
+        tag = tag_of_number(tag_id, self.tags)
         return DetectorAlive(tag_id=tag_id if tag is None else tag.tag_id)
 
-    def _event(self, message: tunnel.TunnelMessage) -> GroundEvent | None:
+    def _event(self, message: TunnelMessage) -> GroundEvent | None:
         match message:
-            case tunnel.PulseG0() | tunnel.PulseG1():
+            case PulseG0() | PulseG1():
                 return self._pulse(message)
-            case tunnel.PulseG2v1(pulse=inner) | tunnel.PulseG2(pulse=inner):
+            case PulseG2v1(pulse=inner) | PulseG2(pulse=inner):
                 return self._pulse(inner)
-            case tunnel.DetectorHeartbeat():
+            case DetectorHeartbeat():
                 return self._detector_alive(message.tag_id)
-            case tunnel.OperationProgress():
+            case OperationProgress():
                 return OperationStep(
                     command=message.operation,
                     state=message.state,
@@ -343,20 +345,20 @@ class GroundProtocol:
                     step_count=message.step_count,
                     message=message.message,
                 )
-            case tunnel.AckG2():
+            case AckG2():
                 return Acknowledged(
                     command=message.acked_command,
-                    accepted=message.result == tunnel.SUCCESS,
+                    accepted=message.result == SUCCESS,
                     message=message.message,
                     request_id=message.request_id,
                 )
-            case tunnel.AckG0() | tunnel.AckG1():
+            case AckG0() | AckG1():
                 return Acknowledged(
                     command=message.acked_command,
-                    accepted=message.result == tunnel.SUCCESS,
-                    message=message.message if isinstance(message, tunnel.AckG1) else "",
+                    accepted=message.result == SUCCESS,
+                    message=message.message if isinstance(message, AckG1) else "",
                 )
-            case tunnel.Heartbeat() | tunnel.HeartbeatG2v1() | tunnel.HeartbeatG2():
+            case Heartbeat() | HeartbeatG2v1() | HeartbeatG2():
                 temperature = message.cpu_temperature_c
                 return DroneHeartbeat(
                     state=STATES.get(message.status),

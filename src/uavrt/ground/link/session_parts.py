@@ -4,12 +4,12 @@ from typing import Protocol
 
 from uavrt.clock import Clock
 from uavrt.commands import SystemState
+from uavrt.ground.link.actions import Busy, Situation
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.vehicle import VehicleWatch
+from uavrt.ground.listeners import Hub
 from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.settings import GroundStore
-from uavrt.ground.web.actions import Busy, Situation
-from uavrt.ground.web.listeners import Hub
 from uavrt.messages import Beep, Tag
 from uavrt.recording.places import Mark
 

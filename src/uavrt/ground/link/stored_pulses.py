@@ -14,7 +14,7 @@ from pathlib import Path
 
 from uavrt.errors import RecordingError
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.recording import Disk, DiskBatches, at_once
+from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 
 RECEIVED_NAME = "received.bin"
 _NUMBER = struct.Struct("<Q")

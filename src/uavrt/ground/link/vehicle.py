@@ -5,16 +5,12 @@ from collections import deque
 from dataclasses import dataclass
 
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT, VehicleIdentity
-from uavrt.mavlink import (
-    Frame,
-    Message,
-    Peer,
-    attitude_sample,
-    dialect,
-    is_place,
-    position_sample,
-)
+from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavComponent
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.samples import attitude_sample, is_place, position_sample
 from uavrt.messages import Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 

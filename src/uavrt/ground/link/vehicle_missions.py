@@ -11,29 +11,22 @@ from typing import Any
 
 from uavrt.clock import monotonic_s
 from uavrt.errors import CommandRefused, LinkError
-from uavrt.guidance import (
-    Limits,
-    Manners,
-    MissionItem,
-    Order,
-    difference,
-    fence_of,
-    manners_of,
-    survey_items,
-)
-from uavrt.mavlink import (
-    Frame,
-    Message,
+from uavrt.guidance.manners import Manners, manners_of
+from uavrt.guidance.mission import MissionItem, difference, fence_of, survey_items
+from uavrt.guidance.orders import Limits, Order
+from uavrt.mavlink import dialect
+from uavrt.mavlink.dialect import MavCmd, MavComponent
+from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.frame import Frame
+from uavrt.mavlink.message import Message
+from uavrt.mavlink.mission_transfer import (
     MissionDownload,
     MissionTransfer,
     MissionUpload,
-    Peer,
-    dialect,
     homed,
-    is_place,
-    kind_of,
 )
-from uavrt.mavlink.dialect import MavCmd, MavComponent
+from uavrt.mavlink.samples import is_place
+from uavrt.mavlink.vehicle_messages import kind_of
 from uavrt.messages import VehicleFence
 
 POLL_S = 0.05

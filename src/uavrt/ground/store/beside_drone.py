@@ -9,8 +9,8 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.messages import SystemState
-from uavrt.supervisor.mission import LOCK_NAME, STATE_NAME, SavedState
+from uavrt.commands import SystemState
+from uavrt.supervisor.mission.saved_state import LOCK_NAME, STATE_NAME, SavedState
 
 _FLYING = (SystemState.DETECTING, SystemState.CAPTURING)
 

@@ -10,30 +10,32 @@ from typing import Any
 
 import numpy as np
 
-from uavrt.analysis import bearing_record, past_turns, position_record, read_recorded
+from uavrt.analysis.bearings import past_turns, read_recorded
+from uavrt.analysis.records import bearing_record, position_record
 from uavrt.errors import FormatError, UsageError
+from uavrt.ground.store.coordinates import readout
 from uavrt.ground.store.flights import Columns, known
-from uavrt.ground.web import readout
-from uavrt.localization import (
-    HEIGHT_SIGMA_M,
-    MONOPOLE,
+from uavrt.localization.antenna import MONOPOLE
+from uavrt.localization.flight_estimates import (
     Cache,
     Found,
-    Heard,
     HeardInTurn,
-    PositionGrid,
     ReadAs,
     TagBearing,
     TagPosition,
-    TangentPlane,
-    bearing_from_drone,
     estimate,
-    region_outlines,
-    yaws_deg,
 )
+from uavrt.localization.headings import yaws_deg
+from uavrt.localization.heard import Heard
+from uavrt.localization.live_bearings import bearing_from_drone
 from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
+from uavrt.localization.position.regions import region_outlines
+from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.localization.results import PositionGrid
 from uavrt.messages import LiveBearing, Tag
-from uavrt.terrain import Elevation, open_elevation
+from uavrt.tangent_plane import TangentPlane
+from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.elevation_files import open_elevation
 from uavrt.units import wrap_degrees_360
 
 SECTORS = 16

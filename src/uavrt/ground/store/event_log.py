@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from uavrt.recording import Disk, DiskBatches, at_once
+from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
 """Lines that a page is given; the file keeps all."""

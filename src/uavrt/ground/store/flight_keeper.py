@@ -29,17 +29,12 @@ from uavrt.messages import (
     Tag,
 )
 from uavrt.on_ground import ARMED, GROUND_STATION, LANDED, ToldStates
-from uavrt.recording import (
-    Disk,
-    DiskBatches,
-    FlightLayout,
-    FlightRecorder,
-    at_once,
-    copy_beside,
-    new_flight_directory,
-    open_plain,
-    told_in,
-)
+from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
+from uavrt.recording.flight_order import copy_beside
+from uavrt.recording.flight_reader import told_in
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout, new_flight_directory
+from uavrt.recording.plain_database import open_plain
 
 log = get_logger()
 

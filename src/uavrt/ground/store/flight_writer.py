@@ -8,7 +8,10 @@ from pathlib import Path
 from uavrt.errors import RecordingError
 from uavrt.log import get_logger
 from uavrt.messages import BurstInside, FlightInfo, PulsePose
-from uavrt.recording import GROUND_NOTE, FlightLayout, FlightRecorder, note_flight
+from uavrt.recording.flight_order import note_flight
+from uavrt.recording.flight_recorder import FlightRecorder
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.places import GROUND_NOTE
 
 log = get_logger()
 

@@ -26,27 +26,15 @@ from uavrt.ground.store.known_flights import (
     stamp_of,
 )
 from uavrt.ground.store.prepared_columns import PreparedColumns
-from uavrt.localization import Heard, PoseColumns, PulseColumns
+from uavrt.localization.heard import Heard, PoseColumns, PulseColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
-from uavrt.recording import (
-    DAMAGED,
-    GROUND_NOTE,
-    POSE_COLUMNS,
-    TAG_COLUMNS,
-    FlightLayout,
-    Places,
-    flown_name,
-    open_plain,
-    order_noted,
-    places_of,
-    pose_row,
-    read_older,
-    read_quiet_noise_db,
-    tag_from_row,
-    told_in,
-    usual_noise_db,
-    vehicle_of,
-)
+from uavrt.recording.flight_order import flown_name, order_noted
+from uavrt.recording.flight_reader import DAMAGED, told_in
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.places import GROUND_NOTE, Places, places_of, vehicle_of
+from uavrt.recording.plain_database import open_plain
+from uavrt.recording.quiet_noise import read_quiet_noise_db, usual_noise_db
+from uavrt.recording.schema import POSE_COLUMNS, TAG_COLUMNS, pose_row, read_older, tag_from_row
 
 CHUNK = 4000
 LAST_NS = 2**63

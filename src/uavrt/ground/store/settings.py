@@ -9,19 +9,22 @@ from typing import Any, get_args
 import msgspec
 
 from uavrt.atomic_file import write_atomically
-from uavrt.batch import check_archive
-from uavrt.config import TagCorrection, check_start, write_tags
+from uavrt.batch.questions import check_archive
+from uavrt.commands import Generation
+from uavrt.config.parameters import check_start
+from uavrt.config.tag_corrections import TagCorrection
+from uavrt.config.tag_files import write_tags
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web import read_table
-from uavrt.localization import HEIGHT_SIGMA_M, MONOPOLE, PATTERNS
+from uavrt.ground.store.tag_table import read_table
+from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.localization.position.estimate import HEADING_SIGMA_DEG
-from uavrt.mavlink import parse_address
+from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
+from uavrt.mavlink.address import parse_address
 from uavrt.messages import Tag
 from uavrt.nmea import BAUD
-from uavrt.recording import DiskBatches, DiskThread
-from uavrt.terrain import open_elevation
-from uavrt.tunnel import Generation
+from uavrt.recording.disk_thread import DiskBatches, DiskThread
+from uavrt.terrain.elevation_files import open_elevation
 from uavrt.units import number_in
 
 MOST_JOBS = 256

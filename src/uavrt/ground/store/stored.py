@@ -6,7 +6,8 @@ from pathlib import Path
 
 from uavrt.errors import FormatError, RecordingError
 from uavrt.messages import BurstInside, Pulse, PulsePose
-from uavrt.recording import inside_record, pulse_record, read_flight, read_pulse_file
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.pulse_files import inside_record, pulse_record, read_pulse_file
 
 PULSES_NAME = "pulses.jsonl"
 

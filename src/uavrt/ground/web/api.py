@@ -13,17 +13,20 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from uavrt.analysis import read_season
-from uavrt.computer import Finding
-from uavrt.config import load_settings
+from uavrt.analysis.season import read_season
+from uavrt.computer.finding import Finding
+from uavrt.config.loader import load_settings
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
-from uavrt.ground.link import place_in
+from uavrt.ground.link.actions import BUTTONS
+from uavrt.ground.link.commands import place_in
+from uavrt.ground.listeners import encode
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store import PULSE_COLUMNS, AntennaChoice, Columns, Estimator
-from uavrt.ground.web import maps, tag_table
-from uavrt.ground.web.actions import BUTTONS
+from uavrt.ground.store import tag_table
+from uavrt.ground.store.coordinates import readout
+from uavrt.ground.store.estimates import AntennaChoice, Estimator
+from uavrt.ground.store.flights import PULSE_COLUMNS, Columns
+from uavrt.ground.web import maps
 from uavrt.ground.web.column_answers import POSE_COLUMNS, chosen_columns, thinned
-from uavrt.ground.web.coordinates import readout
 from uavrt.ground.web.exports import EXPORTS, export
 from uavrt.ground.web.facts import tell_facts, told_facts
 from uavrt.ground.web.foreign_requests import (
@@ -36,13 +39,12 @@ from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.ground.web.foresight import Foresight, foresight_desk
 from uavrt.ground.web.hindsight import Silence, SilenceDesk, integrated_record
 from uavrt.ground.web.integrating import IntegrationDesk, fold_pictures
-from uavrt.ground.web.listeners import encode
 from uavrt.ground.web.map_desk import asks_again
 from uavrt.ground.web.reports import POLICY, Reporter
 from uavrt.ground.web.serial_ports import serial_ports
-from uavrt.localization import MONOPOLE, PATTERNS
+from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.messages import Tag
-from uavrt.recording import Places
+from uavrt.recording.places import Places
 
 MAX_PAGE_NAME = 64
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
@@ -582,7 +584,7 @@ def _json_response(value: Any, status: int) -> Response:
 
 def _card_and_clock(drone_settings: Path) -> list[Finding]:
     """Look at the card of the drone's flights, which is in this computer, and at its clock."""
-    from uavrt.computer import check_card, check_kept_time
+    from uavrt.computer.checks import check_card, check_kept_time
 
     settings = load_settings(drone_settings)
     directory = str(drone_settings.parent / settings.recording.directory)

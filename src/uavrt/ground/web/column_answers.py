@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from starlette.responses import Response
 
 from uavrt.errors import FormatError
-from uavrt.localization import yaws_deg
+from uavrt.localization.headings import yaws_deg
 
 POSE_COLUMNS = (
     "time_ns",

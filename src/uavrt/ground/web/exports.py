@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from uavrt.analysis import read_survey
-from uavrt.analysis.export import ONE_FILE, OneFile, pulses_csv
-from uavrt.ground.store import AntennaChoice
+from uavrt.analysis.export.tables import pulses_csv
+from uavrt.analysis.export.written import ONE_FILE, OneFile
+from uavrt.analysis.survey import read_survey
+from uavrt.ground.store.estimates import AntennaChoice
 
 EXPORTS: dict[str, OneFile] = {
     "csv": OneFile("text/csv", pulses_csv),

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from uavrt.analysis import NAME, Facts, read_facts, write_facts
+from uavrt.analysis.facts import NAME, Facts, read_facts, write_facts
 from uavrt.errors import ConfigError, UsageError
 
 

@@ -8,7 +8,7 @@ from starlette.requests import Request
 
 from uavrt.errors import UavrtError, UsageError
 from uavrt.ground.fleet import Fleet
-from uavrt.ground.link import Commands
+from uavrt.ground.link.commands import Commands
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.api import FOR_ALL, Answer, json_body
 

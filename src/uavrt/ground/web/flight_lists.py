@@ -8,10 +8,10 @@ from typing import Any
 
 from starlette.requests import Request
 
-from uavrt.batch import find_flights
+from uavrt.batch.flight_search import find_flights
 from uavrt.errors import FormatError
 from uavrt.ground.session import GroundSession
-from uavrt.ground.store import FlightChoice
+from uavrt.ground.store.known_flights import FlightChoice
 from uavrt.ground.web.api import whole_number
 from uavrt.units import NANOSECONDS_PER_SECOND
 

@@ -4,8 +4,8 @@ from typing import Any
 
 from uavrt.errors import FormatError
 from uavrt.foreign import REQUEST, UPLOADED_FILE, Limit, read_json
-from uavrt.ground.link import area_of_file
-from uavrt.ground.web import tag_table
+from uavrt.ground.link.flying import area_of_file
+from uavrt.ground.store import tag_table
 
 
 def read_body(content: bytes, limit: Limit = REQUEST) -> Any:

@@ -9,17 +9,17 @@ import numpy as np
 
 from uavrt.errors import FormatError, UsageError
 from uavrt.geodesy import distance_m
-from uavrt.ground.link import number_in, places_in
-from uavrt.ground.store import AntennaChoice
+from uavrt.ground.link.flying import number_in, places_in
+from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, figures, map_record, power_in
-from uavrt.localization import pattern_named
+from uavrt.localization.antenna import pattern_named
 from uavrt.messages import Tag
-from uavrt.planning import LinkBudget
-from uavrt.terrain import open_elevation
+from uavrt.planning.link_budget import LinkBudget
+from uavrt.terrain.elevation_files import open_elevation
 
 if TYPE_CHECKING:
     from uavrt.analysis.coverage import MapSize
-    from uavrt.planning import Coverage
+    from uavrt.planning.coverage import Coverage
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
 _LEVEL_SIGMA_DB = 3.0

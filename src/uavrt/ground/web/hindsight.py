@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uavrt.errors import FormatError, UsageError
-from uavrt.ground.store import AntennaChoice
+from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.web.map_desk import MapDesk, OnStep, Record, map_record, power_in
-from uavrt.recording import read_flight, read_integrated
-from uavrt.terrain import open_elevation
+from uavrt.recording.flight_reader import read_flight
+from uavrt.recording.integrated import read_integrated
+from uavrt.terrain.elevation_files import open_elevation
 
 if TYPE_CHECKING:
-    from uavrt.analysis import SilentMap
+    from uavrt.analysis.silence import SilentMap
 
 _MOST_PULSES = 3000
 _MOST_CORNERS = 500

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from uavrt.analysis.export import chance, png_bytes
-from uavrt.recording import read_folds
+from uavrt.analysis.export.png import chance, png_bytes
+from uavrt.recording.integrated import read_folds
 
 Record = dict[str, Any]
 _NONE_FOUND = 1

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from uavrt.analysis.export import chance, png_bytes
+from uavrt.analysis.export.png import chance, png_bytes
 from uavrt.errors import FormatError, UavrtError, UsageError
 
 if TYPE_CHECKING:
-    from uavrt.planning import Coverage
+    from uavrt.planning.coverage import Coverage
 
 Record = dict[str, Any]
 OnStep = Callable[[int, int], None]

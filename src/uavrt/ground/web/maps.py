@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from uavrt.analysis import MapFile, read_map
+from uavrt.analysis.map_files import MapFile, read_map
 from uavrt.errors import FormatError, RecordingError, UsageError
 from uavrt.ground.web.foreign_worker import ForeignWorker
 

@@ -9,7 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from uavrt.errors import RecordingError
-from uavrt.ground.store import AntennaChoice
+from uavrt.ground.store.estimates import AntennaChoice
 
 TIMEOUT_S = 180.0
 

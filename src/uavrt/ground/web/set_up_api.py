@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 from starlette.requests import Request
 from starlette.responses import Response
 
-from uavrt.config import load_settings
+from uavrt.config.loader import load_settings
 from uavrt.errors import UavrtError
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.api import Answer, json_body
 from uavrt.messages import SystemStatus
 
 if TYPE_CHECKING:
-    from uavrt.computer import FirstSetup
+    from uavrt.computer.first_setup import FirstSetup
 
 
 class SetUpApi:

@@ -16,22 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.measure import MaximumHold, Waterfall
-from uavrt.dsp import FrontEnd
+from uavrt.analysis.measure.waterfall import MaximumHold, Waterfall
+from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import FormatError, UavrtError, UsageError
 from uavrt.log import get_logger
 from uavrt.messages import ChannelBlock, IQBlock, Tag
-from uavrt.radio import (
-    FrameOrder,
-    RecordingSource,
-    StampStyle,
-    decode_channel_datagram,
-    listen,
-    open_recording,
-    parse_udp_address,
-    stamp_style,
-)
-from uavrt.recording import FlightLayout
+from uavrt.radio.channel_datagram import StampStyle, decode_channel_datagram, stamp_style
+from uavrt.radio.channel_source import FrameOrder
+from uavrt.radio.opening import open_recording
+from uavrt.radio.recording import RecordingSource
+from uavrt.radio.udp_address import listen, parse_udp_address
+from uavrt.recording.layout import FlightLayout
 from uavrt.units import ns_from_s
 
 log = get_logger()

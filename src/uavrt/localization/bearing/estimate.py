@@ -70,7 +70,7 @@ def estimate_bearing(
         ``"pca_amplitude"``, ``"pearson"``, ``"ls_linear"``, ``"ls_db"`` or ``"max"``, or one
         that an installed package adds (docs/how-to/extend.md).
     antenna : AntennaPattern or str
-        The pattern or its name in `uavrt.localization.PATTERNS`.
+        The pattern or its name in `uavrt.localization.antenna.PATTERNS`.
     quaternion_wxyz : (n, 4) array, optional
         Attitude of the antenna at each pulse, antenna frame to north-east-down; roll and pitch
         then count too.

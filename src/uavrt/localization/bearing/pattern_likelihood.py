@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.localization.position.power_law import LEVEL_STEP_DB, PowerTables
+from uavrt.localization.power_law import LEVEL_STEP_DB, PowerTables
 
 Gain = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Bearings (b,) [deg] to the antenna's gain re boresight (n, b) [dB] at each of n pulses."""

@@ -29,7 +29,7 @@ from uavrt.localization.bearing.posterior import (
 )
 from uavrt.localization.bearing.two_paths import TwoPaths, two_paths
 from uavrt.localization.headings import Headings
-from uavrt.localization.position.power_law import FADINGS_DB, power_tables
+from uavrt.localization.power_law import FADINGS_DB, power_tables
 from uavrt.localization.results import Bearing
 
 _LEAST_FOR_CORRELATION = 12

@@ -18,9 +18,9 @@ from uavrt.localization.position.over_hills import OverHills
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.strengths import JoinedLevels, Levels, Strengths
-from uavrt.localization.survey_errors import SurveyEvidence
+from uavrt.localization.position.survey_errors import SurveyEvidence
 from uavrt.tangent_plane import TangentPlane, plane_around
-from uavrt.terrain import HillLosses
+from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 LogDensity = Callable[[_Floats, _Floats], _Floats]

@@ -33,8 +33,8 @@ from uavrt.localization.position.common_errors import (
 from uavrt.localization.position.follow import Follow, followed
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.survey_errors import cautions_of_survey
 from uavrt.localization.results import Caution, Position, PositionGrid
-from uavrt.localization.survey_errors import cautions_of_survey
 
 _Floats = NDArray[np.float64]
 _NEGLIGIBLE = 0.005

@@ -16,11 +16,11 @@ from uavrt.localization.position.follow import Follow
 from uavrt.localization.position.level_evidence import Propagation
 from uavrt.localization.position.power_evidence import PowerTrack
 from uavrt.localization.position.stations import Stations
+from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
 from uavrt.localization.results import Position, PositionMethod
-from uavrt.localization.survey_errors import HEIGHT_SIGMA_M
 from uavrt.plugins import Registry
 from uavrt.tangent_plane import plane_around
-from uavrt.terrain import HillLosses
+from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.float64]
 HEADING_SIGMA_DEG = 1.5

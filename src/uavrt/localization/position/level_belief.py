@@ -16,7 +16,7 @@ from scipy.special import log_ndtr
 
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
 from uavrt.localization.position.loss_error import OF_EACH_PULSE, LossError, doubtful_db
-from uavrt.terrain import HillLosses
+from uavrt.terrain.hill_losses import HillLosses
 
 _ROOT_TWO_PI = 2.506_628_275
 BY_CHANCE = 0.02

@@ -22,7 +22,7 @@ from uavrt.localization.position.stations import Stations
 from uavrt.localization.position.trackers import ParticleTracker, TagPrior, TrackEstimate
 from uavrt.localization.results import TrackPoint
 from uavrt.tangent_plane import TangentPlane
-from uavrt.terrain import HillLosses
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _Floats = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.terrain import HillLosses, LossesFrom
+from uavrt.terrain.hill_losses import HillLosses, LossesFrom
 
 _Floats = NDArray[np.floating[Any]]
 LOSS_ERROR = 0.25

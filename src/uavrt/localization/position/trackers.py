@@ -25,7 +25,7 @@ from uavrt.localization.position.level_belief import (
     by_chance_density,
 )
 from uavrt.localization.position.loss_error import LossError
-from uavrt.terrain import HillLosses
+from uavrt.terrain.hill_losses import HillLosses
 
 _Floats = NDArray[np.floating[Any]]
 _Singles = NDArray[np.float32]

@@ -9,15 +9,10 @@ import shutil
 from pathlib import Path
 
 from uavrt.card import NEW_CARD, card_of
-from uavrt.config import RecordingSettings
+from uavrt.config.settings import RecordingSettings
 from uavrt.log import get_logger
-from uavrt.recording import (
-    FlightLayout,
-    flights_in_order,
-    flown_name,
-    note_flight,
-    with_copies,
-)
+from uavrt.recording.flight_order import flights_in_order, flown_name, note_flight, with_copies
+from uavrt.recording.layout import FlightLayout
 
 log = get_logger()
 

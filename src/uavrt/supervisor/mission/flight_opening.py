@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavrt.clock import Clock, flight_stamp
-from uavrt.config import Receiver, Settings, tags_by_band
+from uavrt.config.ghost_places import Receiver
+from uavrt.config.settings import Settings
+from uavrt.config.tag_bands import tags_by_band
 from uavrt.errors import RecordingError
 from uavrt.messages import FlightInfo, Tag
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.recording import FlightLayout, with_copies
+from uavrt.recording.flight_order import with_copies
+from uavrt.recording.layout import FlightLayout
 
 REPEATED_S = 10.0
 """A ground station repeats what is not acknowledged four times in 8 s: within this after the

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from uavrt.config import Settings, parameter_values, with_parameter
+from uavrt.config.parameters import parameter_values, with_parameter
+from uavrt.config.settings import Settings
 from uavrt.errors import ConfigError
 from uavrt.log import get_logger
 from uavrt.recording.kept_file import KeptFile

@@ -12,11 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from uavrt.clock import monotonic_s
-from uavrt.config import RecordingSettings
+from uavrt.commands import CommandName
+from uavrt.config.settings import RecordingSettings
 from uavrt.errors import RecordingError, UavrtError
 from uavrt.log import get_logger
-from uavrt.messages import CommandName, Operation
-from uavrt.recording import flights_in_order
+from uavrt.messages import Operation
+from uavrt.recording.flight_order import flights_in_order
 from uavrt.supervisor.mission.background import in_background
 from uavrt.supervisor.mission.copying import Step, remove_flights, save_flights
 from uavrt.supervisor.mission.flight_removal import REPEATED_S, SecondStep, removable

@@ -9,24 +9,23 @@ from dataclasses import replace
 from pathlib import Path
 
 from uavrt.clock import Clock, boot_id, wall_ns
-from uavrt.commands import COMMANDS, Refused, Repeated, outcome
-from uavrt.config import (
+from uavrt.commands import COMMANDS, CommandName, Refused, Repeated, SystemState, outcome
+from uavrt.config.code_rules import near_codes, same_codes
+from uavrt.config.parameters import (
     PARAMETERS,
     RUN,
-    Settings,
     check_start,
-    faults_of_tags,
-    near_codes,
     run_wanted,
-    same_codes,
     tags_with_overrides,
     tuned_frequency,
     warnings_of_band,
     with_parameter,
 )
+from uavrt.config.settings import Settings
+from uavrt.config.tag_files import faults_of_tags
 from uavrt.errors import UavrtError
 from uavrt.log import get_logger
-from uavrt.messages import Command, CommandName, CommandReply, FlightInfo, SystemState, Tag
+from uavrt.messages import Command, CommandReply, FlightInfo, Tag
 from uavrt.recording.kept_file import KeptFile
 from uavrt.supervisor.mission.flight_opening import last_written_ns, new_flight
 from uavrt.supervisor.mission.kept_parameters import KeptParameters
@@ -39,7 +38,7 @@ from uavrt.supervisor.mission.tuning import (
     ask_tuner,
 )
 from uavrt.supervisor.mission.who_commands import Commander
-from uavrt.tunnel import searched_text
+from uavrt.tunnel.tag_lists import searched_text
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()

@@ -6,7 +6,8 @@ The acknowledgement of a start says that it was accepted; that samples flow is a
 from collections.abc import Callable
 
 from uavrt.clock import monotonic_s
-from uavrt.messages import CommandName, FlightInfo, Health, Operation
+from uavrt.commands import CommandName
+from uavrt.messages import FlightInfo, Health, Operation
 
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
 """The receiver's words for a capture that is over."""

@@ -13,9 +13,9 @@ from contextlib import suppress
 
 import msgspec
 
-from uavrt.config import RadioSettings
+from uavrt.config.settings import RadioSettings
 from uavrt.errors import UavrtError
-from uavrt.ipc import PARENT_VARIABLE, die_with_parent
+from uavrt.ipc.parent import PARENT_VARIABLE, die_with_parent
 
 TIMEOUT_S = 7.5
 """The ground station waits 8 s for an answer; a radio that works gives it within four."""
@@ -68,7 +68,7 @@ class RadioQuestion:
 
 def main() -> None:
     """Answer the question of the command line on standard output."""
-    from uavrt.radio import check_device
+    from uavrt.radio.checking import check_device
 
     die_with_parent()
     settings = msgspec.json.decode(sys.argv[1], type=RadioSettings)

@@ -8,8 +8,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavrt.commands import SystemState
 from uavrt.errors import ConfigError
-from uavrt.messages import FlightInfo, SystemState, Tag
+from uavrt.messages import FlightInfo, Tag
 from uavrt.recording.kept_file import KeptFile
 
 STATE_NAME = "supervisor_state.json"

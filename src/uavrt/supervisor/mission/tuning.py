@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import msgspec
 
-from uavrt.config import DetectionSettings
+from uavrt.config.settings import DetectionSettings
 from uavrt.errors import TunerError, UavrtError
 from uavrt.messages import Tag
-from uavrt.supervisor.tree import Launcher
+from uavrt.supervisor.start.launcher import Launcher
 
 TIMEOUT_S = 15.0
 """The calculation takes 10 ms, the imports 0.3 s, measuring a long list 2 s; on a busy small
@@ -124,7 +124,7 @@ def main() -> None:
     """Answer the question in the descriptor of the command line on standard output."""
     from uavrt.clock import cpu_s
     from uavrt.detection.search_plan import plan_search
-    from uavrt.ipc import die_with_parent
+    from uavrt.ipc.parent import die_with_parent
 
     die_with_parent()
     with open(int(sys.argv[1]), "rb") as file:

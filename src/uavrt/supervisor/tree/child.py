@@ -8,11 +8,12 @@ import socket
 from collections.abc import Callable, Sequence
 
 from uavrt.clock import monotonic_s
-from uavrt.ipc import LINK_VARIABLE, PARENT_VARIABLE, LineBuffer
+from uavrt.ipc.link import LINK_VARIABLE, LineBuffer
+from uavrt.ipc.parent import PARENT_VARIABLE
 from uavrt.log import get_logger
+from uavrt.supervisor.start.launcher import Launcher
+from uavrt.supervisor.start.usage import measure
 from uavrt.supervisor.tree.child_records import Intake
-from uavrt.supervisor.tree.launcher import Launcher
-from uavrt.supervisor.tree.usage import measure
 from uavrt.supervisor.tree.waiting_records import Outbox
 
 log = get_logger()

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from uavrt.log import in_words
 from uavrt.messages import StatusText
-from uavrt.recording import FlightLayout, ProcessLog
+from uavrt.recording.layout import FlightLayout
+from uavrt.recording.process_log import ProcessLog
 
 RADIO_EVENTS = (b'"event": "radio says"', b'"event": "starting radio"')
 """How the receiver marks a line of the radio program, and its command."""

@@ -9,15 +9,20 @@ import socket
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from uavrt.clock import monotonic_s
-from uavrt.config import Receiver, Settings
-from uavrt.ipc import Assignment, encode_record, make_sample_sockets
+from uavrt.commands import SystemState
+from uavrt.config.ghost_places import Receiver
+from uavrt.config.settings import Settings
+from uavrt.ipc.assignment import Assignment
+from uavrt.ipc.sample_sockets import make_sample_sockets
+from uavrt.ipc.topics import encode_record
 from uavrt.log import get_logger
-from uavrt.messages import FlightInfo, SystemState, Tag
-from uavrt.supervisor.mission import Mission, Tell, share_tags
+from uavrt.messages import FlightInfo, Tag
+from uavrt.supervisor.mission.flight_opening import share_tags
+from uavrt.supervisor.mission.orders import Mission, Tell
+from uavrt.supervisor.start.launcher import Launcher
 from uavrt.supervisor.tree.child import Child
 from uavrt.supervisor.tree.child_records import Intake
 from uavrt.supervisor.tree.instance import Instance
-from uavrt.supervisor.tree.launcher import Launcher
 from uavrt.supervisor.tree.table import ProcessRow
 
 log = get_logger()

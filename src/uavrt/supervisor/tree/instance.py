@@ -5,13 +5,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from uavrt.clock import monotonic_s
-from uavrt.messages import Health, ProcessStatus, SystemState
+from uavrt.commands import SystemState
+from uavrt.messages import Health, ProcessStatus
 from uavrt.supervisor.pace import PaceWatch
+from uavrt.supervisor.start.restarts import Restarts
+from uavrt.supervisor.start.usage import Usage
 from uavrt.supervisor.tree.budget import BudgetWatch
 from uavrt.supervisor.tree.child import Child
-from uavrt.supervisor.tree.restarts import Restarts
 from uavrt.supervisor.tree.table import ProcessRow
-from uavrt.supervisor.tree.usage import Usage
 from uavrt.supervisor.tree.waiting_records import Outbox
 
 

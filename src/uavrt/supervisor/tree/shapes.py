@@ -7,7 +7,7 @@ others answer what the borders between processes cost (thesis §2.2.1 asks it of
 
 from dataclasses import replace
 
-from uavrt.config import Settings, Shape
+from uavrt.config.settings import Settings, Shape
 from uavrt.supervisor.tree.table import PROCESSES, ProcessRow, while_detecting
 
 

@@ -8,9 +8,9 @@ nothing is sent to nobody. Modules are named by string: the table imports none o
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from uavrt.config import Settings
-from uavrt.messages import SystemState
-from uavrt.supervisor.tree.restarts import SOON, RestartPolicy
+from uavrt.commands import SystemState
+from uavrt.config.settings import Settings
+from uavrt.supervisor.start.restarts import SOON, RestartPolicy
 
 Predicate = Callable[[SystemState], bool]
 

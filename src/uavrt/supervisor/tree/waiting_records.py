@@ -11,7 +11,7 @@ its successor gets it again.
 import socket
 from collections import Counter, deque
 
-from uavrt.ipc import TOPICS, decode_record, topic_of
+from uavrt.ipc.topics import TOPICS, decode_record, topic_of
 from uavrt.messages import FlightInfo
 
 BYTES_AT_ONCE = 32_768

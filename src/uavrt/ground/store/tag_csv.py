@@ -9,7 +9,7 @@ or tabs between the cells.
 import csv
 from collections.abc import Sequence
 
-from uavrt.recording import text_of_cell
+from uavrt.recording.csv_line import text_of_cell
 
 TAG_NAMES = ("selected", "id", "name", "manufacturerid", "freqmhz")
 MAKER_NAMES = (

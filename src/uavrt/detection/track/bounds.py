@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.signal import Measured, apart_hz, timing_error_s
-from uavrt.detection.track import (
+from uavrt.detection.search.refine import Measured, timing_error_s
+from uavrt.detection.signal.frequency_circle import apart_hz
+from uavrt.detection.track.tracks import (
     CLOCK_ERROR,
     MOST_TOLD_BY_ONE,
     WEAKEST_POWER,

@@ -14,11 +14,11 @@ from collections.abc import Mapping, Sequence
 
 from uavrt.blas import blas_environment
 from uavrt.clock import monotonic_s
-from uavrt.ipc import adopts_orphans
+from uavrt.ipc.parent import adopts_orphans
 from uavrt.log import get_logger
-from uavrt.supervisor.tree.nursery import NURSERY_VARIABLE
-from uavrt.supervisor.tree.restarts import Restarts
-from uavrt.supervisor.tree.usage import children_of
+from uavrt.supervisor.start.nursery import NURSERY_VARIABLE
+from uavrt.supervisor.start.restarts import Restarts
+from uavrt.supervisor.start.usage import children_of
 
 log = get_logger()
 
@@ -91,7 +91,7 @@ class Launcher:
             environment = {NURSERY_VARIABLE: str(theirs.fileno())}
             try:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-P", "-m", "uavrt.supervisor.tree.nursery"],
+                    [sys.executable, "-P", "-m", "uavrt.supervisor.start.nursery"],
                     stdin=subprocess.DEVNULL,
                     pass_fds=(theirs.fileno(),),
                     env=os.environ | self._environment | environment,

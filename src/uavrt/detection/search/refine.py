@@ -15,7 +15,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.search import Grid, Leveller
+from uavrt.detection.search.grid import Grid
+from uavrt.detection.search.levelling import Leveller
 from uavrt.detection.signal.samples import SampleBuffer
 
 TRACK_BAND_HZ = 20.0

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from uavrt.commands import COMMANDS, Accepted, outcome
-from uavrt.messages import SystemState
+from uavrt.commands import COMMANDS, Accepted, SystemState, outcome
 
 COMMAND_OF_ACTION = {row.button.action: row for row in COMMANDS.values() if row.button}
 """The drone's command behind each button."""

@@ -1,6 +1,6 @@
 """The helper that forks the processes, with their imports already done.
 
-``python -m uavrt.supervisor.tree.nursery``, started by `uavrt.supervisor.tree.launcher`.
+``python -m uavrt.supervisor.start.nursery``, started by `uavrt.supervisor.start.launcher`.
 Importing NumPy and the rest takes each process 0.1 to 0.4 s of CPU and 13 to 40 MB; here it is
 done once, before it is needed, and the pages are shared.
 
@@ -166,7 +166,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sock = socket.socket(fileno=int(os.environ.pop(NURSERY_VARIABLE)))
     from uavrt.heap import fill_pools
-    from uavrt.ipc import die_with_parent
+    from uavrt.ipc.parent import die_with_parent
 
     die_with_parent()
     for module in MODULES:

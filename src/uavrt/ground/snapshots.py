@@ -6,18 +6,18 @@ from typing import Any, Protocol
 
 import uavrt
 from uavrt.attitude import euler_deg
-from uavrt.config import correction_of
-from uavrt.detection.beeps import shared_offset_ppm
+from uavrt.config.tag_corrections import correction_of
+from uavrt.detection.beeps.naming import shared_offset_ppm
+from uavrt.ground.commanding_page import Commander
 from uavrt.ground.fetch.downloads import Downloads
+from uavrt.ground.link.actions import action_states
 from uavrt.ground.link.flying import Flying
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.session_parts import HeldSession
 from uavrt.ground.link.vehicle_identity import VehicleIdentity
 from uavrt.ground.store.estimates import Estimates
 from uavrt.ground.store.event_log import EventLog
-from uavrt.ground.web.actions import action_states
-from uavrt.ground.web.commanding_page import Commander
-from uavrt.ground.web.tag_table import rows_from_tags, table_version
+from uavrt.ground.store.tag_table import rows_from_tags, table_version
 from uavrt.messages import Beep, Pose
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_360
 

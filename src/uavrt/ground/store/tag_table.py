@@ -9,24 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from uavrt.config import (
-    MAX_FALSE_ALARM_PROBABILITY,
-    DetectionSettings,
-    Entry,
-    Fault,
-    Quantity,
-    TagDraft,
-    format_tag_info,
-    format_tags_toml,
-    parse_tags,
-    tags_from_drafts,
-    words_of_near_codes,
-)
+from uavrt.config.code_rules import words_of_near_codes
+from uavrt.config.settings import DetectionSettings
+from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
+from uavrt.config.tag_files import parse_tags
+from uavrt.config.tag_info import format_tag_info
+from uavrt.config.tag_rules import MAX_FALSE_ALARM_PROBABILITY, tags_from_drafts
+from uavrt.config.tags_toml import format_tags_toml
 from uavrt.errors import TagFileError, UsageError
 from uavrt.foreign import TAGS, read_file
-from uavrt.ground.web.tag_csv import is_selected, read_csv
+from uavrt.ground.store.tag_csv import is_selected, read_csv
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
-from uavrt.recording import TableWriter
+from uavrt.recording.csv_line import TableWriter
 
 FIELDS: dict[str, Quantity] = {
     "id": "id",

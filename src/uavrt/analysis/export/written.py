@@ -1,0 +1,205 @@
+"""Export a flight or an old log to the file formats of other tools."""
+
+import sqlite3
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from uavrt.analysis.export import bursts, tables
+from uavrt.analysis.export.geojson import geojson_text
+from uavrt.analysis.export.geopackage import write_geopackage
+from uavrt.analysis.export.geotiff import geotiff_bytes
+from uavrt.analysis.export.gpx import gpx_text
+from uavrt.analysis.export.kmz import kml_text, kmz_bytes
+from uavrt.analysis.survey import Survey
+from uavrt.atomic_file import make_directories, replacing
+from uavrt.errors import RecordingError, UsageError
+from uavrt.localization.position.strongest import SignalSurface
+from uavrt.localization.results import PositionGrid
+from uavrt.recording.formats.bearings_csv import write_bearing_file
+from uavrt.recording.formats.positions_csv import write_position_file
+from uavrt.recording.formats.whole_file import write_whole
+
+if TYPE_CHECKING:
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class OneFile:
+    """A format in which a survey is one file; the page offers these too."""
+
+    media_type: str
+    content: Callable[[Survey], str | bytes]
+
+
+ONE_FILE: dict[str, OneFile] = {
+    "geojson": OneFile("application/geo+json", geojson_text),
+    "kmz": OneFile("application/vnd.google-earth.kmz", kmz_bytes),
+    "kml": OneFile("application/vnd.google-earth.kml+xml", kml_text),
+    "gpx": OneFile("application/gpx+xml", gpx_text),
+}
+"""By the name of the format, which is also the file's ending."""
+
+
+def export_survey(
+    survey: Survey, directory: Path, formats: Sequence[str] | None = None
+) -> list[Path]:
+    """Write a survey in each format asked for; files of the same name are replaced.
+
+    Parameters
+    ----------
+    survey : Survey
+        What to write.
+    directory : Path
+        Made if need be.
+    formats : sequence of str
+        ``csv`` (pulses, track, positions; ways of tags that moved and marks where there are
+        any), ``uavrt`` (the original's bearings.csv,
+        positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``kml`` (without
+        pictures), ``gpx``,
+        ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one; of a
+        survey with a monopole the strength, and that of each layer of heights), ``motus``
+        (bursts and beeps as a SensorGnome and find_tags write them, where there are any).
+        None: all.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    RecordingError
+        A file cannot be written.
+    UsageError
+        It is a log without any pulse: there is nothing to write.
+    """
+    if survey.kind != "flight" and not survey.pulse_poses:
+        raise UsageError(
+            f"{survey.name} holds no pulse, so nothing was exported", remedy="Check the name"
+        )
+    chosen = EXPORT_FORMATS if formats is None else formats
+    return [path for form in chosen for path in _WRITERS[form](survey, directory)]
+
+
+def _one_file(name: str) -> Callable[[Survey, Path], list[Path]]:
+    return lambda survey, to: _written(to, {f"flight.{name}": ONE_FILE[name].content(survey)})
+
+
+def _csv(survey: Survey, directory: Path) -> list[Path]:
+    return _written(
+        directory,
+        {
+            "pulses.csv": tables.pulses_csv(survey),
+            "track.csv": tables.track_csv(survey),
+            "fixes.csv": tables.fixes_csv(survey),
+        },
+    ) + _where_any(
+        directory,
+        {
+            "ways.csv": tables.ways_csv(survey) if _walked(survey) else None,
+            "marks.csv": tables.marks_csv(survey) if survey.marks else None,
+        },
+    )
+
+
+def _walked(survey: Survey) -> bool:
+    return any(one.position is not None and one.position.track for one in survey.positions)
+
+
+def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
+    """Write what there is, and remove what an earlier export had of the rest."""
+    for name, content in files.items():
+        if content is None:
+            (directory / name).unlink(missing_ok=True)
+    return _written(directory, {n: text for n, text in files.items() if text is not None})
+
+
+def _uavrt(survey: Survey, directory: Path) -> list[Path]:
+    name = "Pulse-uavrt.csv"
+    written = _written(directory, {name: tables.tagtracker_csv(survey)})
+    bearings, positions = directory / "bearings.csv", directory / "positions.csv"
+    for path in (bearings, positions):
+        path.unlink(missing_ok=True)  # those of an earlier export have other rows
+    write_bearing_file(bearings, tables.bearing_rows(survey, name))
+    write_position_file(positions, tables.position_rows(survey, bearings.name))
+    return [*written, bearings, positions]
+
+
+def _geopackage(survey: Survey, directory: Path) -> list[Path]:
+    target = directory / "flight.gpkg"
+    try:
+        make_directories(directory)
+        with replacing(target) as part:
+            write_geopackage(survey, part)
+    except (OSError, sqlite3.Error) as error:
+        raise RecordingError(
+            f"cannot write {target}: {error}", remedy="Choose a writable place"
+        ) from error
+    return [target]
+
+
+def _geotiff(survey: Survey, directory: Path) -> list[Path]:
+    files: dict[str, str | bytes] = {}
+    for one in survey.positions:
+        if one.position is not None and one.position.grid is not None:
+            text = f"probability of tag {one.tag_id} in each cell, uavrt, {survey.name}"
+            files[f"heat_tag_{one.tag_id}.tif"] = geotiff_bytes(one.position.grid, text)
+    for signal in survey.signals:
+        text = f"SNR of tag {signal.tag_id} [dB], strongest is not the tag, uavrt"
+        name = f"signal_tag_{signal.tag_id}"
+        if signal.surface is not None:
+            files[f"{name}.tif"] = geotiff_bytes(as_grid(signal.surface), text)
+        for layer in signal.layers:
+            if layer.surface is not None:
+                heights = f"{layer.low_m:.0f}-{layer.high_m:.0f}m"
+                content = geotiff_bytes(as_grid(layer.surface), f"{text}, heights {heights}")
+                files[f"{name}_{heights}.tif"] = content
+    return _written(directory, files)
+
+
+def as_grid(surface: SignalSurface) -> PositionGrid:
+    """A signal map in the shape of a heat map: SNR in place of probability, NaN unknown."""
+    return PositionGrid(
+        latitude_deg=surface.latitude_deg,
+        longitude_deg=surface.longitude_deg,
+        east_m=surface.east_m,
+        north_m=surface.north_m,
+        probability=surface.snr_db,
+    )
+
+
+def _motus(survey: Survey, directory: Path) -> list[Path]:
+    """Write bursts and beeps; of a flight that heard none nothing."""
+    if not bursts.has_bursts(survey):
+        return []
+    files = {
+        "sensorgnome.txt": bursts.sensorgnome_text(survey),
+        "detections.csv": bursts.detections_csv(survey),
+    }
+    return _written(directory, files)
+
+
+def _written(directory: Path, files: Mapping[str, str | bytes]) -> list[Path]:
+    for name, content in files.items():
+        write_whole(directory / name, content)
+    return [directory / name for name in files]
+
+
+_WRITERS: dict[str, Callable[[Survey, Path], list[Path]]] = {
+    "csv": _csv,
+    "uavrt": _uavrt,
+    **{name: _one_file(name) for name in ONE_FILE},
+    "geopackage": _geopackage,
+    "movebank": lambda survey, to: _written(
+        to,
+        {
+            "movebank.csv": tables.movebank_csv(survey),
+            "movebank-reference-data.csv": tables.movebank_reference_csv(survey),
+        },
+    ),
+    "geotiff": _geotiff,
+    "motus": _motus,
+}
+EXPORT_FORMATS = tuple(_WRITERS)

@@ -1,0 +1,57 @@
+"""Read a track of any kind that is known."""
+
+from pathlib import Path
+
+from uavrt.analysis.tracks.dataflash import MARK, read_dataflash
+from uavrt.analysis.tracks.points import read_gpx, read_nmea
+from uavrt.analysis.tracks.simulated import FIRST_COLUMN, read_simulated
+from uavrt.analysis.tracks.tlog import read_tlog
+from uavrt.analysis.tracks.track import VehicleTrack
+from uavrt.analysis.tracks.ulog import read_ulog
+from uavrt.errors import FormatError
+from uavrt.foreign import require_plain_file
+
+
+def read_track(path: Path) -> VehicleTrack:
+    """Read a track of any kind that is known; the content tells which.
+
+    Raises
+    ------
+    FormatError
+        It is none, or has no attitude or no place.
+    UsageError
+        A package that it needs is not installed.
+    """
+    try:
+        require_plain_file(path)
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise FormatError(
+            f"cannot read {path}: {error.strerror}", remedy="Check the name"
+        ) from error
+    if not head.strip(b"\0\r\n\t "):
+        raise FormatError(f"{path} is empty", remedy="Copy it from the autopilot again")
+    if head.startswith(b"ULog"):
+        track = read_ulog(path)
+    elif head.startswith(MARK):
+        track = read_dataflash(path)
+    elif b"<gpx" in head:
+        track = read_gpx(path)
+    elif len(head) > 11 and head[8] in (0xFD, 0xFE):
+        track = read_tlog(path)
+    elif head.startswith(FIRST_COLUMN):
+        track = read_simulated(path)
+    elif b"$G" in head:
+        track = read_nmea(path)
+    else:
+        raise FormatError(
+            f"{path} is not a known kind of track",
+            remedy="If it is a log of the autopilot, it is damaged: copy it again. Known are "
+            ".ulg of PX4, .BIN and .tlog of ArduPilot, NMEA, GPX, and the "
+            "telemetry.csv of uavrt simulate",
+        )
+    if not track.attitudes or not track.positions:
+        missing = "place" if track.attitudes else "attitude"
+        raise FormatError(f"{path} ({track.kind}) has no {missing}", remedy="Give another log")
+    return track

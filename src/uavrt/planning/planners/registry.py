@@ -1,0 +1,45 @@
+"""Planners by name, including those that installed packages add.
+
+An entry of the group ``uavrt.planners`` is called without arguments and gives a `Planner`.
+"""
+
+from collections.abc import Callable
+
+from uavrt.errors import UsageError
+from uavrt.planning.planners.approach import Closest
+from uavrt.planning.planners.joint import ConservationBots
+from uavrt.planning.planners.mi_rate import MiRate
+from uavrt.planning.planners.published import Renyi, Shannon
+from uavrt.planning.planners.surveys import Lawnmower, RotationPoints
+from uavrt.planning.planners.tangents import LavaPilot
+from uavrt.planning.situation import Planner
+from uavrt.plugins import Registry
+
+DEFAULT_PLANNER = "mi_rate"
+
+_OWN: dict[str, Callable[[], Planner]] = {
+    "mi_rate": MiRate,
+    "rotation_points": RotationPoints,
+    "lawnmower": Lawnmower,
+    "closest": Closest,
+    "shannon": Shannon,
+    "renyi": Renyi,
+    "lavapilot": LavaPilot,
+    "conservationbots": ConservationBots,
+}
+PLANNERS: Registry[Callable[[], Planner]] = Registry("uavrt.planners", _OWN)
+
+
+def planner_named(name: str) -> Planner:
+    """A new planner of that name.
+
+    Raises
+    ------
+    UsageError
+        No planner has this name; the text lists those that exist.
+    """
+    if name not in PLANNERS:
+        raise UsageError(
+            f"there is no planner {name!r}", remedy=f"Choose from {', '.join(PLANNERS)}"
+        )
+    return PLANNERS[name]()
