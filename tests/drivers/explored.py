@@ -116,7 +116,7 @@ def copied(thing: T) -> T:
 
 @cache
 def _copier(kind: Any) -> Callable[[Any], Any]:
-    parameters = getattr(kind, "__dataclass_params__", None)
+    parameters = getattr(kind, "__dataclass_params__", getattr(kind, "__struct_config__", None))
     frozen = parameters is not None and parameters.frozen
     if frozen or issubclass(kind, Enum | FunctionType | frozenset):
         _unchanged.add(kind)
