@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from uavrt.detection.checks import check_searchable
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
-from uavrt.detection.search.band import SearchBand
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.search.refine import Measured, Refiner
@@ -27,6 +26,7 @@ from uavrt.detection.track.chance import OnAir
 from uavrt.detection.track.following import Follower
 from uavrt.detection.track.judging import Judge, share_a_pulse
 from uavrt.detection.track.reporting import Reporter
+from uavrt.detection.track.search_band import SearchBand
 from uavrt.detection.track.senders import Senders
 from uavrt.detection.track.tracks import Track
 from uavrt.detection.track.unlocked import forget_old, joined

@@ -23,10 +23,10 @@ from uavrt.config.ghost_places import Receiver
 from uavrt.config.tag_bands import overlapping
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.modes import OperatingMode
-from uavrt.detection.search.band import advance_together
 from uavrt.detection.search.spectra import Workspace
 from uavrt.detection.signal.block_order import LongestBlock
 from uavrt.detection.track.ghosts import mark_ghosts
+from uavrt.detection.track.search_band import advance_together
 from uavrt.detection.track.senders import Senders
 from uavrt.messages import Pulse
 from uavrt.units import NANOSECONDS_PER_SECOND

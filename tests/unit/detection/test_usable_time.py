@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.detection.search.band import SearchBand
+from uavrt.detection.track.search_band import SearchBand
 from uavrt.messages import SearchReport, Tag
 from uavrt.recording.flight_reader import read_search_reports
 from uavrt.recording.flight_recorder import FlightRecorder

@@ -7,7 +7,7 @@ import pytest
 from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.detection import group
 from uavrt.detection.detector import PulseDetector
-from uavrt.detection.search.band import advance_together
+from uavrt.detection.track.search_band import advance_together
 from uavrt.messages import ChannelBlock, Tag
 from uavrt.processes import hang_watch
 from uavrt.processes.detector import DetectorBank

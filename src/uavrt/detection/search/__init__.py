@@ -1,6 +1,6 @@
 """Search the time-frequency grid for groups of pulses.
 
 `grid` and `spectra` compute the cells; `noise` and `levelling` estimate the noise in them.
-`anchors` and `long_groups` search them as `hypotheses` describes, against `thresholds`. `band`
-holds one of each for a tag; `evidence` weighs candidates just above the threshold.
+`anchors` and `long_groups` search them as `hypotheses` describes, against `thresholds`;
+`evidence` weighs candidates just above the threshold.
 """

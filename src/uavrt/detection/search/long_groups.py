@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import ROWS_PER_BIN, sliding_maximum
 from uavrt.detection.search.hypotheses import Candidate, RateSearch, best_first
-from uavrt.detection.track.bursts import LEAST_POWER
+from uavrt.detection.search.thresholds import LEAST_POWER
 
 _CANDIDATES_AT_ONCE = 8
 """Measuring one takes up to 10 ms. Every row around a tag of 50 dB made candidates for each

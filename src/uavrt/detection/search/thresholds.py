@@ -18,6 +18,8 @@ import numpy as np
 from uavrt.detection.search.hypotheses import CELL_LIMIT
 from uavrt.messages import Tag
 
+LEAST_POWER = 13.0
+"""Of a burst: noise reaches it once in six seconds in a channel of 3.75 kHz."""
 _STEP = 0.01
 _ORIGINAL_RATE_HZ = 3750.0
 _NINE_OF_TEN = 1.2816

@@ -1,6 +1,6 @@
 """From candidates to reported pulses: judge, track, assign to a tag, report.
 
-`judging` accepts or rejects a candidate group; `tracks` and `following` track it. `bursts`,
-`chance` and `coincidence` compute the odds of a chance match; `ghosts`, `senders`, `trains`
-and `assignment` decide which tag sent it; `reporting` makes the records.
+`search_band` searches the band of one tag; `judging` accepts or rejects a candidate group;
+`tracks` and `following` track it. `bursts`, `chance` and `coincidence` compute the odds of a
+chance match; `ghosts`, `senders`, `trains` and `assignment` decide which tag sent it.
 """

@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from uavrt.detection.search.grid import ROWS_PER_BIN, Grid
 from uavrt.detection.search.refine import Measured
-from uavrt.detection.search.thresholds import effective_hypotheses
+from uavrt.detection.search.thresholds import LEAST_POWER, effective_hypotheses
 from uavrt.detection.track.chance import QUIET, OnAir
 from uavrt.detection.track.tracks import Track
 
-LEAST_POWER = 13.0
-"""Of a burst: noise reaches it once in six seconds in a channel of 3.75 kHz."""
 _NOISE_SIGMAS = 3.0
 """By which bursts must be more than noise makes to be counted as more."""
 _MEMORY_S = 30.0

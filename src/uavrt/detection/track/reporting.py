@@ -2,13 +2,13 @@
 
 import math
 
-from uavrt.detection.search.band import SearchBand
 from uavrt.detection.search.refine import Measured
 from uavrt.detection.search.thresholds import decision_interval_s
 from uavrt.detection.signal.frequency_circle import EDGE_HZ, apart_hz, in_channel_hz
 from uavrt.detection.signal.occupancy import Occupancy
 from uavrt.detection.signal.samples import Counters
 from uavrt.detection.track.chance import log_doubt
+from uavrt.detection.track.search_band import SearchBand
 from uavrt.detection.track.tracks import Slot, Track
 from uavrt.detection.track.two_rates import PATIENCE_INTERVALS
 from uavrt.messages import DetectionStatus, Pulse, SearchReport, Tag
