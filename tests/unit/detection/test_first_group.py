@@ -112,3 +112,23 @@ def test_the_pulses_of_a_strong_first_group_are_measured_at_their_top(seed: int)
     assert result.matched == len(truth)
     assert max(map(abs, result.frequency_errors_hz)) < 3.0
     assert max(map(abs, result.snr_errors_db)) < 1.5
+
+
+@pytest.mark.parametrize("heard_s", [1.0, 2.5, 9.0])
+def test_the_noise_beside_a_steep_edge_is_neither_of_its_sides(heard_s: float) -> None:
+    # 40 dB over 22 rows at each end of the channel, gamma noise of a mean of so many cells.
+    rng = np.random.default_rng(12)
+    row = np.abs(np.arange(300) - 149.5)
+    true = 10.0 ** (-4.0 * np.clip((row - 127.5) / 22.5, 0.0, 1.0))
+    columns = round(heard_s * 50.0)
+    ratios = []
+    for _ in range(20):
+        # Rows a quarter of a bin apart: what four of them share is not independent.
+        fine = rng.exponential(1.0, (columns, 75)).repeat(4, axis=1)
+        noise = RowNoise(column_s=0.02, independent_per_s=50.0, circular=True)
+        noise.start((fine * true).astype(np.float32))
+        ratios.append(noise.level / true)
+    beside = (row > 110.0) & (row < 128.0)
+    slope = row > 128.0
+    assert abs(np.mean(np.array(ratios)[:, beside]) - 1.0) < 0.07
+    assert 0.9 < np.mean(np.array(ratios)[:, slope]) < 1.5

@@ -136,6 +136,8 @@ class Leveller:
         self._stretches: list[_Stretch] = []
         self.unsteady = False
         """Whether the level changes, or bands differ."""
+        self.uneven = False
+        """Whether bands differ."""
 
     @property
     def rows_now(self) -> NDArray[np.float32]:
@@ -179,7 +181,7 @@ class Leveller:
         self, both: NDArray[np.float32], weights: NDArray[np.float32], mean: float
     ) -> float:
         """Note slots that are all of one level; what to divide by."""
-        self.unsteady = False
+        self.unsteady = self.uneven = False
         total = max(float(weights.sum()), 1.0)
         level = mean * (1.0 + 0.5 * self._steepness * _VARIANCE / self._bins / total)
         self._now[:] = mean
@@ -206,7 +208,7 @@ class Leveller:
             self._level(power, noise, first, both, weights)
             return
         level, self._stayed = steady
-        self.unsteady = False
+        self.unsteady = self.uneven = False
         self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
         self._note(first, np.full(count, level, np.float32), None)
 
@@ -231,7 +233,7 @@ class Leveller:
             before = self._stretches[-1].common
             upto = min(_BESIDE[1], past, len(before))
             before[len(before) - upto :] = told[past - upto : past]
-        self.unsteady = True
+        self.unsteady, self.uneven = True, bands is not None
         self._past, self._whole = both[:, -_PAST:].copy(), weights[-_PAST:]
         self._note(first, told[past:].copy(), found.told_bands)
         self._now[:] = told[-1]

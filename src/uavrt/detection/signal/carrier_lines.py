@@ -30,7 +30,7 @@ wide) reach 4, a carrier does from about 0 dB in a bin of 50 Hz."""
 _GROUP = 16
 _MOST = 48
 """Carriers subtracted: mains hum has a line every 50 or 100 Hz of a channel."""
-_FEW_LINES = 6
+FEW_LINES = 6
 _DEGREE_OF_MANY = 3
 """Of the weak ones when there are more than a few: 37 polynomials of degree 7 take a tenth of
 the noise, and most of it where the newest samples end; 3 follows a line 1.5 Hz wide."""
@@ -177,7 +177,7 @@ class LineCanceller:
             return
         spare = len(both) - count * self._block
         n = np.arange(len(both)) - len(both) / 2.0
-        many = len(self._held) > _FEW_LINES
+        many = len(self._held) > FEW_LINES
         for line in sorted(self._held, key=lambda line: -line.ratio):
             degree = _DEGREE_OF_MANY if many and line.ratio < _STRONG else _DEGREE
             fine, solve = _polynomials(len(both), self._block, degree)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.detection.signal.carrier_lines import LineCanceller
+from uavrt.detection.signal.carrier_lines import FEW_LINES, LineCanceller
 from uavrt.detection.signal.occupancy import Occupancy
 from uavrt.detection.signal.samples import Counters, SampleBuffer, blank_impulses
 from uavrt.detection.signal.sparks import SparkLimiter
@@ -89,6 +89,11 @@ class Cleaner:
     def _beyond(self) -> int:
         """Samples beyond a stretch that the search for impulses looks at."""
         return self.flank + self._short
+
+    @property
+    def many_lines(self) -> bool:
+        """Whether more than a few carriers are taken out: mains hum."""
+        return len(self._lines.frequencies_hz) > FEW_LINES
 
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Clean the samples of indices [first, last).

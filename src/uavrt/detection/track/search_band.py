@@ -37,6 +37,10 @@ _KEPT_S = 4.0
 _YOUNG_NOISE_S = 2.5
 """Until so much is heard the noise is measured anew from all of it with each batch."""
 
+_MANY_LINES = 1.025
+"""To multiply a threshold by while many lines are taken out: what is left of each changes from
+second to second, all over the channel, and 1.6 times the false groups asked for were found."""
+
 
 class SearchBand:
     """The search of one stream in one band.
@@ -109,6 +113,12 @@ class SearchBand:
         """Noise power of each row in the newest columns, shape (rows,)."""
         return self._noise.level * self.leveller.rows_now
 
+    def note_lines(self, *, many: bool) -> None:
+        """Report whether many lines are being taken out of the samples."""
+        if many != self._noise.ragged:
+            self._noise.ragged = many
+            self._trust_noise(anew=self._noise.ready)
+
     def advance(
         self, upto: int, *, last: bool
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
@@ -130,6 +140,7 @@ class SearchBand:
         if was_ready and len(power):
             whole = self._whole_columns(self._column, len(power)) if self._broken else None
             self.leveller.level(power.T, self.noise, self._column, whole)
+            self._noise.only_rises = self.leveller.uneven
         self._take(power, last=last)
         if not self._noise.ready:
             return None
@@ -284,13 +295,14 @@ class SearchBand:
             if self._heard_s >= _YOUNG_NOISE_S:
                 self._learnt.clear()
 
-    def _trust_noise(self) -> None:
+    def _trust_noise(self, *, anew: bool = False) -> None:
         """Search with what the noise's error asks for, until that is no more than usual."""
-        if not self._unsure:
+        if not (self._unsure or anew):
             return
         error = self._noise.relative_error
+        more = _MANY_LINES if self._noise.ragged else 1.0
         for search in self._searches:
-            search.own_margin = gate(search.k) * young_margin(search.threshold, error)
+            search.own_margin = gate(search.k) * young_margin(search.threshold, error) * more
         self._unsure = error > USUAL_NOISE_ERROR
 
     def _weights(self, begin: int, count: int) -> NDArray[np.float64] | None:
@@ -366,6 +378,8 @@ def advance_together(
             for band in bands
         ],
     )
+    for band in bands:
+        band._noise.only_rises = band.leveller.uneven
     _learn_together(bands, power)
     for band, columns in zip(bands, power, strict=True):
         if len(band._excluded):
