@@ -49,6 +49,15 @@ class Area:
     south_m: float
     north_m: float
 
+    def touches(self, east_m: _Floats, north_m: _Floats, half_m: _Floats) -> NDArray[np.bool_]:
+        """(n,) whether squares around some places reach into it."""
+        return np.asarray(
+            (east_m + half_m > self.west_m)
+            & (east_m - half_m < self.east_m)
+            & (north_m + half_m > self.south_m)
+            & (north_m - half_m < self.north_m)
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
@@ -73,6 +82,19 @@ class Cells:
     def mean(self) -> tuple[float, float]:
         """East and north [m] of the point with the least expected squared error."""
         return float(self.probability @ self.east_m), float(self.probability @ self.north_m)
+
+    def likely_mean(self, log_likelihood: LogLikelihood) -> tuple[float, float]:
+        """East and north [m] of the mean; or, where it lies between peaks, of the likely place
+        that is nearest to it: one of the smallest set of cells that holds half.
+        """
+        east, north = self.mean()
+        order = np.argsort(-self.log_density)
+        kept = order[: int(np.searchsorted(np.cumsum(self.probability[order]), 0.5)) + 1]
+        one = np.array([east]), np.array([north]), self.width_m[order[:1]]
+        if log_likelihood(*one)[0] >= self.log_density[kept[-1]]:
+            return east, north
+        nearest = np.argmin(np.hypot(self.east_m[kept] - east, self.north_m[kept] - north))
+        return float(self.east_m[kept[nearest]]), float(self.north_m[kept[nearest]])
 
     def radius_m(self, share: float, point: tuple[float, float]) -> float:
         """Radius of the circle around a point that holds some share.
@@ -143,6 +165,8 @@ def cells_posterior(
     first_cells: int = FIRST_CELLS,
     held: float = HELD,
     growth: float = 1.0,
+    within: Area | None = None,
+    shows_m: float = np.inf,
 ) -> Cells:
     """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
 
@@ -160,11 +184,18 @@ def cells_posterior(
         Cells within which the density varies much are quartered from a small share on; so many
         times more of it is asked for after each quartering. The slopes of a peak that is seen
         hold little.
+    within : Area, optional
+        Where wider cells than `shows_m` are quartered whatever they hold: the middle of a cell
+        that is wider than its peak may be less likely than a lower peak by a hundred nats.
+    shows_m : float
+        Width of a cell that misses no peak.
     """
     east, north, width = _squares(area, first_cells)
     density = log_likelihood(east, north, width)
     rough = np.ones(len(east), bool)
-    return _quartered(log_likelihood, east, north, width, density, rough, held, growth)
+    return _quartered(
+        log_likelihood, east, north, width, density, rough, held, growth, within, shows_m
+    )
 
 
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
@@ -196,6 +227,8 @@ def _quartered(
     rough: NDArray[np.bool_],
     held: float = HELD,
     growth: float = 1.0,
+    within: Area | None = None,
+    shows_m: float = np.inf,
 ) -> Cells:
     """Quarter cells as long as they hold much, or vary much within."""
     at_edge = _edge_share(east, north, width, density) > _EDGE_SHARE
@@ -205,6 +238,8 @@ def _quartered(
         worth = _HELD_ROUGH * growth ** np.log2(widest / width)
         split = (probability > held) | (rough & (probability > worth))
         split &= width > _LEAST_WIDTH_M
+        if within is not None:
+            split |= (width > shows_m) & within.touches(east, north, 0.5 * width)
         if not split.any():
             break
         quarter = 0.25 * width[split]

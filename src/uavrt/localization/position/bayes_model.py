@@ -28,6 +28,10 @@ LogDensity = Callable[[_Floats, _Floats], _Floats]
 _BEARING_RANGE_M = 3000.0
 _NEAR_M = 100.0
 """Nearer than that all places are equally likely."""
+_PEAK_HEIGHTS = 0.25
+"""Heights above the tag that a peak of a survey's likelihood is wide …"""
+_LEAST_SHARE = 1.0 / 16.0
+"""… and what cells of the survey's extent that takes at the most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,6 +99,22 @@ class Model:
         length = float(np.hypot(around.east_m - around.west_m, around.north_m - around.south_m))
         margin = max(300.0, 0.5 * length) if self.stations is None else _BEARING_RANGE_M
         return _area(self.tracks, self.known.max_range_m or margin)
+
+    @property
+    def overflown(self) -> Area:
+        """The surveyed rectangle and the height of the flight around it."""
+        return _area(self.tracks, self._height_m)
+
+    @property
+    def shows_m(self) -> float:
+        """Width of a cell that misses no peak of a survey; not below a share of its extent."""
+        around = self.overflown
+        square_m2 = (around.east_m - around.west_m) * (around.north_m - around.south_m)
+        return max(_PEAK_HEIGHTS * self._height_m, _LEAST_SHARE * float(np.sqrt(square_m2)))
+
+    @property
+    def _height_m(self) -> float:
+        return 0.0 if self.powers is None else abs(float(np.median(self.powers.height_m)))
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats) -> _Floats:
         """(places,) with the prior of the place."""

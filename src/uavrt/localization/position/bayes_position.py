@@ -141,6 +141,8 @@ def _solved(model: Model) -> _Solved:
         first_cells=_SURVEY_FIRST_CELLS if surveyed else FIRST_CELLS,
         held=_SURVEY_HELD if surveyed else HELD,
         growth=_SURVEY_GROWTH if surveyed else 1.0,
+        within=model.overflown if surveyed else None,
+        shows_m=model.shows_m if surveyed else np.inf,
     )
     if model.stations is None:
         # Powers alone leave mirror images and long tails, where the most probable place is
@@ -152,7 +154,7 @@ def _solved(model: Model) -> _Solved:
             cells=cells,
             resting=cells,
             agreement=_Agreement(),
-            point=cells.mean(),
+            point=cells.likely_mean(model.log_likelihood),
         )
     point = most_probable(cells, model.log_likelihood)
     return _explained(model, cells, point, _agreement(model, point))

@@ -1,0 +1,45 @@
+"""Surveys narrower than three heights: no other place is far likelier than the reported one."""
+
+import numpy as np
+
+from uavrt.localization import PowerTrack, estimate_position
+from uavrt.localization.position.level_evidence import Propagation
+from uavrt.localization.position.power_evidence import PowerEvidence
+from uavrt.tangent_plane import TangentPlane
+
+PLANE = TangentPlane(latitude_deg=47.0, longitude_deg=8.0)
+HEIGHT_M, PULSES, HALF_M, SPACING_M = 30.0, 340, 40.0, 12.0
+
+
+def test_the_truth_is_never_far_likelier_than_the_reported_place() -> None:
+    way = np.arange(PULSES) * 1.6
+    line, along = np.divmod(way, 2.0 * HALF_M)
+    east = np.where(line % 2 == 0, along - HALF_M, HALF_M - along)
+    north = (line % 6) * SPACING_M - 30.0
+    latitude, longitude = PLANE.to_geodetic(east, north)
+    held = 0
+    for seed in range(24):
+        rng = np.random.default_rng(seed)
+        tag = rng.uniform(-35.0, 35.0, 2)
+        ground = np.hypot(east - tag[0], north - tag[1])
+        slant = np.hypot(ground, HEIGHT_M)
+        fading = rng.normal(0.0, 1.6, PULSES)
+        for number in range(1, PULSES):
+            fading[number] = 0.6 * fading[number - 1] + 0.8 * fading[number]
+        snr_db = 40.0 - 25.0 * np.log10(slant / 30.0) + fading
+        snr_db += 20.0 * np.log10(np.maximum(ground / slant, 0.03))
+        track = PowerTrack(
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            height_m=np.full(PULSES, HEIGHT_M),
+            snr_db=snr_db,
+        )
+        found = estimate_position(powers=track)
+        x, y = PLANE.to_local(np.array([found.latitude_deg]), np.array([found.longitude_deg]))
+        fit = PowerEvidence(east, north, track, Propagation()).fit(
+            np.array([tag[0], x[0]]), np.array([tag[1], y[0]])
+        )
+        truth, reported = fit.log_likelihood
+        assert truth - reported <= 10.0
+        held += int(np.hypot(x[0] - tag[0], y[0] - tag[1]) <= found.radius95_m)
+    assert held >= 20
