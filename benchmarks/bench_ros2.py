@@ -38,7 +38,7 @@ from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
-from uavrt.ros2 import TOPICS
+from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.dds import cyclone_config, dds_type
 domain = int(sys.argv[1])
 config = Domain(domain, cyclone_config(()))

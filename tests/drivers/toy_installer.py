@@ -25,7 +25,8 @@ PROGRAM = {
         """,
     "hatch_build.py": "",
     "src/uavrt/__init__.py": "def main():\n    pass\n",
-    "src/uavrt/config.py": """
+    "src/uavrt/config/__init__.py": "",
+    "src/uavrt/config/loader.py": """
         from pathlib import Path
 
         def write_default_settings(path):

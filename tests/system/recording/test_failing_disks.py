@@ -30,7 +30,7 @@ import json, resource, sys
 sys.path.insert(0, sys.argv[2])
 from flight_pulses import pulse_pose
 from uavrt.errors import RecordingError
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 
 recorder = FlightRecorder.reopen(sys.argv[1])
 limit = 200_000
@@ -200,7 +200,7 @@ def fill_the_disk(disk: Path, info: FlightInfo, *, full: bool) -> None:
 
 REOPENED = """
 import resource, sys
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 
 def peak_mb():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

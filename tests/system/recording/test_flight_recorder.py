@@ -25,7 +25,7 @@ FLIGHT_WRITER = '''
 """Writes pulses as fast as it can and prints each number once it is recorded."""
 import sys
 from uavrt.messages import Pose, Poses, Pulse, PulsePose
-from uavrt.recording import FlightRecorder
+from uavrt.recording.flight_recorder import FlightRecorder
 
 def write(directory: str, first: int) -> None:
     recorder = FlightRecorder.reopen(directory)

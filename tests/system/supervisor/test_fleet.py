@@ -44,7 +44,7 @@ def main():
 """
 SILENT = """
 import time
-from uavrt.ipc import ProcessFrame
+from uavrt.ipc.process import ProcessFrame
 
 def main():
     with ProcessFrame.start() as frame:
@@ -55,7 +55,7 @@ def main():
 MUTE = "import time\ndef main():\n    time.sleep(600.0)\n"
 DEAF = """
 import signal, subprocess, sys, time
-from uavrt.ipc import ProcessFrame
+from uavrt.ipc.process import ProcessFrame
 
 def main():
     with ProcessFrame.start() as frame:

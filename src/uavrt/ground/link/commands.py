@@ -14,7 +14,6 @@ from typing import Any
 from uavrt.commands import Button, SystemState
 from uavrt.config.tag_corrections import TagCorrection, correction_of
 from uavrt.config.tag_files import faults_of_tags
-from uavrt.detection.sensitivity import gain_in_words
 from uavrt.errors import FormatError, LinkError, UavrtError
 from uavrt.ground.link.actions import (
     ACTIONS,
@@ -64,6 +63,12 @@ def _correction(session: HeldSession, wish: Any) -> TagCorrection:
     raise FormatError(
         f"nothing was measured at {frequency_hz:.0f} Hz that corrects tag {tag_id}"
     )
+
+
+def _gain_in_words(correction: TagCorrection) -> str:
+    from uavrt.detection.sensitivity import gain_in_words  # loads scipy.stats: 0.4 s
+
+    return gain_in_words(correction.before, correction.after)
 
 
 def place_in(wish: Any) -> tuple[float, float] | None:
@@ -190,7 +195,7 @@ class Commands:
             one for one in session.beeps if correction.tag_id not in one.tag_ids
         ]
         session.send_state()
-        gain = await asyncio.to_thread(gain_in_words, correction.before, correction.after)
+        gain = await asyncio.to_thread(_gain_in_words, correction)
         return f"{correction}{gain}"
 
     async def parameters(self) -> dict[str, float]:
