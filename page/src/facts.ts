@@ -33,7 +33,7 @@ export function factsSection(): HTMLElement {
           autocomplete: "off",
           maxlength: "200",
           list: field.key === "time_zone" ? "time-zones" : undefined,
-          onchange: () => void change(field.key),
+          onchange: () => change(field.key),
         })),
       ),
       h("datalist", { id: "time-zones" }, ...Intl.supportedValuesOf("timeZone").map((zone) => h("option", { value: zone }))),
@@ -47,19 +47,31 @@ function input(key: string): HTMLInputElement {
   return by(`fact-${key}`) as HTMLInputElement;
 }
 
+/** Fields whose change is on its way, and the end of the last change: one is sent after the other. */
+const waiting = new Set<string>();
+let sent: Promise<void> = Promise.resolve();
+
 function draw(facts: Record<string, string>): void {
-  for (const { key } of FIELDS) if (document.activeElement !== input(key)) input(key).value = facts[key] ?? "";
+  for (const { key } of FIELDS)
+    if (document.activeElement !== input(key) && !waiting.has(key)) input(key).value = facts[key] ?? "";
 }
 
 function complain(error: unknown): void {
   say(by("fact-fault"), reasonOf(error));
 }
 
-async function change(key: string): Promise<void> {
-  try {
-    draw(await send<Record<string, string>>("PUT", "/facts", { [key]: input(key).value }));
-    say(by("fact-fault"), "");
-  } catch (error) {
-    complain(error);
-  }
+function change(key: string): void {
+  const { value } = input(key);
+  waiting.add(key);
+  sent = sent.then(async () => {
+    try {
+      const facts = await send<Record<string, string>>("PUT", "/facts", { [key]: value });
+      waiting.delete(key);
+      draw(facts);
+      say(by("fact-fault"), "");
+    } catch (error) {
+      waiting.delete(key);
+      complain(error);
+    }
+  });
 }
