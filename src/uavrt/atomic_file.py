@@ -6,13 +6,21 @@ without that, ext4 may keep the new name and lose what is in the file.
 
 import errno
 import os
+import re
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PART = ".part"
 """Ending of a file that is still being written; one that a cut left may be removed."""
+_PART_NAME = re.compile(r"\..+\.[0-9a-f]{12}\.part")
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
+
+
+def is_part(path: Path) -> bool:
+    """Whether a file's name is that of one which `replacing` was still writing."""
+    return _PART_NAME.fullmatch(path.name) is not None
 
 
 @contextmanager
@@ -34,8 +42,7 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
         The disk is full, read-only or forbidden; the old file is untouched.
     """
     path = path.resolve()
-    part = path.with_name(f".{path.name}.{os.getpid()}{PART}")
-    part.unlink(missing_ok=True)
+    part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{PART}")
     try:
         yield part
         if sync:

@@ -5,7 +5,7 @@ knows what they hold. So after a kill or a power cut there are whole rows with w
 what belongs to no row is removed, and what a row misses is done again.
 """
 
-import os
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -14,12 +14,16 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from uavrt.atomic_file import PART
+from uavrt.atomic_file import is_part
 from uavrt.batch.seals import Seal, fault_of, read_note, write_note
 from uavrt.batch.tables import FlightRow, RecordingRow
 from uavrt.errors import FormatError, RecordingError
 
 R = TypeVar("R", RecordingRow, FlightRow)
+ASIDE = "damaged"
+"""Folder, below the output, of rows that cannot be read and of the tables that were theirs."""
+_TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
+"""Name of a table, by its key (`uavrt.batch.step_keys`)."""
 
 
 class _Entry(msgspec.Struct, frozen=True):
@@ -139,7 +143,7 @@ class Ledger(Generic[R]):
         self._directory.mkdir(parents=True, exist_ok=True)
         for path in self._directory.iterdir():
             if path.suffix != ".json":
-                if path.suffix == PART:
+                if is_part(path):
                     path.unlink()
                 continue
             try:
@@ -173,19 +177,28 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables of no row: a cut came before the row, or the row was lost."""
-        known = {f"{self._output}/{name}" for held in self._files.values() for name in held}
-        for table in self._tables:
-            for folder, _, names in os.walk(self._output / table):
-                for path in (f"{folder}/{name}" for name in names):
-                    if path.endswith(PART):
-                        os.unlink(path)
-                    elif path.endswith(".parquet") and path not in known:
-                        self._discard(Path(path), "it belongs to no row")
+        """Remove tables of no row, which a cut left before the row was written.
 
-    def _discard(self, path: Path, fault: str) -> None:
+        They are set aside where rows could not be read, since they may belong to these. What a
+        batch cannot have written is somebody's own, and stays.
+        """
+        unreadable = any(name.startswith(f"{self._directory.name}/") for name in self.damaged)
+        known = {name for held in self._files.values() for name in held}
+        for table in self._tables:
+            for path in (self._output / table).glob("*"):
+                if is_part(path):
+                    path.unlink()
+                elif _TABLE.fullmatch(path.name) and f"{table}/{path.name}" not in known:
+                    self._discard(path, "it belongs to no row", keeps=unreadable)
+
+    def _discard(self, path: Path, fault: str, *, keeps: bool = True) -> None:
         self.damaged.setdefault(path.relative_to(self._output).as_posix(), fault)
-        path.unlink()
+        if not keeps:
+            path.unlink()
+            return
+        aside = self._output / ASIDE / path.parent.name / path.name
+        aside.parent.mkdir(parents=True, exist_ok=True)
+        path.replace(aside)
 
     def place(self, key: str) -> str:
         """Name the file of a row, below the output."""

@@ -23,7 +23,7 @@ from typing import TypeVar
 import msgspec
 
 from uavrt.analysis.measure.tag_source import TagSource
-from uavrt.atomic_file import PART, make_directories
+from uavrt.atomic_file import PART, is_part, make_directories
 from uavrt.batch.copies import copies_of, drop_copies, without
 from uavrt.batch.detecting import UNFINISHED, Detecting
 from uavrt.batch.ledger import Ledger
@@ -112,7 +112,7 @@ def _run(
 ) -> BatchSummary:
     make_directories(output / UNFINISHED)
     for folder in (output, output / UNFINISHED):
-        for part in folder.glob(f".*{PART}"):
+        for part in filter(is_part, folder.glob(f".*{PART}")):
             part.unlink()  # a cut came while it was written
     how = {"thorough": settings.verify}
     recordings = Ledger(output, DONE, RecordingRow, [PULSES], **how)

@@ -15,6 +15,7 @@ from power_cut import Names, moments
 
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.atomic_file import write_atomically
+from uavrt.batch.ledger import ASIDE
 from uavrt.batch.months import INDEX
 from uavrt.batch.recordings import Found, find_recordings, read_manifest
 from uavrt.batch.run import run_batch
@@ -42,8 +43,15 @@ def held_in(output: Path) -> dict[str, object]:
         files = sorted((output / table).glob("*"))
         held |= {str(one.relative_to(output)): pq.read_table(one).to_pylist() for one in files}
     held["rows"] = sorted(one.name for one in output.glob("[dp][ol][na]*e*/*"))
-    held["others"] = sorted(one.name for one in (*output.glob("*"), *output.glob("unf*/*")))
+    others = {one.name for one in (*output.glob("*"), *output.glob("unf*/*"))} - {ASIDE}
+    held["others"] = sorted(others)
     return held
+
+
+def written_in(output: Path) -> list[Path]:
+    """What a batch has written, but its lists and what it has set aside."""
+    every = sorted(output.rglob("*.*"))
+    return [one for one in every if one.name not in LISTS and ASIDE not in one.parts]
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +155,7 @@ def test_every_damaged_file_is_named_and_made_again(
 ) -> None:
     output = tmp_path / "output"
     search(found, output)
-    files = sorted(one for one in output.rglob("*.*") if one.name not in LISTS)
+    files = written_in(output)
     assert len(files) >= 12
     for number in range(3):
         hit = {str(one.relative_to(output)): one for one in files[number::3]}
@@ -157,11 +165,32 @@ def test_every_damaged_file_is_named_and_made_again(
         summary = search(found, output, verify=damage is exchange_unseen)
         assert hit.keys() <= summary.damaged.keys()
         assert held_in(output) == held_in(whole)
-        files = sorted(one for one in output.rglob("*.*") if one.name not in LISTS)
+        files = written_in(output)
     for name in LISTS:
         damage(output / name)
         assert [*search(found, output, verify=True).damaged] == [name]
     assert search(found, output, verify=True).damaged == {}
+
+
+def test_rows_that_cannot_be_read_and_tables_of_others_are_kept(
+    found: Found, tmp_path: Path
+) -> None:
+    output = tmp_path / "output"
+    search(found, output)
+    own = output / "positions" / "2023" / "my_gps.parquet"
+    own.parent.mkdir(parents=True)
+    for path in (own, output / "pulses" / "own.parquet"):
+        path.write_bytes(b"not of a batch")
+    rows = sorted(output.glob("done/*.json"))
+    tables = {one: one.read_bytes() for one in output.glob("pulses/*.parquet")}
+    for row in rows:  # as another version wrote it
+        row.write_bytes(b"{}")
+    search(found, output)
+    assert own.read_bytes() == (output / "pulses" / "own.parquet").read_bytes()
+    aside = {one.name: one.read_bytes() for one in (output / ASIDE).rglob("*.parquet")}
+    assert {row.name for row in rows} <= {one.name for one in (output / ASIDE).rglob("*.json")}
+    for table, content in tables.items():
+        assert content in (table.read_bytes(), aside.get(table.name))
 
 
 def test_a_copied_archive_is_read_and_not_made_again(found: Found, tmp_path: Path) -> None:
