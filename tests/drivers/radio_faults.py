@@ -66,7 +66,8 @@ def expected(kind: str, fault: str, rate_hz: float) -> str:
         'serial to "',
     }
     if kind in NO_USB:
-        words["other serial"] = words["absent"]
+        not_found = f"{title}: no radio is found. Plug it in"
+        words |= dict.fromkeys(("absent", "unplugged", "other serial"), not_found)
     return words[fault]
 
 

@@ -89,16 +89,16 @@ class Capture:
         if self.status is not None or not len(band.samples):
             return
         samples = np.asarray(band.samples[:room])
-        self._taken += len(samples)
-        self._recorder.put(
-            IQBlock(
-                samples=samples,
-                sample_index=band.sample_index,
-                time_ns=band.time_ns,
-                sample_rate_hz=band.sample_rate_hz,
-                lost_before=band.lost_before,
-            )
+        piece = IQBlock(
+            samples=samples,
+            sample_index=band.sample_index,
+            time_ns=band.time_ns,
+            sample_rate_hz=band.sample_rate_hz,
+            lost_before=band.lost_before,
         )
+        # If the disk is too slow, later samples make up for those that it refused.
+        if self._recorder.put(piece):
+            self._taken += len(samples)
 
     def flush(self) -> None:
         """Nothing waits here."""

@@ -314,6 +314,7 @@ def run(kind: Callable[[ProcessFrame, FlightInfo], Receiver]) -> None:
             while frame.running:
                 try:
                     receive(frame, receiver, flight, last_reason)
+                    last_reason = ""
                 except (UavrtError, EOFError) as error:
                     again = monotonic_s() - last_failure_s < RETRY_WINDOW_S
                     delay_s = receiver.radio.retry_s if again else 0.0

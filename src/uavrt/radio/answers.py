@@ -60,6 +60,7 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("hackrf_transfer", "hackrf_set_freq() failed", Cause.FREQUENCY),
     ("hackrf_transfer", "Couldn't transfer any bytes", Cause.STALLED),
     ("SoapySDR", "no match", Cause.ABSENT),
+    ("SoapySDR", "no enumeration results", Cause.ABSENT),
     ("SoapySDR", "not found", Cause.ABSENT),
     ("SoapySDR", "Resource busy", Cause.BUSY),
     ("SoapySDR", "Access denied", Cause.FORBIDDEN),
@@ -83,6 +84,7 @@ def exit_error(
     words: str,
     *,
     own_rates: Callable[[], str] = str,
+    seen: bool = True,
 ) -> RadioError:
     """Turn the end of a radio's program into an error that names the cause and the remedy.
 
@@ -98,15 +100,15 @@ def exit_error(
         Its first lines on stderr, which hold the cause, and the last ones.
     own_rates : callable
         Lists the rates of the device that is there; empty: those of its kind count.
+    seen : bool
+        It was in the list of USB devices when it was opened. One that was never there may be
+        of another maker, and is not called unplugged.
     """
     row = RADIOS[settings.kind]
-    program = row.receive or row.title
-    cause = next(
-        (one for name, text, one in ANSWERS if name == program and text in words), None
-    )
+    cause = cause_of(row, words)
     there = [one for one in usb_radios() if one.kind == row.kind]
     listed = row.usb and SYSFS_USB.is_dir() and not settings.program
-    if cause in (None, Cause.STALLED) and code >= 0 and listed and not there:
+    if cause in (None, Cause.STALLED) and code >= 0 and listed and seen and not there:
         cause = Cause.ABSENT  # unplugged
     if cause in (Cause.ABSENT, Cause.FORBIDDEN, Cause.BUSY):
         why, remedy = _missing(settings, row, there, cause)
@@ -174,4 +176,10 @@ def _missing(
         )
     if cause is Cause.BUSY or chosen:
         return "another program uses it", "Close the other program that uses the radio"
+    if not row.usb:
+        return (
+            "no radio is found",
+            "Plug it in, close other programs that use it, and install the SoapySDR module for "
+            "it (soapysdr-module-…)",
+        )
     return "no radio is plugged in", "Plug the radio in, or try another cable or port"

@@ -5,6 +5,7 @@ stretch of 0.8 s shows its rate: a stall delays some arrivals, never all of them
 is one step.
 """
 
+import math
 from collections import deque
 from itertools import pairwise
 from typing import Final
@@ -15,6 +16,7 @@ _STRETCHES: Final = 5
 _MOST_OFF: Final = 0.02
 """Largest difference that is not reported, as a share of the rate asked for."""
 _SETTLED: Final = 0.01
+_CATCHES_UP_S: Final = 0.05
 _OTHER: Final = 0.1
 """Share by which a wrong rate must change to be reported again."""
 
@@ -36,6 +38,8 @@ class ArrivalRate:
         self._stretch = 0
         self._now_s = 0.0
         self._first_ns: int | None = None
+        self._owed_s = math.inf
+        """Delay before the last pause: until it is reached again, a sender catches up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
         """Learn that so many samples had arrived at a time.
@@ -54,6 +58,7 @@ class ArrivalRate:
             self._now_s = min(self._now_s, delay_s)
             return
         if stretch > self._stretch + 1:
+            self._owed_s = self._now_s if not self._least_s else min(self._least_s)
             self._least_s.clear()  # a pause
         else:
             self._least_s.append(self._now_s)
@@ -63,6 +68,8 @@ class ArrivalRate:
     def _judge(self) -> None:
         least_s = list(self._least_s)
         if len(least_s) < _STRETCHES:
+            return
+        if least_s[-1] > self._owed_s + _CATCHES_UP_S and least_s[-1] < least_s[0]:
             return
         steps_s = [b - a for a, b in pairwise(least_s)]
         mean_s = sum(steps_s) / len(steps_s)

@@ -31,9 +31,10 @@ def check_device(settings: RadioSettings) -> str:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)
     title = settings.kind if row is None else row.title
-    check, begun_s, end_s = SampleCheck(title), monotonic_s(), float("inf")
+    check, end_s = SampleCheck(title), float("inf")
     frequency_hz = settings.center_frequency_hz or _FREQUENCY_HZ
     with closing(open_radio(settings, frequency_hz, clock=Clock.start())) as source:
+        begun_s = monotonic_s()
         while monotonic_s() < end_s:
             try:
                 block = source.read(timeout_s=0.5)

@@ -79,6 +79,8 @@ class Placer:
         self._nominal = (
             None if start_time_ns is None else NominalTimes(start_time_ns, sample_rate_hz)
         )
+        self.paced = True
+        """Whether arrivals show a rate; those of a file on standard input do not."""
         self._before = 0
         """Samples lost before those that are held."""
         self._cut = 0
@@ -108,7 +110,11 @@ class Placer:
         A recording that is piped faster than three times real time is no fault.
         """
         wrong_hz = self._arrival_rate.wrong_hz
-        if wrong_hz is None or (self._may_be_slow and wrong_hz > 3.0 * self._rate_hz):
+        if (
+            wrong_hz is None
+            or not self.paced
+            or (self._may_be_slow and wrong_hz > 3.0 * self._rate_hz)
+        ):
             return None
         return (
             f"{float(f'{wrong_hz:.3g}'):.0f} samples a second arrive, not {self._rate_hz:.0f}. "

@@ -15,10 +15,11 @@ from typing import Final
 from uavrt.clock import Clock, monotonic_s
 from uavrt.config.radios import RadioRow
 from uavrt.config.settings import RadioSettings
-from uavrt.errors import RadioError, RadioMissing, RadioStalled
+from uavrt.errors import RadioAmbiguous, RadioError, RadioMissing, RadioStalled
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.answers import cause_of, exit_error, serial_error, stalled
+from uavrt.radio.devices import usb_radios
 from uavrt.radio.formats import sample_format
 from uavrt.radio.live_source import RADIO_RATE_REMEDY
 from uavrt.radio.programs import PROGRAMS, commands_before, receive_command
@@ -82,6 +83,8 @@ class ProgramSource(StreamSource):
         command = receive_command(settings, center_frequency_hz)
         self._program = PROGRAMS[settings.kind]
         command += _talkative(self._program, settings)
+        self._seen = any(one.kind == settings.kind for one in usb_radios())
+        """Its USB identification is one of those known, and it was there."""
         self._startup_s, self._stall_s = startup_s, stall_s
         self._first: list[str] = []
         self._lines: deque[str] = deque(maxlen=_LINES)
@@ -233,7 +236,14 @@ class ProgramSource(StreamSource):
         raise self._error(code, said, " | ".join(self.last_lines))
 
     def _error(self, code: int, said: str, words: str) -> RadioError:
-        return exit_error(self._settings, code, said, words, own_rates=self._own_rates)
+        return exit_error(
+            self._settings,
+            code,
+            said,
+            words,
+            own_rates=self._own_rates,
+            seen=self._seen,
+        )
 
     def _own_rates(self) -> str:
         """List the rates that the information program prints of the device."""
@@ -257,6 +267,10 @@ class ProgramSource(StreamSource):
             raise self._error(finished.returncode, f"{command[0]} failed", said)
 
 
+_ANSWERS_S: Final = 4.0
+"""For a program that only answers; a receiver that is silent for 5 s is killed."""
+
+
 def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[str]:
     _find(command[0], package)
     try:
@@ -266,7 +280,7 @@ def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[st
             capture_output=True,
             text=True,
             errors="replace",
-            timeout=10.0,
+            timeout=_ANSWERS_S,
             check=False,
         )
     except subprocess.TimeoutExpired as error:
@@ -292,7 +306,14 @@ def _by_place(settings: RadioSettings) -> RadioSettings:
     if wanted is None or not wanted.isdigit():
         return settings
     finished = _run(program.lists, program.package)
-    places = {serial: place for place, serial in _LISTED.findall(finished.stderr)}
+    listed = _LISTED.findall(finished.stderr)
+    if len(alike := [place for place, serial in listed if serial == wanted]) > 1:
+        raise RadioAmbiguous(
+            f"{len(alike)} radios {program.title} have the serial number {wanted}",
+            remedy=f'Set [radio] serial to its place in their list, "{alike[0]}" or '
+            f'"{alike[1]}", or give each a number of its own with rtl_eeprom',
+        )
+    places = {serial: place for place, serial in listed}
     if wanted in places:
         return replace(settings, serial=places[wanted])
     if places and (wanted != str(int(wanted)) or int(wanted) >= _MOST_PLACES):

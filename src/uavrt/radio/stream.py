@@ -96,6 +96,7 @@ class StreamSource(LiveSource):
         self._ended = False
         self._waiting_since_ns = 0
         self._pipe_bytes = _enlarge_pipe(descriptor)
+        self._placer.paced = not stat.S_ISREG(os.fstat(descriptor).st_mode)
         self._poll = select.poll()
         self._poll.register(descriptor, select.POLLIN)
 
@@ -171,7 +172,8 @@ class StreamSource(LiveSource):
             self._placer.tell_lost(told)
         self._filled += count
         waiting = _waiting_bytes(self._descriptor)
-        full = 0 < self._pipe_bytes - PIPE_BYTES // 8 < max(waiting, count)
+        nearly = self._pipe_bytes - min(PIPE_BYTES // 8, self._pipe_bytes // 2)
+        full = 0 < nearly < max(waiting, count)
         self._placer.arrived((self._filled + waiting) // size, self._clock.now_ns(), full=full)
 
     def close(self) -> None:

@@ -91,6 +91,7 @@ class Supervisor:
         self._last_pulses = LastPulses()
         self._to_pump: dict[str, Instance] = {}
         self._radio_question: asyncio.Future[tuple[bool, str]] | None = None
+        self._asking: RadioQuestion | None = None
         self._stopping = False
         self._end_task: asyncio.Future[None] | None = None
         self._restart_task: asyncio.Future[None] | None = None
@@ -208,6 +209,8 @@ class Supervisor:
     # ---------------------------------------------------------------- flight
 
     def _flight_started(self, flight: FlightInfo) -> None:
+        if self._asking is not None:  # it would keep the radio from the flight
+            self._asking.stop()
         self._last_pulses.flight_started()
         self._fleet.make_sample_roads()
         self._output.open_flight(Path(flight.directory))
@@ -273,8 +276,12 @@ class Supervisor:
             question = RadioQuestion(self.mission.settings.radio)
         except OSError as error:
             return False, f"the radio was not asked ({error.strerror}): try again"
-        with self._fleet.sparing(question.pid):
-            return await in_background(question.answer)
+        self._asking = question
+        try:
+            with self._fleet.sparing(question.pid):
+                return await in_background(question.answer)
+        finally:
+            self._asking = None
 
     # -------------------------------------------------------------- watching
 

@@ -110,7 +110,7 @@ def test_the_radios_own_times_give_a_gap_exactly_and_in_its_place() -> None:
 
 @pytest.mark.usefixtures("soapy")
 def test_a_soapy_device_that_is_not_there_is_missing() -> None:
-    with pytest.raises(RadioMissing, match="no radio is plugged in"):
+    with pytest.raises(RadioMissing, match="no radio is found"):
         open_radio(RadioSettings(kind="soapy", serial="absent=1"), 148e6)
 
 

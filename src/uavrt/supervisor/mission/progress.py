@@ -12,7 +12,10 @@ from uavrt.messages import FlightInfo, Health, Operation
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
 """The receiver's words for a capture that is over."""
 PATIENCE_S = 30.0
-"""A capture that takes so much longer than it should has failed: the radio gives nothing."""
+"""A capture that has no samples for this long, after it should be over, has failed."""
+
+_SLOWEST = 3.0
+"""How many lengths longer a capture may take while samples arrive."""
 
 
 class FlightProgress:
@@ -28,18 +31,19 @@ class FlightProgress:
         self._publish = publish
         self._name: CommandName | None = None
         self._capture_s: float | None = None
-        self._deadline_s = float("inf")
+        self._deadline_s = self._latest_s = float("inf")
         self._over = False
-        self._fault = self._recorded = ""
+        self._fault = self._recorded = self._why = ""
 
     def started(self, flight: FlightInfo) -> None:
         """A flight or a capture has begun."""
         self._capture_s, self._over = flight.capture_s, False
-        self._fault = self._recorded = ""
+        self._fault = self._recorded = self._why = ""
         self._name = "start_detection" if flight.capture_s is None else "raw_capture"
         self._deadline_s = float("inf")
         if flight.capture_s is not None:
             self._deadline_s = monotonic_s() + flight.capture_s + PATIENCE_S
+            self._latest_s = self._deadline_s + _SLOWEST * flight.capture_s
         self._say("running", "waiting for samples")
 
     def heard(self, health: Health) -> None:
@@ -50,6 +54,11 @@ class FlightProgress:
             self._recorded = health.reason or self._recorded
         if self._over:
             return
+        if self._capture_s is not None:
+            self._why = health.reason
+            if health.status.startswith("receiving"):  # slowly, but to its end
+                later_s = max(self._deadline_s, monotonic_s() + PATIENCE_S)
+                self._deadline_s = min(later_s, self._latest_s)
         if self._name == "start_detection" and health.status == "receiving":
             self._say("complete", "samples flow")
             self._name = None
@@ -62,7 +71,7 @@ class FlightProgress:
         if self._capture_s is None:
             return False
         if monotonic_s() > self._deadline_s and not self._over:
-            self._over, self._fault = True, "the radio gives no samples"
+            self._over, self._fault = True, self._why or "the radio gives no samples"
         return self._over
 
     def stopping(self) -> None:

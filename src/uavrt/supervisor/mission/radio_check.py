@@ -49,6 +49,11 @@ class RadioQuestion:
         """Its process id."""
         return self._process.pid
 
+    def stop(self) -> None:
+        """End it: a flight starts and needs the radio. It answers that it was not asked."""
+        with suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+
     def answer(self) -> tuple[bool, str]:
         """Get whether the radio is there, and what to say of it; takes some seconds."""
         try:
@@ -58,8 +63,7 @@ class RadioQuestion:
             return False, f"the radio was not asked ({type(error).__name__}): try again"
         finally:
             # The radio's program with it: it would keep the radio from the flight.
-            with suppress(ProcessLookupError):
-                os.killpg(self.pid, signal.SIGKILL)
+            self.stop()
             self._process.wait()
             if self._process.stdout is not None:
                 self._process.stdout.close()
