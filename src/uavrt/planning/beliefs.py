@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtri_exp
 
 from uavrt.errors import ConfigError
 from uavrt.localization.position.level_belief import Listening, by_chance_density
@@ -22,6 +21,7 @@ from uavrt.localization.position.trackers import (
     TagPrior,
     TrackEstimate,
 )
+from uavrt.special import special
 
 _Floats = NDArray[np.float64]
 _FADES = 0.95
@@ -71,9 +71,9 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
     """
     sigma = np.sqrt(expected.variance_db2)
     above, heard = (
-        log_ndtr((expected.level_db - one) / sigma) for one in (level_db, threshold_db)
+        special.log_ndtr((expected.level_db - one) / sigma) for one in (level_db, threshold_db)
     )
-    return float(np.clip(-ndtri_exp(min(above - heard, -1e-12)), -_GROSS, _GROSS))
+    return float(np.clip(-special.ndtri_exp(min(above - heard, -1e-12)), -_GROSS, _GROSS))
 
 
 class Rival:

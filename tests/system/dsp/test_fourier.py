@@ -21,3 +21,14 @@ def test_a_channelizer_of_all_channels_imports_no_scipy_fft() -> None:
 def test_the_detection_of_beeping_tags_imports_no_scipy_special(module: str) -> None:
     code = f"import sys, uavrt.{module}; sys.exit('scipy.special' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_guide_loads_no_tools_of_numpy_and_who_asks_for_them_gets_them() -> None:
+    code = (
+        "import sys, uavrt.processes.guide; "
+        "loaded = {'numpy.f2py', 'numpy.testing'} & {*sys.modules}; "
+        "import numpy.testing, numpy.f2py; "
+        "numpy.testing.assert_equal(numpy.f2py.__name__, 'numpy.f2py'); "
+        "sys.exit(len(loaded))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
 
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
 from uavrt.localization.position.loss_error import OF_EACH_PULSE, LossError, doubtful_db
+from uavrt.special import special
 from uavrt.terrain.hill_losses import HillLosses
 
 _ROOT_TWO_PI = 2.506_628_275
@@ -84,7 +84,9 @@ def _by_cosine(pattern: AntennaPattern) -> tuple[NDArray[np.float32], NDArray[np
 @lru_cache(maxsize=1)
 def _tails() -> NDArray[np.float32]:
     """(n,) logarithm of the normal distribution function, from -_TAIL to _TAIL."""
-    return log_ndtr(np.arange(-_TAIL, _TAIL + _TAIL_STEP, _TAIL_STEP)).astype(np.float32)
+    return special.log_ndtr(np.arange(-_TAIL, _TAIL + _TAIL_STEP, _TAIL_STEP)).astype(
+        np.float32
+    )
 
 
 def log_normal_tail(u: _Floats) -> _Floats:
