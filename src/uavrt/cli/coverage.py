@@ -19,12 +19,11 @@ from uavrt.cli.kinds import (
     TagFrequency,
     TagIds,
 )
+from uavrt.cli.progress import progress_bar
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -362,7 +361,7 @@ def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
     for tag in tags:
         maps = []
         for height_m in asked.heights_m:
-            with _progress(f"tag {tag.tag_id} from {height_m:g} m") as on_pulse:
+            with progress_bar(f"tag {tag.tag_id} from {height_m:g} m") as on_pulse:
                 maps.append(
                     plan_coverage(
                         area,
@@ -419,7 +418,7 @@ def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told
         cells = inside(read_polygon(asked.outline, ground.plane), ground)
     told = []
     for tag in _chosen(known, ids):
-        with _progress(f"tag {tag.tag_id}") as on_pulse:
+        with progress_bar(f"tag {tag.tag_id}") as on_pulse:
             found = listened.silent_map(
                 tag,
                 asked.budget,
@@ -456,17 +455,6 @@ def _mean(one: "Coverage", cells: Any) -> float:
 
     known = one.heard[cells & np.isfinite(one.heard)]
     return float(known.mean()) if known.size else math.nan
-
-
-@contextmanager
-def _progress(text: str) -> "Iterator[Callable[[int, int], None]]":
-    """Show how many pulses are done."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(text, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _finite(value: float | None) -> float | None:

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -25,6 +25,7 @@ from uavrt.analysis.measure.recorded_pulses import detect as run_detectors
 from uavrt.analysis.measure.redetect import FlightWriter
 from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
 from uavrt.cli.outputs import keep_inputs
+from uavrt.cli.progress import progress_bar
 from uavrt.clock import cpu_s, parse_iso_utc
 from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import DetectionSettings, OperatingModeName
@@ -158,7 +159,8 @@ def detect(
         summary = DetectionSummary()
         stack.enter_context(_finishing(listeners, summary))
         try:
-            with _progress(source) as on_progress:
+            total = source.total_samples
+            with nullcontext() if total is None else progress_bar("detecting", total) as shown:
                 run_detectors(
                     source,
                     wanted,
@@ -170,7 +172,7 @@ def detect(
                     on_band=on_band,
                     on_reports=_each(listeners, "reports"),
                     should_stop=lambda: should_stop() is not None,
-                    on_progress=on_progress,
+                    on_progress=shown,
                     summary=summary,
                 )
         except UavrtError:
@@ -449,20 +451,6 @@ def stop_on_signals(within_s: float | None = None) -> Iterator[Callable[[], int 
             timer.cancel()
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def _progress(source: SampleSource) -> Iterator[Callable[[int, int | None], None] | None]:
-    """Show a bar for a file, when somebody looks."""
-    if source.total_samples is None or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("detecting", total=source.total_samples)
-        yield lambda done, _total: bar.update(task, completed=done)
 
 
 def _report(

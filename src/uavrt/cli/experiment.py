@@ -22,4 +22,5 @@ EXPERIMENTS = {
 experiment = App(name="experiment", help="Repeat an experiment, to check our claims.")
 _called = next((word for word in sys.argv[2:] if word in EXPERIMENTS), None)
 for _name, _text in EXPERIMENTS.items():
-    experiment.command(f"uavrt.cli.experiment_{_name}:{_name}", help=None if _called else _text)
+    _function = f"uavrt_experiments.commands.{_name}:{_name}"
+    experiment.command(_function, help=None if _called else _text)

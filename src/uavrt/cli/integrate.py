@@ -5,12 +5,13 @@ from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
 from uavrt.cli.near_codes import tell_near_codes
+from uavrt.cli.progress import progress_bar, progress_bars
 from uavrt.cli.outputs import make_directory, print_json
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
 import sys
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,7 +22,7 @@ from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, FormatError, RecordingError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from uavrt.analysis.integrated_records import SilenceRecord
     from uavrt.analysis.silence import SilentMap
@@ -300,7 +301,9 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
     """Judge one flight; whether any tag was found, and what is told."""
     from uavrt.cli.integrated_words import record, sentence
 
-    with _progress(len(wanted)) as (on_progress, on_tag):
+    with progress_bars() as add_bar:
+        on_progress = add_bar("reading the samples")
+        on_tag = add_bar("searching for tags", len(wanted))
         results = _judged(asked, flight, wanted, asked.false_alarm, on_progress, on_tag)
     silent = _silent(asked, flight, results)
     files = _keep(asked, flight, results, silent, asked.plot)
@@ -325,7 +328,9 @@ def _together(
     wanted = _wanted(shared, ids)
     alone = share_alone(asked.false_alarm, len(flights))
     found, told = False, []
-    with _progress(len(wanted) * len(flights)) as (on_progress, on_tag):
+    with progress_bars() as add_bar:
+        on_progress = add_bar("reading the samples")
+        on_tag = add_bar("searching for tags", len(wanted) * len(flights))
         for number, tag in enumerate(wanted):
             each = []
             for flight in flights:
@@ -409,7 +414,7 @@ def _silent(
     from uavrt.analysis.silence import silent_maps
 
     try:
-        with _mapping() as on_pulse:
+        with progress_bar("mapping where it is not") as on_pulse:
             return silent_maps(
                 flight,
                 [one.tag for one in results],
@@ -512,31 +517,3 @@ def _time_ns(text: str) -> int:
             f"--start-time {text!r} is not a time",
             remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
         ) from error
-
-
-@contextmanager
-def _progress(
-    tags: int,
-) -> "Iterator[tuple[Callable[[int, int | None], None], Callable[[int], None]]]":
-    """Show how far reading and searching are."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        read = bar.add_task("reading the samples", total=None)
-        searched = bar.add_task("searching for tags", total=tags)
-        yield (
-            lambda done, total: bar.update(read, completed=done, total=total),
-            lambda done: bar.update(searched, completed=done),
-        )
-
-
-@contextmanager
-def _mapping() -> "Iterator[Callable[[int, int], None]]":
-    """Show how far the maps are of where tags are not."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("mapping where it is not", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -2,7 +2,6 @@
 
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,11 +10,10 @@ from cyclopts import Parameter
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError, Power
+from uavrt.cli.progress import progress_bars
 from uavrt.errors import FormatError, UsageError
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
     from uavrt.analysis.map_files import MapFile
     from uavrt.analysis.silence import SilentMap
     from uavrt.analysis.survey import Survey
@@ -133,9 +131,6 @@ def _silences(
     antenna: str | None,
 ) -> "tuple[SilentMap, ...]":
     """Map where each listed tag would have been heard; shows how far it is."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from uavrt.analysis.silence import silent_map
     from uavrt.recording.flight_reader import read_flight
     from uavrt.recording.layout import FlightLayout
@@ -146,26 +141,19 @@ def _silences(
             remedy="Name the flight's directory, or leave --tag-power out",
         )
     flown = read_flight(flight)
-    found = []
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        for tag in survey.info.tags:
-            task = bar.add_task(f"where tag {tag.tag_id} would have been heard", total=None)
-            found.append(
-                silent_map(
-                    flight,
-                    flown,
-                    tag.tag_id,
-                    tag_power_dbm,
-                    elevation=elevation,
-                    antenna=antenna,
-                    on_pulse=partial(_tell, bar, task),
-                )
+    with progress_bars() as add_bar:
+        return tuple(
+            silent_map(
+                flight,
+                flown,
+                tag.tag_id,
+                tag_power_dbm,
+                elevation=elevation,
+                antenna=antenna,
+                on_pulse=add_bar(f"where tag {tag.tag_id} would have been heard"),
             )
-    return tuple(found)
-
-
-def _tell(bar: "Progress", task: "TaskID", done: int, total: int) -> None:
-    bar.update(task, completed=done, total=total)
+            for tag in survey.info.tags
+        )
 
 
 def _named_map(path: Path) -> "MapFile":

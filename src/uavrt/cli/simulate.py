@@ -6,9 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 from rich.console import Console
-from rich.progress import Progress
 
 from uavrt.cli.kinds import Hertz, Seconds, Seed
+from uavrt.cli.progress import progress_bar
 from uavrt.simulation.demo_world import demo_scenario
 from uavrt.simulation.recording import simulate_to_directory
 from uavrt.simulation.scenario import Scenario
@@ -43,19 +43,14 @@ def simulate(
         Samples per second; by default the scenario's (3 000 000).
     """
     console = Console(stderr=True)
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("simulating", total=None)
-
-        def show(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
-
+    with progress_bar("simulating") as on_progress:
         recording = simulate_to_directory(
             _scenario(scenario, duration, seed),
             output,
             duration_s=duration,
             sample_format=format,
             sample_rate_hz=sample_rate,
-            on_progress=show,
+            on_progress=on_progress,
         )
     if recording.outside:
         ids = ", ".join(map(str, recording.outside))

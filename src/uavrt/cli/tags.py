@@ -1,7 +1,7 @@
 """``uavrt tags``: check a tag file, write it in the other format, measure an unknown tag."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from itertools import combinations
 from pathlib import Path
@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from uavrt.cli.examples import examples
 from uavrt.cli.kinds import Count, Hertz, HertzOrZero
 from uavrt.cli.outputs import check_place, keep_inputs
+from uavrt.cli.progress import progress_bar
 from uavrt.cli.run import DEFAULT_CONFIG, settings_from
 from uavrt.clock import cpu_s, iso_utc
 from uavrt.errors import ConfigError, TagFileError, UavrtError
@@ -286,7 +287,7 @@ def measure(
     with closing(opened()) as source:
         if source.origin:
             print(source.origin, file=sys.stderr)
-    with _progress("measuring") as on_progress, _telling(faults):
+    with progress_bar("measuring", 1.0) as on_progress, _telling(faults):
         found = measure_tags(
             opened,
             frequency_hz=frequency,
@@ -399,20 +400,6 @@ def _rate_lines(rate: "MeasuredRate") -> list[str]:
         f"    seen     {rate.pulses} pulses, {rate.missing} missed, "
         f"{iso_utc(rate.first_time_ns)[:19]} to {iso_utc(rate.last_time_ns)[11:19]} UTC",
     ]
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[float], None] | None]:
-    """Show a bar when somebody looks."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda part: bar.update(task, completed=part)
 
 
 def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from uavrt.cli.experiment_coverage import coverage
 from uavrt.errors import FormatError, UsageError
+from uavrt_experiments.commands.coverage import coverage
 from uavrt_experiments.coverage.absence import SILENCES, seek_tags, silence_rows
 from uavrt_experiments.kept import KeptOutcomes
 

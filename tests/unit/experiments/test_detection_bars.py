@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from uavrt import __version__
-from uavrt.cli.experiment_detection import detection
 from uavrt.errors import ConfigError, UsageError
+from uavrt_experiments.commands.detection import detection
 from uavrt_experiments.detection import original, theory
 from uavrt_experiments.detection.campaign import short_rows
 from uavrt_experiments.detection.catalogue import EXPERIMENTS

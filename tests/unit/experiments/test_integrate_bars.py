@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.cli.experiment_integrate import integrate
 from uavrt.errors import UsageError
+from uavrt_experiments.commands.integrate import integrate
 from uavrt_experiments.integrate.catalogue import EXPERIMENTS
 from uavrt_experiments.integrate.false_alarms import flown, gumbel_share, white
 from uavrt_experiments.integrate.flights import (

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavrt.cli.experiment_localization import localization
 from uavrt.errors import UsageError
+from uavrt_experiments.commands.localization import localization
 from uavrt_experiments.figures import measured, median
 from uavrt_experiments.localization.experiments import EXPERIMENTS
 from uavrt_experiments.localization.rotations import RotationCase, bound_deg

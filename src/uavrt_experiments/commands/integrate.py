@@ -4,16 +4,10 @@
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
-import sys
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavrt.cli.kinds import Count, Seed
 from uavrt.cli.outputs import check_place
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 
 def integrate(
@@ -42,23 +36,16 @@ def integrate(
     output
         Also write the table to this CSV file.
     """
-    from uavrt.errors import UsageError
+    from uavrt_experiments.commands.shared import chosen, finish, part_done
     from uavrt_experiments.integrate.catalogue import EXPERIMENTS, FOLDERS, run_all
     from uavrt_experiments.measured import measured_now
-    from uavrt_experiments.tables import bars_kept, drawn, write_rows
 
-    names = list(EXPERIMENTS) if only is None else [one.strip() for one in only.split(",")]
-    unknown = [name for name in names if name not in EXPERIMENTS]
-    if unknown:
-        raise UsageError(
-            f"there is no experiment {', '.join(unknown)}",
-            remedy=f"Choose from {', '.join(EXPERIMENTS)}",
-        )
+    names = chosen(only, EXPERIMENTS)
     if output is not None:
         check_place(output, overwrite=True)
     # Of the code that was loaded: an edit while it runs must not count.
     measured = measured_now(FOLDERS)
-    with _progress() as on_progress:
+    with part_done("flights") as on_progress:
         rows = run_all(
             [EXPERIMENTS[name] for name in names],
             trials=trials,
@@ -66,21 +53,4 @@ def integrate(
             case=case,
             on_progress=on_progress,
         )
-    print(drawn(rows))
-    print(f"{bars_kept(rows)}; {trials} trials, seed {seed}")
-    print(measured)
-    if output is not None:
-        write_rows(output, rows)
-    sys.exit(1 if any(row.contradicted for row in rows) else 0)
-
-
-@contextmanager
-def _progress() -> "Iterator[Callable[[float, str], None]]":
-    """Show how far it is."""
-    from rich.console import Console
-    from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (*Progress.get_default_columns()[:3], TimeRemainingColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("flights", total=1.0)
-        yield lambda part, what: bar.update(task, completed=part, description=what)
+    finish(rows, f"{trials} trials, seed {seed}", measured, output)

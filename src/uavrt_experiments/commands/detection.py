@@ -2,8 +2,6 @@
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,9 +14,6 @@ from uavrt.cli.outputs import make_directory, print_json
 from uavrt.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from uavrt_experiments.detection.cases import Experiment
     from uavrt_experiments.detection.tables import Results
 
 
@@ -60,7 +55,9 @@ def detection(
     json_summary
         Print one JSON object as the last line instead of the table.
     """
+    from uavrt_experiments.commands.shared import chosen, part_done
     from uavrt_experiments.detection.campaign import run_experiments
+    from uavrt_experiments.detection.catalogue import EXPERIMENTS
     from uavrt_experiments.detection.plots import draw_all, require_matplotlib
     from uavrt_experiments.detection.tables import (
         FOLDERS,
@@ -73,12 +70,12 @@ def detection(
     )
     from uavrt_experiments.measured import measured_now
 
-    chosen = _chosen(only)
-    if case and not any(case in one.name for each in chosen for one in each.cases):
+    wanted = [EXPERIMENTS[name] for name in chosen(only, EXPERIMENTS)]
+    if case and not any(case in one.name for each in wanted for one in each.cases):
         raise UsageError(
             f'no case has "{case}" in its name',
             remedy="Choose from: "
-            + "; ".join(one.name for each in chosen for one in each.cases),
+            + "; ".join(one.name for each in wanted for one in each.cases),
         )
     if plots and not case:
         require_matplotlib()
@@ -87,9 +84,9 @@ def detection(
     earlier = read_results(output_dir / RESULTS)
     # Of the code that was loaded: an edit while the campaign runs must not count.
     measured = measured_now(FOLDERS)
-    with _progress() as on_progress:
+    with part_done("detector") as on_progress:
         rows = run_experiments(
-            chosen,
+            wanted,
             trials=trials,
             seed=seed,
             workers=workers or os.cpu_count() or 1,
@@ -97,7 +94,7 @@ def detection(
             on_progress=on_progress,
         )
     origin = Origin(version=uavrt.__version__, seed=seed, trials=trials, measured=measured)
-    new = Results(rows=tuple(rows), origins={e.name: origin for e in chosen})
+    new = Results(rows=tuple(rows), origins={e.name: origin for e in wanted})
     paths: list[Path] = []
     if not case:
         results = earlier.merged(new)
@@ -113,21 +110,6 @@ def detection(
     sys.exit(1 if any(row.contradicted for row in new.rows) else 0)
 
 
-def _chosen(only: str | None) -> "list[Experiment]":
-    from uavrt_experiments.detection.catalogue import EXPERIMENTS
-
-    if only is None:
-        return list(EXPERIMENTS.values())
-    names = [name.strip().upper() for name in only.split(",")]
-    unknown = [name for name in names if name not in EXPERIMENTS]
-    if unknown:
-        raise UsageError(
-            f"there is no experiment {', '.join(unknown)}",
-            remedy=f"Choose from {', '.join(EXPERIMENTS)}",
-        )
-    return [experiment for name, experiment in EXPERIMENTS.items() if name in names]
-
-
 def _show(results: "Results") -> None:
     from uavrt_experiments.detection.catalogue import EXPERIMENTS
     from uavrt_experiments.tables import bars_kept, drawn
@@ -136,26 +118,3 @@ def _show(results: "Results") -> None:
         rows = [row for row in results.rows if row.experiment == name]
         print(drawn(rows, f"{name}: {EXPERIMENTS[name].title}"), end="\n\n")
     print(bars_kept(results.rows))
-
-
-@contextmanager
-def _progress() -> "Iterator[Callable[[float, str], None]]":
-    """Show a bar when somebody looks, else a line at each tenth."""
-    if not sys.stderr.isatty():
-        told = 0
-
-        def tell(part: float, what: str) -> None:
-            nonlocal told
-            if int(10.0 * part) > told:
-                told = int(10.0 * part)
-                print(f"{10 * told} %, {what}", file=sys.stderr, flush=True)
-
-        yield tell
-        return
-    from rich.console import Console
-    from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (*Progress.get_default_columns()[:3], TimeRemainingColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("detector", total=1.0)
-        yield lambda part, what: bar.update(task, completed=part, description=what)

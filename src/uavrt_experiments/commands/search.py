@@ -11,10 +11,9 @@ from cyclopts import Parameter
 
 from uavrt.cli.kinds import Between, Count, Seed
 from uavrt.cli.outputs import check_place
+from uavrt.cli.progress import progress_bar, progress_bars
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
     from uavrt_experiments.kept import KeptOutcomes
     from uavrt_experiments.result import Row
     from uavrt_experiments.search.table import Flown
@@ -78,6 +77,7 @@ def search(
         Put each table into this Markdown page, in place of its earlier one.
     """
     from uavrt.errors import UsageError
+    from uavrt_experiments.commands.shared import stop_early
     from uavrt_experiments.kept import KeptOutcomes
     from uavrt_experiments.search.campaign import made_with
     from uavrt_experiments.search.catalogue import SCENARIOS
@@ -110,9 +110,7 @@ def search(
     if output is not None:
         write_rows(output, rows)
     if stopped:
-        goes_on = "the rest is lost without --kept" if kept is None else "repeat it to go on"
-        print(f"stopped before its end: {goes_on}", file=sys.stderr)
-        sys.exit(130)
+        stop_early(kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,13 +153,13 @@ def _through_tables(
     sections: list[str] = []
     everything: list[Flown] = []
     stopped = False
-    with _progress() as progress:
+    with progress_bars() as add_bar:
         for name in names:
             scenario = SCENARIOS[name]
             planned = plan(
                 name, asked.runs, asked.seed, asked.particles, baselines=asked.baselines
             )
-            advance = partial(_advanced, progress, progress.add_task(name, total=len(planned)))
+            advance = add_bar(name, len(planned))
             try:
                 flown = fly_all(planned, kept=kept, workers=asked.workers, on_progress=advance)
             except KeyboardInterrupt:
@@ -206,15 +204,14 @@ def _through_processes(
 
     code = measured_now(PROCESS_FOLDERS)
     stopped = False
-    with _progress() as progress:
-        task = progress.add_task(PROCESSES, total=flights)
+    with progress_bar(PROCESSES, flights) as advance:
         try:
             fly_for_real(
                 flights,
                 seed,
                 kept=kept,
-                say=partial(progress.console.print, markup=False, highlight=False),
-                on_progress=partial(_advanced, progress, task),
+                say=partial(print, file=sys.stderr),
+                on_progress=advance,
             )
         except KeyboardInterrupt:
             stopped = True
@@ -226,24 +223,3 @@ def _through_processes(
         command = f"uavrt experiment search --processes {flights} --seed {seed}"
         put_section(page, PROCESSES, process_page(flown, rows, command, code))
     return rows, stopped
-
-
-def _progress() -> "Progress":
-    """A bar on the error output: how many are done, and how long the rest takes."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    shown = "{task.description}", BarColumn(), MofNCompleteColumn()
-    return Progress(
-        *(*shown, TimeElapsedColumn(), TimeRemainingColumn()), console=Console(file=sys.stderr)
-    )
-
-
-def _advanced(progress: "Progress", task: "TaskID", done: int) -> None:
-    progress.update(task, completed=done)

@@ -1,0 +1,50 @@
+"""Progress bars on the error output, where it is a terminal."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+
+class Advance(Protocol):
+    """Show how far a piece of work is."""
+
+    def __call__(self, done: float, total: float | None = None, /) -> None:
+        """Set what is done, and how much there is if that is known only now."""
+
+
+class AddBar(Protocol):
+    """Add a bar for a piece of work."""
+
+    def __call__(self, what: str, total: float | None = None, /) -> Advance:
+        """Add a bar named `what`; `total` may follow."""
+
+
+@contextmanager
+def progress_bars() -> Iterator[AddBar]:
+    """Show bars that vanish at the end; nothing where the error output is no terminal."""
+    if not sys.stderr.isatty():
+        yield lambda _what, _total=None: lambda _done, _total=None: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (*Progress.get_default_columns()[:3], TimeRemainingColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+
+        def add(what: str, total: float | None = None, /) -> Advance:
+            task = shown.add_task(what, total=total)
+
+            def advance(done: float, total: float | None = None, /) -> None:
+                shown.update(task, completed=done, total=total)
+
+            return advance
+
+        yield add
+
+
+@contextmanager
+def progress_bar(what: str, total: float | None = None) -> Iterator[Advance]:
+    """Show one bar; see `progress_bars`."""
+    with progress_bars() as add:
+        yield add(what, total)

@@ -1,0 +1,1 @@
+"""``uavrt experiment NAME``: one module for each, imported when it is called."""
