@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from some import some
 
-from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
+from uavrt.planning.stopping import HonestStop, StopRule
 from uavrt.planning.vehicle import VehicleState
 from uavrt_experiments.search.bounds import (
     LeastErrors,
@@ -27,6 +27,7 @@ from uavrt_experiments.search.bounds import (
 from uavrt_experiments.search.campaign import fly_all, plan
 from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.flight import start_of
+from uavrt_experiments.search.stops import DeterminantStop, LongestAxisStop
 from uavrt_experiments.search.table import results
 from uavrt_experiments.search.world import World
 

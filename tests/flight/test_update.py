@@ -57,7 +57,10 @@ class Drone:
         self._programs: list[subprocess.Popen[bytes]] = []
         self._autopilot = self._fly(armed=True)
         self._start(
-            "uavrt.simulation.service_manager", "--", str(self.prefix / "venv/bin/uavrt"), "run"
+            "uavrt_experiments.recovery.service_manager",
+            "--",
+            str(self.prefix / "venv/bin/uavrt"),
+            "run",
         )
 
     def _start(self, module: str, *words: str) -> "subprocess.Popen[bytes]":

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from uavrt.cli.elevation import elevation_of
-from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
+from uavrt.cli.placing import USUAL, Placing
 from uavrt.errors import ConfigError
 
 
@@ -19,13 +18,7 @@ def export(
     ] = None,
     mcap: Annotated[bool, Parameter(negative="")] = False,
     as_sent: Annotated[bool, Parameter(negative="")] = False,
-    antenna: str | None = None,
-    antenna_offset: Degrees = 0.0,
-    height: Metres | None = None,
-    heading_error: DegreesOfError = 1.5,
-    height_error: MetresOfError = 7.0,
-    dem: Path | None = None,
-    sea: Annotated[bool, Parameter(negative="")] = False,
+    place: Placing = USUAL,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
     """Write a flight, or an old pulse log, as files for other tools.
@@ -47,27 +40,6 @@ def export(
     as_sent
         With --mcap: keep the live topic names for commands. Play such a recording only where no
         drone listens.
-    antenna
-        Name of the antenna's pattern, for the bearings; monopole: positions and a map of the
-        strongest signal, from signal strength along the flight. Default: RA-23K; for UCSD's
-        pings, monopole.
-    antenna_offset
-        Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
-        settings already include the mounting.
-    height
-        With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
-        pings).
-    heading_error
-        Standard deviation of the heading error common to a whole flight [°]: compass, mounting,
-        declination. 0 trusts the headings.
-    height_error
-        With a monopole: standard deviation of the error common to all heights above a tag [m]:
-        terrain, a tag on a tree, a take-off on a hill. 0 trusts the heights.
-    dem
-        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
-        and explain silence. Without it the ground is taken as level.
-    sea
-        Take ground that no elevation file covers for water at height 0.
     output
         Directory to create; by default "export" in the flight directory or beside the log, or
         "bag" in the flight directory for --mcap.
@@ -84,9 +56,7 @@ def export(
         if not formats:
             return
     from uavrt.analysis.export.written import EXPORT_FORMATS, export_survey
-    from uavrt.analysis.measure.antenna_files import antenna_named
     from uavrt.analysis.survey import read_survey
-    from uavrt.localization.flight_estimates import ReadAs
 
     chosen = [form for form in EXPORT_FORMATS if not formats or form in formats]
     if unknown := sorted(set(formats or ()) - set(EXPORT_FORMATS)):
@@ -94,14 +64,7 @@ def export(
             f"there is no format {', '.join(unknown)}",
             remedy=f"Choose from {', '.join(EXPORT_FORMATS)}",
         )
-    how = ReadAs(
-        antenna=None if antenna is None else antenna_named(antenna),
-        height_m=height,
-        offset_deg=antenna_offset,
-        heading_sigma_deg=heading_error,
-        height_sigma_m=height_error,
-        elevation=elevation_of(dem, sea=sea),
-    )
+    how = place.read_as()
     survey = read_survey(flight, how)
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)

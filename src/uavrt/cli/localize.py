@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from uavrt.cli.elevation import elevation_of
 from uavrt.cli.inputs import require_content
-from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError
 from uavrt.cli.outputs import print_json
+from uavrt.cli.placing import USUAL, Placing
 from uavrt.cli.words import counted
 from uavrt.clock import told_utc
 from uavrt.errors import ConfigError
@@ -27,13 +26,7 @@ _TIMES_TOLD = 12
 def localize(
     *flights: Path,
     method: str = "bayes",
-    antenna: str | None = None,
-    antenna_offset: Degrees = 0.0,
-    height: Metres | None = None,
-    heading_error: DegreesOfError = 1.5,
-    height_error: MetresOfError = 7.0,
-    dem: Path | None = None,
-    sea: Annotated[bool, Parameter(negative="")] = False,
+    place: Placing = USUAL,
     tags: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -49,38 +42,14 @@ def localize(
         bayes (a region with its probability; a tag that cannot have rested is followed); track
         (where a tag was at each time, even if it may have rested); mle, rmr or mest as the
         original system computes them; rmr_ahead or mest_lenth as they were intended.
-    antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
-        or a CSV file of angles and gains;
-        monopole: no bearings, positions from signal strength along the flight. Default: RA-23K;
-        for UCSD's pings, monopole.
-    antenna_offset
-        Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
-        settings already include the mounting.
-    height
-        With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
-        pings).
-    heading_error
-        Standard deviation of the heading error common to a whole flight [°]: compass, mounting,
-        declination. 0 trusts the headings.
-    height_error
-        With a monopole: standard deviation of the error common to all heights above a tag [m]:
-        terrain, a tag on a tree, a take-off on a hill. 0 trusts the heights.
-    dem
-        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
-        and explain silence. Without it the ground is taken as level.
-    sea
-        Take ground that no elevation file covers for water at height 0.
     tags
         Tag file with the tags' names (tags.toml), for logs; a flight knows its own.
     as_json
         Print a list of objects; of a tag without a position it holds the `reason`.
     """
-    from uavrt.analysis.measure.antenna_files import antenna_named
     from uavrt.analysis.positions import read_positions
     from uavrt.analysis.records import position_record
     from uavrt.config.tag_files import read_tags
-    from uavrt.localization.flight_estimates import ReadAs
 
     if not flights:
         raise ConfigError("no flight was named", remedy="Name a flight or a log")
@@ -88,15 +57,7 @@ def localize(
     names = {} if tags is None else {tag.tag_id: tag.name for tag in read_tags(tags)}
     found = read_positions(
         *flights,
-        how=ReadAs(
-            method=method,
-            antenna=None if antenna is None else antenna_named(antenna),
-            offset_deg=antenna_offset,
-            height_m=height,
-            heading_sigma_deg=heading_error,
-            height_sigma_m=height_error,
-            elevation=elevation_of(dem, sea=sea),
-        ),
+        how=place.read_as(method),
         warn=lambda text: print(f"uavrt: {text}", file=sys.stderr),
     )
     found = [replace(one, name=names.get(one.tag_id) or one.name) for one in found]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from uavrt.cli.elevation import elevation_of
 from uavrt.cli.inputs import require_content
-from uavrt.cli.kinds import Degrees, DegreesOfError, Metres, MetresOfError, Power
+from uavrt.cli.kinds import Power
+from uavrt.cli.placing import USUAL, Placing
 from uavrt.cli.progress import progress_bars
 from uavrt.errors import FormatError, UsageError
 
@@ -23,13 +23,7 @@ if TYPE_CHECKING:
 def report(
     flight: Path,
     *,
-    antenna: str | None = None,
-    antenna_offset: Degrees = 0.0,
-    height: Metres | None = None,
-    heading_error: DegreesOfError = 1.5,
-    height_error: MetresOfError = 7.0,
-    dem: Path | None = None,
-    sea: Annotated[bool, Parameter(negative="")] = False,
+    place: Placing = USUAL,
     tag_power: Power | None = None,
     background: Annotated[Path | None, Parameter(name="--map")] = None,
     html: bool = True,
@@ -42,28 +36,6 @@ def report(
     ----------
     flight
         A flight directory, or a pulse log in any known format.
-    antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
-        or a CSV file of angles and gains;
-        monopole: no bearings, positions from signal strength along the flight. Default: RA-23K;
-        for UCSD's pings, monopole.
-    antenna_offset
-        Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
-        settings already include the mounting.
-    height
-        With a monopole: height above the tags [m], for logs that do not contain it (UCSD's
-        pings).
-    heading_error
-        Standard deviation of the heading error common to a whole flight [°]: compass, mounting,
-        declination. 0 trusts the headings.
-    height_error
-        With a monopole: standard deviation of the error common to all heights above a tag [m]:
-        terrain, a tag on a tree, a take-off on a hill. 0 trusts the heights.
-    dem
-        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them: hills weaken what is heard,
-        and explain silence. Without it the ground is taken as level.
-    sea
-        Take ground that no elevation file covers for water at height 0.
     tag_power
         What the tags radiate [dBm]: with it the report maps where each listed tag would have
         been heard. Takes seconds to a minute for each.
@@ -87,37 +59,27 @@ def report(
         raise UsageError("there is nothing to write", remedy="Leave out --no-html or --no-pdf")
     require_content([flight])
     from uavrt.analysis.map_files import maps_in
-    from uavrt.analysis.measure.antenna_files import antenna_named
     from uavrt.analysis.report.written import write_report
     from uavrt.analysis.survey import read_survey
-    from uavrt.localization.flight_estimates import ReadAs
 
-    elevation = elevation_of(dem, sea=sea)
-    how = ReadAs(
-        antenna=None if antenna is None else antenna_named(antenna),
-        height_m=height,
-        offset_deg=antenna_offset,
-        heading_sigma_deg=heading_error,
-        height_sigma_m=height_error,
-        elevation=elevation,
-    )
+    how = place.read_as()
     survey = read_survey(flight, how)
     beside = flight.absolute().parent / "maps"
     maps = maps_in(beside) if background is None else (_named_map(background),)
     survey = replace(survey, maps=maps)
     if tag_power is not None:
-        named = None if antenna is None else survey.antenna
+        named = None if how.antenna is None else survey.antenna
         survey = replace(
-            survey, silences=_silences(flight, survey, tag_power, elevation, named)
+            survey, silences=_silences(flight, survey, tag_power, how.elevation, named)
         )
     for warning in survey.warnings:
         print(f"uavrt: {warning}", file=sys.stderr)
     name = "report" if flight.is_dir() else f"{flight.stem}_report"
-    place = output or (flight if flight.is_dir() else flight.parent)
+    folder = output or (flight if flight.is_dir() else flight.parent)
     written = write_report(
         survey,
-        place / f"{name}.html" if html else None,
-        place / f"{name}.pdf" if pdf else None,
+        folder / f"{name}.html" if html else None,
+        folder / f"{name}.pdf" if pdf else None,
     )
     for path in written:
         print(path)

@@ -5,7 +5,7 @@ a fixed wing keeps its airspeed and turns on circles. All legs of a decision are
 once.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import hypot
 from typing import Protocol
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
-from uavrt.planning.actions import Action, FlyTo, Hold, Return, Rotate
+from uavrt.planning.actions import Action, Hold, Return, Rotate
 from uavrt.units import wrap_degrees_360
 
 _Floats = NDArray[np.float64]
@@ -382,20 +382,3 @@ def _in_place(
         height_m=np.full(len(time), state.height_m),
         yaw_deg=yaw,
     )
-
-
-def reachable(
-    vehicle: Vehicle, state: VehicleState, action: FlyTo, wind: Wind, within_s: float
-) -> FlyTo:
-    """Nearest place on the way at which a drone that must stop in time stands still."""
-    whole = float(
-        vehicle.durations(state, np.array([action.east_m]), np.array([action.north_m]), wind)[0]
-    )
-    if whole <= within_s:
-        return action
-    shares = np.linspace(0.0, 1.0, 101)[1:]
-    east = state.east_m + shares * (action.east_m - state.east_m)
-    north = state.north_m + shares * (action.north_m - state.north_m)
-    in_time = np.flatnonzero(vehicle.durations(state, east, north, wind) <= within_s + 1e-6)
-    last = int(in_time[-1]) if len(in_time) else 0
-    return replace(action, east_m=float(east[last]), north_m=float(north[last]))

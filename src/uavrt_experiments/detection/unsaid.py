@@ -11,8 +11,8 @@ import numpy as np
 from uavrt.messages import IQBlock
 from uavrt.radio.placing import HOLD_S, Placer
 from uavrt.radio.stream import block_length
-from uavrt.simulation.arrivals import DeliveredStream, Delivery
 from uavrt.units import ns_from_s
+from uavrt_experiments.detection.arrivals import DeliveredStream, Delivery
 from uavrt_experiments.detection.cases import Case
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.detection.trials import (

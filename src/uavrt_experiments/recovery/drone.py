@@ -91,7 +91,7 @@ class ServedDrone:
             DemoPaths(directory=work, flights=self._flights),
             supervisor=(msgspec.json.encode(self.scenario.tags).decode(),),
             served_by=(
-                *("uavrt.simulation.service_manager", "--"),
+                *("uavrt_experiments.recovery.service_manager", "--"),
                 *(sys.executable, "-m", "uavrt.supervisor"),
             ),
             settings=lambda made: replace(

@@ -17,8 +17,8 @@ from uavrt.demo.rig import Rig
 from uavrt.errors import UavrtError
 from uavrt.messages import Command, CommandReply, Health, SystemStatus, Tag
 from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.steady_radio import steady_tags
 from uavrt.supervisor.start.usage import children_of, descendants_of
+from uavrt_experiments.resources.steady_radio import steady_tags
 from uavrt_experiments.resources.usage import own_cpu_s, pss_mb, written_mb
 
 CENTER_HZ = 148_700_000.0
@@ -93,7 +93,7 @@ class SteadyFlight:
         """Get those of a drone whose radio sends all the tags, as often as it can."""
         radio = RadioSettings(
             program=(
-                *(sys.executable, "-m", "uavrt.simulation.steady_radio"),
+                *(sys.executable, "-m", "uavrt_experiments.resources.steady_radio"),
                 *("--tags", str(len(self.tags))),
                 *("--center-frequency-hz", str(CENTER_HZ)),
             ),

@@ -30,9 +30,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop, StopRule
+from uavrt.planning.stopping import HonestStop, StopRule
 from uavrt.planning.vehicle import VehicleState
 from uavrt_experiments.search.scenario import Scenario
+from uavrt_experiments.search.stops import DeterminantStop, LongestAxisStop
 from uavrt_experiments.search.world import World
 
 _Floats = NDArray[np.float64]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from uavrt.planning.keep_away import KeepAway
-from uavrt.planning.stopping import DeterminantStop, HonestStop, LongestAxisStop
+from uavrt.planning.stopping import HonestStop
 from uavrt.planning.vehicle import Multirotor
 from uavrt_experiments.search.scenario import (
     APART,
@@ -19,6 +19,7 @@ from uavrt_experiments.search.scenario import (
     Scenario,
     Truth,
 )
+from uavrt_experiments.search.stops import DeterminantStop, LongestAxisStop
 from uavrt_experiments.search.terrain import Hills
 
 _BASELINES = ("closest", "shannon", "renyi", "lawnmower", "rotation_points")

@@ -13,15 +13,15 @@ from uavrt.localization.position.trackers import TagPrior
 from uavrt.planning.actions import Action, FlyTo, Hold, Return
 from uavrt.planning.area import Polygon, SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
-from uavrt.planning.level import at_100_m
 from uavrt.planning.planners.published import Shannon
 from uavrt.planning.planners.registry import planner_named
 from uavrt.planning.propagation import GroundReflection
 from uavrt.planning.search import Found, Search, SearchSettings
 from uavrt.planning.situation import Planner
-from uavrt.planning.vehicle import Path, VehicleState, Wind, flown, reachable
+from uavrt.planning.vehicle import Path, Vehicle, VehicleState, Wind, flown
 from uavrt.terrain.hill_losses import HillLosses
 from uavrt_experiments.search.bounds import LeastErrors
+from uavrt_experiments.search.level import at_100_m
 from uavrt_experiments.search.scenario import Contender, Scenario, Truth
 from uavrt_experiments.search.terrain import mapped
 from uavrt_experiments.search.world import FREQUENCY_HZ, Heard, World
@@ -338,3 +338,20 @@ def judged(found: Found, tag_id: int, world: World, least: LeastErrors) -> Judge
         radius95_m=found.estimate.radius95_m,
         information=least.of(tag_id),
     )
+
+
+def reachable(
+    vehicle: Vehicle, state: VehicleState, action: FlyTo, wind: Wind, within_s: float
+) -> FlyTo:
+    """Nearest place on the way at which a drone that must stop in time stands still."""
+    whole = float(
+        vehicle.durations(state, np.array([action.east_m]), np.array([action.north_m]), wind)[0]
+    )
+    if whole <= within_s:
+        return action
+    shares = np.linspace(0.0, 1.0, 101)[1:]
+    east = state.east_m + shares * (action.east_m - state.east_m)
+    north = state.north_m + shares * (action.north_m - state.north_m)
+    in_time = np.flatnonzero(vehicle.durations(state, east, north, wind) <= within_s + 1e-6)
+    last = int(in_time[-1]) if len(in_time) else 0
+    return replace(action, east_m=float(east[last]), north_m=float(north[last]))

@@ -84,7 +84,7 @@ def test_the_stand_in_for_systemd_restarts_what_fails_or_falls_silent(tmp_path: 
     with output.open("w") as file:
         manager = subprocess.Popen(
             [
-                *(sys.executable, "-m", "uavrt.simulation.service_manager"),
+                *(sys.executable, "-m", "uavrt_experiments.recovery.service_manager"),
                 *("--watchdog-s", "0.5", "--restart-s", "0.05", "--"),
                 *(sys.executable, str(program), str(tmp_path / "lives")),
             ],

@@ -9,6 +9,7 @@ import pytest
 
 from uavrt.cli.export import export
 from uavrt.cli.localize import localize
+from uavrt.cli.placing import Placing
 from uavrt.errors import FormatError, UsageError
 from uavrt.integration.places import places_around
 from uavrt.localization.antenna import PATTERNS
@@ -36,16 +37,20 @@ def test_level_ground_changes_nothing_and_wrong_ground_is_named(
     write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flight = write_flight(tags=2, heard=1)
-    localize(flight, antenna="monopole", as_json=True)
+    localize(flight, place=Placing(antenna="monopole"), as_json=True)
     without = json.loads(capsys.readouterr().out)
     assert without
-    localize(flight, antenna="monopole", dem=write_tile(tmp_path), as_json=True)
+    localize(flight, place=Placing(antenna="monopole", dem=write_tile(tmp_path)), as_json=True)
     (told,) = json.loads(capsys.readouterr().out)
     assert not [one for one in told["cautions"] if one["name"] == "ground"]
-    localize(flight, antenna="monopole", dem=write_tile(tmp_path, amsl_m=2076.0), as_json=True)
+    localize(
+        flight,
+        place=Placing(antenna="monopole", dem=write_tile(tmp_path, amsl_m=2076.0)),
+        as_json=True,
+    )
     assert any("another datum" in text for text in cautions(capsys))
     elsewhere = write_tile(tmp_path, name="N47E008")
-    localize(flight, antenna="monopole", dem=elsewhere, as_json=True)
+    localize(flight, place=Placing(antenna="monopole", dem=elsewhere), as_json=True)
     records = json.loads(capsys.readouterr().out)
     assert records[0]["latitude_deg"] == without[0]["latitude_deg"]
     assert "do not cover the flight" in records[0]["cautions"][-1]["text"]
@@ -56,9 +61,14 @@ def test_an_export_has_the_positions_over_the_same_ground_as_localize(
 ) -> None:
     flight = write_flight(tags=2, heard=1)
     tile = write_tile(tmp_path, amsl_m=2076.0)
-    localize(flight, antenna="monopole", dem=tile, as_json=True)
+    localize(flight, place=Placing(antenna="monopole", dem=tile), as_json=True)
     (told,) = json.loads(capsys.readouterr().out)
-    export(flight, formats=["geojson"], antenna="monopole", dem=tile, output=tmp_path / "out")
+    export(
+        flight,
+        formats=["geojson"],
+        place=Placing(antenna="monopole", dem=tile),
+        output=tmp_path / "out",
+    )
     (path,) = (Path(line) for line in capsys.readouterr().out.splitlines())
     places = [
         one["geometry"]["coordinates"][:2]
@@ -67,7 +77,7 @@ def test_an_export_has_the_positions_over_the_same_ground_as_localize(
     ]
     assert places == [pytest.approx([told["longitude_deg"], told["latitude_deg"]], abs=1e-6)]
     with pytest.raises(FormatError, match="there is no"):
-        export(flight, dem=tmp_path / "nothing.hgt", output=tmp_path / "none")
+        export(flight, place=Placing(dem=tmp_path / "nothing.hgt"), output=tmp_path / "none")
 
 
 def test_a_cut_off_tile_is_named_before_anything_is_computed(
@@ -77,14 +87,14 @@ def test_a_cut_off_tile_is_named_before_anything_is_computed(
     tile = write_tile(tmp_path)
     tile.write_bytes(tile.read_bytes()[:-10])
     with pytest.raises(FormatError, match="cut off"):
-        localize(flight, dem=tile)
+        localize(flight, place=Placing(dem=tile))
 
 
 def test_bearings_without_heights_are_not_put_over_hills(tmp_path: Path) -> None:
     table = tmp_path / "bearings.csv"
     table.write_text("2,x.csv,10.0,0.9,47.0,8.0,450.0,1000.0,1.0,2.0\n")
     with pytest.raises(UsageError, match="how high the drone was"):
-        localize(table, dem=write_tile(tmp_path))
+        localize(table, place=Placing(dem=write_tile(tmp_path)))
 
 
 def test_a_whole_flight_weighs_places_by_what_a_ridge_takes() -> None:

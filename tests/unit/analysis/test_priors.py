@@ -10,6 +10,7 @@ import pytest
 
 from uavrt.cli.export import export
 from uavrt.cli.localize import localize
+from uavrt.cli.placing import Placing
 from uavrt.cli.report import report
 
 WriteFlight = Callable[..., Path]
@@ -27,17 +28,17 @@ def test_report_and_export_trust_the_flight_as_localize_does(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     flight, priors = write_flight(tags=2, heard=1), PRIORS[antenna]
-    localize(flight, antenna=antenna, as_json=True)
+    localize(flight, place=Placing(antenna=antenna), as_json=True)
     (usual,) = json.loads(capsys.readouterr().out)
-    localize(flight, antenna=antenna, **priors, as_json=True)
+    localize(flight, place=Placing(antenna=antenna, **priors), as_json=True)
     (told,) = json.loads(capsys.readouterr().out)
     assert told["radius95_m"] != pytest.approx(usual["radius95_m"], abs=0.5)
 
-    export(flight, antenna=antenna, **priors, formats=["csv"], output=tmp_path)
+    export(flight, place=Placing(antenna=antenna, **priors), formats=["csv"], output=tmp_path)
     with (tmp_path / "fixes.csv").open(encoding="utf-8") as file:
         fix = next(csv.DictReader(file))
     assert float(fix["radius95_m"]) == pytest.approx(told["radius95_m"], abs=0.01)
 
-    report(flight, antenna=antenna, **priors, pdf=False, output=tmp_path)
+    report(flight, place=Placing(antenna=antenna, **priors), pdf=False, output=tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
     assert f"{told['radius95_m']:.0f} m with 95 %" in page

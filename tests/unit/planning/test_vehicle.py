@@ -5,7 +5,8 @@ import pytest
 
 from uavrt.errors import ConfigError
 from uavrt.planning.actions import FlyTo, Hold, Rotate
-from uavrt.planning.vehicle import FixedWing, Multirotor, VehicleState, Wind, flown, reachable
+from uavrt.planning.vehicle import FixedWing, Multirotor, VehicleState, Wind, flown
+from uavrt_experiments.search.flight import reachable
 
 START = VehicleState(time_s=100.0, east_m=0.0, north_m=0.0, height_m=30.0, yaw_deg=0.0)
 

@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.radio.losses import most_lost
 from uavrt.radio.placing import Placer
-from uavrt.simulation.arrivals import DeliveredStream, Delivery
+from uavrt_experiments.detection.arrivals import DeliveredStream, Delivery
 from uavrt_experiments.detection.unsaid import TimesKept, Unsaid, place
 
 pytestmark = pytest.mark.slow

@@ -1,6 +1,7 @@
 """Stand-in for systemd: keeps one ``Type=notify`` service running.
 
-``python -m uavrt.simulation.service_manager [--watchdog-s S] [--restart-s S] -- COMMAND …``
+``python -m uavrt_experiments.recovery.service_manager [OPTIONS] -- COMMAND …``, with
+``--watchdog-s S`` and ``--restart-s S`` as options.
 
 It gives the command a ``NOTIFY_SOCKET`` and a watchdog time as systemd does (sd_notify(3),
 sd_watchdog_enabled(3)), starts it again when it ends otherwise than by ``exit 0``

@@ -1,9 +1,9 @@
 """Stand-in for a radio's program that costs little: noise, and pulses of many tags.
 
-``python -m uavrt.simulation.steady_radio --tags 100 --center-frequency-hz 148.7e6``, then the
-arguments of ``airspy_rx``, which it ignores. Writes complex float32 at 3 MS/s, paced. Every
-fourth tag beeps. For measuring what the rest costs; `uavrt.simulation.airspy_rx` is the one
-that knows a world.
+``python -m uavrt_experiments.resources.steady_radio --tags 100 --center-frequency-hz 148.7e6``,
+and the arguments of ``airspy_rx``, which it ignores. Writes complex float32 at 3 MS/s, paced.
+Every fourth tag beeps. For measuring what the rest costs; `uavrt.simulation.airspy_rx` is the
+one that knows a world.
 """
 
 import argparse
