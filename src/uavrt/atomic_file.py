@@ -29,17 +29,9 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 
     What a link leads to is replaced, not the link.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its directory exists.
-    sync : bool
-        False for what may be lost in a power cut and is written too often to wait.
-
-    Raises
-    ------
-    OSError
-        The disk is full, read-only or forbidden; the old file is untouched.
+    `path`: the file; its directory exists.
+    `sync`: False for what may be lost in a power cut and is written too often to wait.
+    Raises `OSError`: the disk is full, read-only or forbidden; the old file is untouched.
     """
     path = path.resolve()
     part = path.with_name(f".{path.name}.{secrets.token_hex(6)}{PART}")
@@ -79,10 +71,7 @@ def write_atomically(
 def make_directories(path: Path) -> None:
     """Make a directory and those above it, each on the disk before what is in it.
 
-    Raises
-    ------
-    OSError
-        One cannot be made.
+    Raises `OSError`: one cannot be made.
     """
     if path.is_dir():
         return
@@ -94,10 +83,7 @@ def make_directories(path: Path) -> None:
 def sync_to_disk(path: Path) -> None:
     """Wait until a file or directory is on the disk; file systems that cannot say are trusted.
 
-    Raises
-    ------
-    OSError
-        The disk is full or fails.
+    Raises `OSError`: the disk is full or fails.
     """
     if path.is_dir() and not hasattr(os, "O_DIRECTORY"):
         return  # Windows

@@ -18,11 +18,8 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 def normalised(q: Quaternion) -> Quaternion:
     """Scale to length 1.
 
-    Raises
-    ------
-    ValueError
-        The quaternion is zero or not finite: the all-zero attitude of a vehicle that does not
-        know its own is not a direction.
+    Raises `ValueError`: the quaternion is zero or not finite: the all-zero attitude of a
+    vehicle that does not know its own is not a direction.
     """
     length = math.hypot(*q)
     if not (1e-6 < length < math.inf):

@@ -20,12 +20,8 @@ def blas_environment(
 ) -> dict[str, str]:
     """Describe what a process needs on top of its environment; what that says already stands.
 
-    Parameters
-    ----------
-    given : mapping of str to str
-        The environment so far.
-    cpuinfo : Path
-        What Linux says of the processor.
+    `given`: the environment so far.
+    `cpuinfo`: what Linux says of the processor.
     """
     wanted = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
     try:

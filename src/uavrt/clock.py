@@ -85,14 +85,10 @@ def told_utc(time_ns: int) -> str:
 def parse_iso_utc(text: str) -> int:
     """Read an ISO 8601 time; without a zone it is taken as UTC.
 
-    Raises
-    ------
-    ValueError
-        `text` is not an ISO 8601 time, or not one from 1970 to 2261: nanoseconds are kept
-        in 64 bits.
-
-    >>> parse_iso_utc("2023-11-17T07:16:59.5Z")
-    1700205419500000000
+    Raises `ValueError`: `text` is not an ISO 8601 time, or not one from 1970 to 2261:
+    nanoseconds are kept in 64 bits.
+    Raises `>>> parse_iso_utc("2023-11-17T07:16:59.5Z")`.
+    Raises `1700205419500000000`.
     """
     stamp = datetime.fromisoformat(text)
     if stamp.tzinfo is None:
@@ -116,10 +112,7 @@ def iso_intervals(stretches: Iterable[tuple[int, int]]) -> str:
 def parse_iso_intervals(text: str) -> tuple[tuple[int, int], ...]:
     """Read what `iso_intervals` wrote: begin and end of each [ns, UTC].
 
-    Raises
-    ------
-    ValueError
-        It is none.
+    Raises `ValueError`: it is none.
     """
     pairs = (one.split("/") for one in text.split())
     return tuple((parse_iso_utc(begin), parse_iso_utc(end)) for begin, end in pairs)

@@ -47,12 +47,8 @@ def _shown(text: str) -> str:
 class UavrtError(Exception):
     """Base of all deliberate errors.
 
-    Parameters
-    ----------
-    message : str
-        What is wrong, in words for the person who can mend it.
-    remedy : str, optional
-        What to do about it.
+    `message`: what is wrong, in words for the person who can mend it.
+    `remedy`: what to do about it.
     """
 
     def __init__(self, message: str, *, remedy: str | None = None) -> None:
@@ -126,12 +122,8 @@ class LinkError(UavrtError):
 class TunnelError(UavrtError):
     """A tunnel payload is not valid.
 
-    Parameters
-    ----------
-    message : str
-        What is wrong with it.
-    payload : bytes
-        The payload as received.
+    `message`: what is wrong with it.
+    `payload`: the payload as received.
     """
 
     def __init__(self, message: str, payload: bytes) -> None:
@@ -142,12 +134,8 @@ class TunnelError(UavrtError):
 class PoseUnavailable(UavrtError):
     """No pose is known around that time.
 
-    Parameters
-    ----------
-    time_ns : int
-        The time asked for [ns, UTC].
-    retry_later : bool
-        True when a pose after `time_ns` may still arrive.
+    `time_ns`: the time asked for [ns, UTC].
+    `retry_later`: True when a pose after `time_ns` may still arrive.
     """
 
     def __init__(self, time_ns: int, *, retry_later: bool) -> None:
@@ -174,19 +162,10 @@ class StoreError(RecordingError):
 def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]:
     """Import packages of an optional extra inside of this.
 
-    Parameters
-    ----------
-    extra : str
-        Name of the extra, such as ``"analysis"``.
-    what : str
-        What needs it, to begin the message with.
-    otherwise : str
-        What can be done without it, to end the remedy with.
-
-    Raises
-    ------
-    UsageError
-        A package is missing.
+    `extra`: name of the extra, such as ``"analysis"``.
+    `what`: what needs it, to begin the message with.
+    `otherwise`: what can be done without it, to end the remedy with.
+    Raises `UsageError`: a package is missing.
     """
     try:
         yield

@@ -23,10 +23,7 @@ def fill_pools() -> list[object]:
     makes one more inherited page its own, at ten pages a minute, for hours; with none left, new
     objects stay together. Takes 10 ms and 0.4 MB, once.
 
-    Returns
-    -------
-    list of object
-        What fills them; to be kept.
+    Returns: what fills them; to be kept.
     """
     kept: list[object] = [None] * _MOST_BLOCKS  # made whole: growing it would take places
     used = 0
@@ -105,12 +102,8 @@ class HeapKeeper:
     160 kB that way within eight minutes; and of pages that were inherited by a fork each
     becomes the process's own.
 
-    Parameters
-    ----------
-    now_s : float
-        Monotonic time [s].
-    period_s : float
-        Time between two trims [s].
+    `now_s`: monotonic time [s].
+    `period_s`: time between two trims [s].
     """
 
     def __init__(self, now_s: float, *, period_s: float = TRIM_PERIOD_S) -> None:

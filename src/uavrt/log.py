@@ -64,14 +64,9 @@ class Logger:
     def seldom(self, count: int, event: str, **facts: Any) -> None:
         """Log what may come in floods: of equals the first, second, fourth, eighth …
 
-        Parameters
-        ----------
-        count : int
-            How many there have been, this one included; it is logged, too.
-        event : str
-            What happened.
-        **facts
-            Of this one.
+        `count`: how many there have been, this one included; it is logged, too.
+        `event`: what happened.
+        `**facts`: of this one.
         """
         if count.bit_count() == 1:
             self.log(logging.WARNING, event, times=count, **facts)

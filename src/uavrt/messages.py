@@ -322,10 +322,7 @@ def _distance(hz: float) -> str:
 def keep_beep(known: list[Beep], new: Beep) -> bool:
     """Put a measurement in the place of older ones of the same sender.
 
-    Returns
-    -------
-    bool
-        Whether the sender is new.
+    Returns: whether the sender is new.
     """
     for place, other in enumerate(known):
         if other.same_as(new):

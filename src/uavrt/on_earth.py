@@ -19,10 +19,7 @@ class OffEarthError(ValueError):
 def latitude_on_earth(value_deg: float) -> float:
     """Pass a latitude [deg].
 
-    Raises
-    ------
-    OffEarthError
-        It is beyond a pole, or not a number.
+    Raises `OffEarthError`: it is beyond a pole, or not a number.
     """
     if not abs(value_deg) <= 90.0:
         raise OffEarthError(f"{value_deg:.12g} is not a latitude", remedy=_remedy(value_deg))
@@ -32,10 +29,7 @@ def latitude_on_earth(value_deg: float) -> float:
 def longitude_on_earth(value_deg: float) -> float:
     """Pass a longitude [deg]; one from 0° to 360° is turned to -180° to 180°.
 
-    Raises
-    ------
-    OffEarthError
-        It is beyond two turns, or not a number.
+    Raises `OffEarthError`: it is beyond two turns, or not a number.
     """
     if not abs(value_deg) <= 360.0:
         raise OffEarthError(f"{value_deg:.12g} is not a longitude", remedy=_remedy(value_deg))
@@ -45,10 +39,7 @@ def longitude_on_earth(value_deg: float) -> float:
 def place_on_earth(latitude_deg: float, longitude_deg: float) -> tuple[float, float] | None:
     """Pass latitude and longitude [deg]; None where one of them is not known (NaN, infinite).
 
-    Raises
-    ------
-    OffEarthError
-        They are no place.
+    Raises `OffEarthError`: they are no place.
     """
     if not (math.isfinite(latitude_deg) and math.isfinite(longitude_deg)):
         return None

@@ -21,10 +21,7 @@ def spans_on_ground(armed: Told, landed: Told) -> tuple[tuple[int, int], ...]:
     None where nothing says that it flew, as in a test on a turntable, or where nothing was
     told. What was told holds until it is told anew.
 
-    Parameters
-    ----------
-    armed, landed : iterable of (int, bool)
-        In any order.
+    `armed`, `landed`: in any order.
     """
     told = [(time, "armed", state) for time, state in armed]
     told += [(time, "landed", state) for time, state in landed]

@@ -20,14 +20,9 @@ T = TypeVar("T")
 class Registry(Mapping[str, T], Generic[T]):
     """Things by name: our own, then those of installed packages.
 
-    Parameters
-    ----------
-    group : str
-        Entry points of this group are looked at.
-    own : mapping
-        What comes with uavrt. Its names cannot be taken by another package.
-    kind : type, optional
-        What an addition must be; None: something that can be called.
+    `group`: entry points of this group are looked at.
+    `own`: what comes with uavrt. Its names cannot be taken by another package.
+    `kind`: what an addition must be; None: something that can be called.
     """
 
     def __init__(self, group: str, own: Mapping[str, T], kind: type[T] | None = None) -> None:

@@ -91,10 +91,7 @@ class Recorded:
 def read_recorded(path: str | os.PathLike[str]) -> Recorded:
     """Read a flight directory or a pulse log in any format we know, once.
 
-    Raises
-    ------
-    FormatError
-        It is none of them.
+    Raises `FormatError`: it is none of them.
     """
     place = Path(path)
     if place.name == "flight.sqlite":
@@ -131,22 +128,13 @@ def read_bearings(
 ) -> list[TagBearing]:
     """Estimate the bearings of flights or pulse logs, which teach each other's pattern.
 
-    Parameters
-    ----------
-    *paths : path
-        Flight directories, or logs in any format we know; those of one antenna go together.
-    how : ReadAs, optional
-        How they are read. The method ``pattern_ml`` corrects the pattern by what the turns
-        show, those of past flights included.
-    warn : callable, optional
-        Called with what taught the pattern, where that is more than one flight.
-
-    Raises
-    ------
-    FormatError
-        One of them is neither flight nor log.
-    UsageError
-        No pulse has a pose, or method or antenna is unknown.
+    `*paths`: flight directories, or logs in any format we know; those of one antenna go
+    together.
+    `how`: how they are read. The method ``pattern_ml`` corrects the pattern by what the turns
+    show, those of past flights included.
+    `warn`: called with what taught the pattern, where that is more than one flight.
+    Raises `FormatError`: one of them is neither flight nor log.
+    Raises `UsageError`: no pulse has a pose, or method or antenna is unknown.
     """
     return bearings_together([read_recorded(path) for path in paths], how or ReadAs(), warn)
 
@@ -202,16 +190,10 @@ def past_turns(
     cannot be read, or is another drone's, teaches nothing. Which are past is told by the order
     in which they were noted, and where it was not, by when they began.
 
-    Parameters
-    ----------
-    flight : Flight
-        The one that is looked at.
-    antenna : AntennaPattern or str
-        Its pattern.
-    offset_deg : float
-        Boresight clockwise from the heading that the pulses carry.
-    besides : sequence of Flight
-        Flights that teach anyway.
+    `flight`: the one that is looked at.
+    `antenna`: its pattern.
+    `offset_deg`: boresight clockwise from the heading that the pulses carry.
+    `besides`: flights that teach anyway.
     """
     place = Path(flight.info.directory).resolve()
     names = {Path(one.info.directory).resolve().name for one in besides}
@@ -265,10 +247,7 @@ def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) ->
 
     The antenna is turned by an offset clockwise from the heading that the pulses carry.
 
-    Raises
-    ------
-    UsageError
-        It has fewer than three turns past a tag.
+    Raises `UsageError`: it has fewer than three turns past a tag.
     """
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < LEAST_TURNS:

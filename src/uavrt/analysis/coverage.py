@@ -61,18 +61,9 @@ class MapSize:
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
     """Read the way of a plan; of an area, the lines of its survey.
 
-    Returns
-    -------
-    plane : TangentPlane
-    corners : list of (east, north)
-        In the plane [m].
-
-    Raises
-    ------
-    FormatError
-        The file holds neither.
-    PlanError
-        The area cannot be surveyed.
+    Returns: `corners`: in the plane [m].
+    Raises `FormatError`: the file holds neither.
+    Raises `PlanError`: the area cannot be surveyed.
     """
     text = read_text(path, SHAPES)
     places = way_in(text, str(path))
@@ -94,19 +85,10 @@ def corners_over_area(
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
     """Lay the lines of a survey over an outline; returns as `read_places`.
 
-    Parameters
-    ----------
-    outline : tuple of (latitude, longitude)
-        Its corners [deg].
-    spacing_m : float
-        Between the lines.
-    most : int, optional
-        Lines.
-
-    Raises
-    ------
-    PlanError
-        The area cannot be surveyed, or takes more lines.
+    `outline`: its corners [deg].
+    `spacing_m`: between the lines.
+    `most`: lines.
+    Raises `PlanError`: the area cannot be surveyed, or takes more lines.
     """
     plane, corners = corners_of_way(outline)
     area = Polygon(corners=tuple(corners), name="area")
@@ -135,10 +117,7 @@ def assumed_tag(
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
     """Read an outline into a plane.
 
-    Raises
-    ------
-    FormatError
-        The file holds none, or several.
+    Raises `FormatError`: the file holds none, or several.
     """
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
@@ -190,12 +169,8 @@ def map_around(
 ) -> MapArea:
     """Lay a map around a way.
 
-    Raises
-    ------
-    UsageError
-        It has too many cells.
-    FormatError
-        A file of heights is damaged.
+    Raises `UsageError`: it has too many cells.
+    Raises `FormatError`: a file of heights is damaged.
     """
     area = {
         "west_m": float(east_m.min()) - size.margin_m,
@@ -247,10 +222,7 @@ def plan_coverage(
 ) -> Coverage:
     """Compute what a way would hear that is flown at one height above the ground.
 
-    Raises
-    ------
-    UsageError
-        The way is too long.
+    Raises `UsageError`: the way is too long.
     """
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = listening_way(
@@ -296,10 +268,7 @@ def flight_coverage(
     Pulses outside of `listened`, where that is told, were heard by nobody. All together are
     judged as they were `searched`, where that is told.
 
-    Raises
-    ------
-    UsageError
-        The flight is too long.
+    Raises `UsageError`: the flight is too long.
     """
     way, limitations = flown_way(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)
@@ -336,10 +305,7 @@ def frequency_window_hz(flight: Flight) -> float:
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
     """Plane around a flight, and its way in it.
 
-    Raises
-    ------
-    RecordingError
-        It has no poses.
+    Raises `RecordingError`: it has no poses.
     """
     poses = PoseColumns.of(flight.poses)
     if len(poses.time_ns) < 2:

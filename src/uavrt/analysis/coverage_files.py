@@ -22,19 +22,10 @@ def write_maps(
 
     The picture is that of a report, and without matplotlib the map's squares alone.
 
-    Parameters
-    ----------
-    directory, name
-        Where, and how the files are called before their endings.
-    coverage : Coverage
-        The map.
-    way : sequence of (longitude, latitude)
-        Where the drone flies or flew [deg].
-
-    Raises
-    ------
-    RecordingError
-        They cannot be written.
+    `directory`, `name`: where, and how the files are called before their endings.
+    `coverage`: the map.
+    `way`: where the drone flies or flew [deg].
+    Raises `RecordingError`: they cannot be written.
     """
     ground = coverage.ground
     grid = PositionGrid(
@@ -69,20 +60,10 @@ def write_silence(
 ) -> dict[int, list[Path]]:
     """Write maps as GeoTIFF and PNG, by tag; those of tags that have none now are removed.
 
-    Parameters
-    ----------
-    directory : Path
-    flight : Flight
-        Whose way is drawn.
-    maps : dict
-        Of `silent_maps`.
-    tag_ids : sequence of int
-        Of all that were judged.
-
-    Raises
-    ------
-    RecordingError
-        They cannot be written.
+    `flight`: whose way is drawn.
+    `maps`: of `silent_maps`.
+    `tag_ids`: of all that were judged.
+    Raises `RecordingError`: they cannot be written.
     """
     for tag_id in set(tag_ids) - set(maps):
         for ending in ("tif", "png"):

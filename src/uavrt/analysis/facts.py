@@ -84,10 +84,7 @@ def facts_path(flight: Path) -> Path | None:
 def facts_of(flight: Path) -> Facts:
     """Read the facts of a flight.
 
-    Raises
-    ------
-    ConfigError
-        The file is damaged, or has a field that is none; the text says which.
+    Raises `ConfigError`: the file is damaged, or has a field that is none; the text says which.
     """
     path = facts_path(flight)
     if path is None:
@@ -109,10 +106,7 @@ def read_facts(path: Path) -> Facts:
 def write_facts(folder: Path, facts: Facts) -> None:
     """Write the file of all flights in a folder that have none of their own.
 
-    Raises
-    ------
-    ConfigError
-        A field is wrong, or the file cannot be written.
+    Raises `ConfigError`: a field is wrong, or the file cannot be written.
     """
     path = folder / NAME
     told = {name: text for name, text in asdict(facts).items() if text is not None}

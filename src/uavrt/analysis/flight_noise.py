@@ -52,12 +52,8 @@ class FlightNoise:
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
     """Take a flight's noise from its search reports and pulses.
 
-    Raises
-    ------
-    FormatError
-        There is no flight.
-    RecordingError
-        Nothing of its noise is recorded in the air.
+    Raises `FormatError`: there is no flight.
+    Raises `RecordingError`: nothing of its noise is recorded in the air.
     """
     flight = read_flight(directory) if flight is None else flight
     told = [

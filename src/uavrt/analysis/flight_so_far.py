@@ -41,15 +41,9 @@ from uavrt.terrain.elevation import Elevation
 class FlightSoFar:
     """Judges tags of a flight that goes on.
 
-    Parameters
-    ----------
-    directory : Path
-        The flight's.
-    pattern : AntennaPattern
-    frequency_window_hz : float
-        Half-width of the search around each tag's nominal frequency.
-    elevation : Elevation, optional
-        Heights of the ground.
+    `directory`: the flight's.
+    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
+    `elevation`: heights of the ground.
     """
 
     def __init__(
@@ -67,10 +61,7 @@ class FlightSoFar:
     def judge(self, tag: Tag) -> IntegratedTag | None:
         """Judge a tag by all that was heard so far; None if nothing new was, or too little.
 
-        Raises
-        ------
-        FormatError
-            The flight's database cannot be read.
+        Raises `FormatError`: the flight's database cannot be read.
         """
         channel = channel_of(kept_channels(self._directory), tag)
         if channel is None:

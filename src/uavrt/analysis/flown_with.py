@@ -39,10 +39,7 @@ def antenna_is_told(flight: Flight) -> bool:
 def flight_antenna(flight: Flight) -> str:
     """Name of the pattern that the drone was set up with; RA-23K where it recorded none.
 
-    Raises
-    ------
-    UsageError
-        This computer does not know that pattern.
+    Raises `UsageError`: this computer does not know that pattern.
     """
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna

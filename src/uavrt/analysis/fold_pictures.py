@@ -20,23 +20,10 @@ _ROWS: Final = 32
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
     """Draw the fold of every tag.
 
-    Parameters
-    ----------
-    directory : Path
-        Where the pictures go; made if need be.
-    results : sequence of IntegratedTag
-
-    Returns
-    -------
-    list of Path
-        The files, ``tag_2_fold.png`` and so on.
-
-    Raises
-    ------
-    UsageError
-        Matplotlib is not installed.
-    RecordingError
-        They cannot be written.
+    `directory`: where the pictures go; made if need be.
+    Returns: the files, ``tag_2_fold.png`` and so on.
+    Raises `UsageError`: matplotlib is not installed.
+    Raises `RecordingError`: they cannot be written.
     """
     from uavrt.analysis.report.folds import draw_fold
     from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled

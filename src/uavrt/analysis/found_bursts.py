@@ -44,17 +44,9 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
     open, the others are named in it. A burst is confirmed where another of its tag lies whole
     burst intervals away.
 
-    Parameters
-    ----------
-    pulse_poses : sequence of PulsePose
-        Pulses, whatever numbers they have.
-    tags : sequence of Tag
-        Those with codes are looked for.
-
-    Raises
-    ------
-    UsageError
-        No listed tag has a code.
+    `pulse_poses`: pulses, whatever numbers they have.
+    `tags`: those with codes are looked for.
+    Raises `UsageError`: no listed tag has a code.
     """
     coded = [tag for tag in tags if tag.coded]
     if not coded:

@@ -40,26 +40,13 @@ def save_integrated(
 
     Pulses that the flight's own log has are not written again, so nothing is counted twice.
 
-    Parameters
-    ----------
-    flight : Flight
-        With `info.directory` where it lies.
-    results : sequence of IntegratedTag
-        Of `integrate_flight` or `integrate_kept`.
-    silent : mapping, optional
-        Maps of tags that were not found, by tag: what each says around the flight is kept.
-
-    Returns
-    -------
-    Path
-        The directory that was written.
-
-    Raises
-    ------
-    RecordingError
-        It cannot be written.
-    FormatError
-        What is there already cannot be read.
+    `flight`: with `info.directory` where it lies.
+    `results`: of `integrate_flight` or `integrate_kept`.
+    `silent`: maps of tags that were not found, by tag: what each says around the flight is
+    kept.
+    Returns: the directory that was written.
+    Raises `RecordingError`: it cannot be written.
+    Raises `FormatError`: what is there already cannot be read.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -82,12 +69,8 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     and too great by up to 2 dB where the jitter leaves a choice. Score, group and noise density
     are those of no group, hence unknown.
 
-    Parameters
-    ----------
-    flight : Flight
-        Its poses and pulses.
-    result : IntegratedTag
-        None are made of a tag that was not found.
+    `flight`: its poses and pulses.
+    `result`: None are made of a tag that was not found.
     """
     if not result.found:
         return []

@@ -42,12 +42,7 @@ CLOSER = 0.5
 
 
 class Looks:
-    """Which tag is looked at next, and when; pure.
-
-    Parameters
-    ----------
-    tags : sequence of Tag
-    """
+    """Which tag is looked at next, and when; pure."""
 
     def __init__(self, tags: Sequence[Tag]) -> None:
         self._due_s = dict.fromkeys((tag.tag_id for tag in tags), 0.0)
@@ -88,10 +83,7 @@ class Teller:
 class Integration:
     """The state of the process; see the module's text.
 
-    Raises
-    ------
-    UsageError
-        There is no such antenna.
+    Raises `UsageError`: there is no such antenna.
     """
 
     def __init__(self, frame: ProcessFrame) -> None:

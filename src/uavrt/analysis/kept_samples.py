@@ -94,25 +94,15 @@ def integrate_kept(
     Channel by channel, so that only one is in memory; ring pieces are joined, and what is
     missing between them is a gap. Pieces that cannot be read are limitations of the result.
 
-    Parameters
-    ----------
-    flight : Flight
-        With `info.directory` where it lies now.
-    tags, pattern, frequency_window_hz, false_alarm_probability, most_drift
-        As `integrate_flight`.
-    antenna_assumed, elevation
-        As there.
-    on_progress, on_tag : callable, optional
-        As there.
-
-    Raises
-    ------
-    ConfigError
-        There are no tags.
-    RecordingError
-        No channel was kept for one of them, too little of it, or the flight has no poses.
-    UsageError
-        Samples and poses are not of the same time.
+    `flight`: with `info.directory` where it lies now.
+    `tags`, `pattern`, `frequency_window_hz`, `false_alarm_probability`, `most_drift`: as
+    `integrate_flight`.
+    `antenna_assumed`, `elevation`: as there.
+    `on_progress`, `on_tag`: as there.
+    Raises `ConfigError`: there are no tags.
+    Raises `RecordingError`: no channel was kept for one of them, too little of it, or the
+    flight has no poses.
+    Raises `UsageError`: samples and poses are not of the same time.
     """
     unread: list[str] = []
     channels = kept_channels(Path(flight.info.directory), unread.append)

@@ -64,10 +64,7 @@ class MapFile:
     def tile(self, z: int, x: int, y: int) -> bytes | None:
         """Get a tile as it is stored; None where there is none.
 
-        Raises
-        ------
-        FormatError
-            The file is damaged.
+        Raises `FormatError`: the file is damaged.
         """
         if not 0 <= z <= _MOST_ZOOM:
             return None
@@ -93,10 +90,7 @@ class MapFile:
 def read_map(path: Path) -> MapFile:
     """Read what a map file says of itself.
 
-    Raises
-    ------
-    FormatError
-        It is none.
+    Raises `FormatError`: it is none.
     """
     try:
         if path.exists() and not path.is_file():

@@ -45,21 +45,11 @@ LOWEST_SPAN_DB: Final = 15.0
 class DetectionPlots:
     """Collects the data for plots while a detection runs, in almost constant memory.
 
-    Parameters
-    ----------
-    directory : Path
-        Where the pictures go; made if need be.
-    tags : sequence of Tag
-        What is looked for.
-    frequency_window_hz : float
-        Half-width of the search, shown with a margin.
-
-    Raises
-    ------
-    UsageError
-        Matplotlib is not installed.
-    RecordingError
-        The directory cannot be made.
+    `directory`: where the pictures go; made if need be.
+    `tags`: what is looked for.
+    `frequency_window_hz`: half-width of the search, shown with a margin.
+    Raises `UsageError`: matplotlib is not installed.
+    Raises `RecordingError`: the directory cannot be made.
     """
 
     def __init__(

@@ -53,24 +53,14 @@ def read_positions(
 ) -> list[TagPosition]:
     """Estimate the positions of tags from all that is known of them.
 
-    Parameters
-    ----------
-    *paths : path
-        Flights, pulse logs of any kind, folders of them: their bearings go together, one
-        position for each tag, taken to rest. Or one or more bearings.csv. A positions.csv, and
-        an estimate CSV of UCSD's tracker, give what is in them.
-    how : ReadAs, optional
-        How they are read. Without an antenna that of each flight's settings, RA-23K for logs
-        without, and a monopole for UCSD's pings.
-    warn : callable, optional
-        Called with what somebody who works with a log must know.
-
-    Raises
-    ------
-    FormatError
-        One of them is nothing of that kind.
-    UsageError
-        There is no such method; or what was given cannot go together.
+    `*paths`: flights, pulse logs of any kind, folders of them: their bearings go together, one
+    position for each tag, taken to rest. Or one or more bearings.csv. A positions.csv, and an
+    estimate CSV of UCSD's tracker, give what is in them.
+    `how`: how they are read. Without an antenna that of each flight's settings, RA-23K for logs
+    without, and a monopole for UCSD's pings.
+    `warn`: called with what somebody who works with a log must know.
+    Raises `FormatError`: one of them is nothing of that kind.
+    Raises `UsageError`: there is no such method; or what was given cannot go together.
     """
     how = how or ReadAs()
     check_position_method(how.method)

@@ -76,12 +76,7 @@ class _Heard:
 def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> SameTags:
     """Tell which numbers of several logs are one tag.
 
-    Parameters
-    ----------
-    logs : sequence of PulseLog
-        The logs.
-    listed : sequence of sequences of Tag
-        The list of each log; empty where it has none.
+    `listed`: the list of each log; empty where it has none.
     """
     heard = [one for number, log in enumerate(logs) for one in _heard(number, log)]
     groups = _listed_groups([one for one in heard if one.named])

@@ -65,10 +65,7 @@ class Season:
 def read_season(directory: Path) -> Season:
     """Summarize the flights below a folder, at any depth.
 
-    Raises
-    ------
-    FormatError
-        There is no flight.
+    Raises `FormatError`: there is no flight.
     """
     outlines, unreadable = [], []
     for database in sorted(directory.rglob("flight.sqlite")):

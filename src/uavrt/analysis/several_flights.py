@@ -63,10 +63,8 @@ def share_alone(false_alarm_probability: float, flights: int) -> float:
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
     """Tags that all flights list, by their ids; `listed` are taken for all where given.
 
-    Raises
-    ------
-    UsageError
-        They list none in common, one tag differently, or the same flight is named twice.
+    Raises `UsageError`: they list none in common, one tag differently, or the same flight is
+    named twice.
     """
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
@@ -110,26 +108,13 @@ def judge_together(
 ) -> TagOfFlights:
     """Judge several flights of one tag together.
 
-    Parameters
-    ----------
-    flights : sequence of Flight
-        Two or more.
-    judged : sequence of IntegratedTag
-        The tag in each, judged at `share_alone`.
-    pattern : AntennaPattern
-    false_alarm_probability : float
-        For all flights and the tag.
-    moves : bool
-        The tag may be elsewhere in each flight.
-    elevation : Elevation, optional
-        As for each flight.
-
-    Raises
-    ------
-    ConfigError
-        There are fewer than two flights.
-    UsageError
-        The flights are too far apart for one place.
+    `flights`: two or more.
+    `judged`: the tag in each, judged at `share_alone`.
+    `false_alarm_probability`: for all flights and the tag.
+    `moves`: the tag may be elsewhere in each flight.
+    `elevation`: as for each flight.
+    Raises `ConfigError`: there are fewer than two flights.
+    Raises `UsageError`: the flights are too far apart for one place.
     """
     if len(flights) < 2:
         raise ConfigError("there is one flight", remedy="Name two or more to judge together")

@@ -180,10 +180,7 @@ class ListenedFlight:
     ) -> SilentMap:
         """Map where a tag would have been heard, by default with the flight's antenna.
 
-        Raises
-        ------
-        UsageError
-            The flight is too long, or there is no such antenna.
+        Raises `UsageError`: the flight is too long, or there is no such antenna.
         """
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
@@ -298,30 +295,16 @@ def silent_map(
 ) -> SilentMap:
     """Map where a flight would have heard a tag, with the budget of `uavrt coverage`.
 
-    Parameters
-    ----------
-    directory : Path
-        Of the flight, where its noise and what was integrated are read.
-    flight : Flight
-    tag_id : int
-        Listed in it.
-    tag_power_dbm : float
-        That it radiates.
-    elevation : Elevation, optional
-        None takes the ground for level.
-    antenna : str, optional
-        Name of its pattern; by default the flight's.
-    on_pulse : callable, optional
-        Takes how many pulses are done, and of how many.
-
-    Raises
-    ------
-    UsageError
-        The flight does not list the tag, or is too long; or there is no such antenna.
-    RecordingError
-        It has no poses.
-    FormatError
-        A file of heights, or of what was integrated, is damaged.
+    `directory`: of the flight, where its noise and what was integrated are read.
+    `tag_id`: listed in it.
+    `tag_power_dbm`: that it radiates.
+    `elevation`: None takes the ground for level.
+    `antenna`: name of its pattern; by default the flight's.
+    `on_pulse`: takes how many pulses are done, and of how many.
+    Raises `UsageError`: the flight does not list the tag, or is too long; or there is no such
+    antenna.
+    Raises `RecordingError`: it has no poses.
+    Raises `FormatError`: a file of heights, or of what was integrated, is damaged.
     """
     tag = next((one for one in flight.info.tags if one.tag_id == tag_id), None)
     if tag is None:
@@ -348,28 +331,14 @@ def silent_maps(
     The maps are those of `uavrt coverage FLIGHT`, made before the verdicts are kept. Tags that
     were heard, or may have been, have none: of them silence tells nothing.
 
-    Parameters
-    ----------
-    flight : Flight
-    tags : sequence of Tag
-        That were judged.
-    verdicts : sequence of IntegratedVerdict
-        Of each.
-    tag_power_dbm : float
-        That they radiate.
-    elevation : Elevation, optional
-        None takes the ground for level.
-    on_pulse : callable, optional
-        Takes how many pulses are done, and of how many.
-
-    Raises
-    ------
-    UsageError
-        The flight is too long.
-    RecordingError
-        It has no poses.
-    FormatError
-        A file of heights is damaged.
+    `tags`: that were judged.
+    `verdicts`: of each.
+    `tag_power_dbm`: that they radiate.
+    `elevation`: None takes the ground for level.
+    `on_pulse`: takes how many pulses are done, and of how many.
+    Raises `UsageError`: the flight is too long.
+    Raises `RecordingError`: it has no poses.
+    Raises `FormatError`: a file of heights is damaged.
     """
     silent = [
         (tag, one)
@@ -409,11 +378,7 @@ def sure_within_m(
 
     Ground of unknown height counts as not heard; as far as the map goes at most.
 
-    Parameters
-    ----------
-    coverage : Coverage
-    east_m, north_m : ndarray of float64, shape (n,)
-        The way, in the plane of the map.
+    `east_m`, `north_m` (n,): the way, in the plane of the map.
     """
     from scipy.spatial import KDTree
 

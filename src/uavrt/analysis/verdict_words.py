@@ -17,14 +17,9 @@ def where_in_words(
 ) -> list[str]:
     """Say where a tag is: in one place, in one of several, or in which direction.
 
-    Parameters
-    ----------
-    place : PlaceBelief or IntegratedVerdict
-        With bearing and arcs from the middle of what was flown, coordinates and radii.
-    parts : sequence of IntegratedPart
-        The places, the likeliest first.
-    flown : str
-        What was flown, after "middle of".
+    `place`: with bearing and arcs from the middle of what was flown, coordinates and radii.
+    `parts`: the places, the likeliest first.
+    `flown`: what was flown, after "middle of".
     """
     if len(parts) > 1:
         each = "; ".join(

@@ -101,37 +101,19 @@ def integrate_flight(
 ) -> list[IntegratedTag]:
     """Judge a whole flight for each tag.
 
-    Parameters
-    ----------
-    flight : Flight
-        For its poses.
-    source : SampleSource
-        What was recorded in it; the caller closes it.
-    tags : sequence of Tag
-        At least one.
-    pattern : AntennaPattern
-    frequency_window_hz : float
-        Half-width of the search around each tag's nominal frequency.
-    false_alarm_probability : float
-        For a flight and tag.
-    most_drift : float
-        Largest relative change of the interval over the flight, up or down.
-    antenna_assumed : bool
-        Nobody told which antenna it was: the results then say so.
-    elevation : Elevation, optional
-        Heights of the ground: hills weaken pulses, and explain silence.
-    on_progress, on_tag : callable, optional
-        Take the samples read and their total, and how many tags are done.
-
-    Raises
-    ------
-    ConfigError
-        There are no tags.
-    RecordingError
-        The recording is too short for this or holds nothing but zeros, or the flight has no
-        poses.
-    UsageError
-        Recording and poses are not of the same time.
+    `flight`: for its poses.
+    `source`: what was recorded in it; the caller closes it.
+    `tags`: at least one.
+    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
+    `false_alarm_probability`: for a flight and tag.
+    `most_drift`: largest relative change of the interval over the flight, up or down.
+    `antenna_assumed`: nobody told which antenna it was: the results then say so.
+    `elevation`: heights of the ground: hills weaken pulses, and explain silence.
+    `on_progress`, `on_tag`: take the samples read and their total, and how many tags are done.
+    Raises `ConfigError`: there are no tags.
+    Raises `RecordingError`: the recording is too short for this or holds nothing but zeros, or
+    the flight has no poses.
+    Raises `UsageError`: recording and poses are not of the same time.
     """
     if not tags:
         raise ConfigError("there are no tags to look for", remedy="Name a tag file")

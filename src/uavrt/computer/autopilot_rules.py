@@ -71,11 +71,6 @@ def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bo
 
     PX4 counts every heartbeat of type GCS, ArduPilot those of the system MAV_GCS_SYSID
     (SYSID_MYGCS before 4.7); a ground station of ours is neither.
-
-    Returns
-    -------
-    good : bool
-    text, remedy : str
     """
     if px4:
         action = values.get("NAV_DLL_ACT")

@@ -26,17 +26,11 @@ def examine_autopilot(
 ) -> Iterator[Finding]:
     """Compare the autopilot's parameters with what uavrt needs.
 
-    Parameters
-    ----------
-    address : str
-        Link to the autopilot.
-    port : str or None
-        The autopilot's port that the companion is connected to; None: TELEM2 where the address
-        is a serial port, else none.
-    baud : int, optional
-        Rate of the companion's serial port in flight; None: the address's.
-    fix : bool
-        Set what is wrong, unless the vehicle is armed. Without it nothing is ever changed.
+    `address`: link to the autopilot.
+    `port`: the autopilot's port that the companion is connected to; None: TELEM2 where the
+    address is a serial port, else none.
+    `baud`: rate of the companion's serial port in flight; None: the address's.
+    `fix`: set what is wrong, unless the vehicle is armed. Without it nothing is ever changed.
     """
     place = parse_address(address)
     if port is None and place.device:

@@ -131,14 +131,9 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
     """Judge each item of the list; what is not known is not in order.
 
-    Parameters
-    ----------
-    facts : FlightFacts
-        What is known besides the records.
-    bench : Bench
-        What was heard.
-    now_ns : int
-        On the clock of the bench.
+    `facts`: what is known besides the records.
+    `bench`: what was heard.
+    `now_ns`: on the clock of the bench.
     """
     judged = [
         _drone(facts),

@@ -45,14 +45,9 @@ def examine(
 ) -> Iterator[Finding]:
     """Look at everything, one finding after the other.
 
-    Parameters
-    ----------
-    settings : Settings
-        The settings that would be flown with.
-    running : SystemStatus or None
-        State of a system that runs already: it holds the radio and the serial port.
-    mavlink : str, optional
-        Listen for the autopilot there instead, also beside a running system.
+    `settings`: the settings that would be flown with.
+    `running`: state of a system that runs already: it holds the radio and the serial port.
+    `mavlink`: listen for the autopilot there instead, also beside a running system.
     """
     yield check_radio(settings, running)
     if mavlink is not None:

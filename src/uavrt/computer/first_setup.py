@@ -61,10 +61,7 @@ class StepFault:
 class FirstSetup:
     """The steps, and what is known of this computer.
 
-    Parameters
-    ----------
-    config : Path
-        The drone side's ``uavrt.toml``.
+    `config`: the drone side's ``uavrt.toml``.
     """
 
     def __init__(self, config: Path) -> None:
@@ -157,10 +154,7 @@ class FirstSetup:
     def finish(self) -> dict[str, str]:
         """End the set-up: from the next start on nobody is asked.
 
-        Raises
-        ------
-        UsageError
-            A step is missing.
+        Raises `UsageError`: a step is missing.
         """
         self._require_wanted()
         missing = [step for step in STEPS if step not in self.done]

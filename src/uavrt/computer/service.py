@@ -155,17 +155,10 @@ WantedBy=multi-user.target
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
     """Refuse a service that cannot start, or that would lose what it records.
 
-    Parameters
-    ----------
-    plan : ServicePlan
-        What would be installed.
-    root : Path
-        Root of the system that it is for; users of one without ``etc/passwd`` are not checked.
-
-    Raises
-    ------
-    UsageError
-        An unknown user, a missing directory, or one below /tmp.
+    `plan`: what would be installed.
+    `root`: root of the system that it is for; users of one without ``etc/passwd`` are not
+    checked.
+    Raises `UsageError`: an unknown user, a missing directory, or one below /tmp.
     """
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
@@ -250,20 +243,9 @@ def _quoted(word: str) -> str:
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
     """Write unit and rule, and enable the unit; as often as wanted.
 
-    Parameters
-    ----------
-    root : Path
-        Another root than the running system's: files are written, nothing is started.
-
-    Returns
-    -------
-    list of str
-        What was done, in words.
-
-    Raises
-    ------
-    UsageError
-        No permission.
+    `root`: another root than the running system's: files are written, nothing is started.
+    Returns: what was done, in words.
+    Raises `UsageError`: no permission.
     """
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
@@ -286,10 +268,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 def remove(root: Path = Path("/")) -> list[str]:
     """Stop and disable the service, and remove unit and rule; flights stay.
 
-    Raises
-    ------
-    UsageError
-        No permission.
+    Raises `UsageError`: no permission.
     """
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):

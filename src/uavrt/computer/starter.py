@@ -26,22 +26,10 @@ def data_home() -> Path:
 def install_starter(program: Path, place: Path) -> list[Path]:
     """Write the entry and its picture; as often as wanted.
 
-    Parameters
-    ----------
-    program : Path
-        The ``uavrt`` command.
-    place : Path
-        `data_home`, or another.
-
-    Returns
-    -------
-    list of Path
-        What was written.
-
-    Raises
-    ------
-    UsageError
-        The program is not there, or the place cannot be written.
+    `program`: the ``uavrt`` command.
+    `place`: `data_home`, or another.
+    Returns: what was written.
+    Raises `UsageError`: the program is not there, or the place cannot be written.
     """
     if not program.exists():
         raise UsageError(

@@ -101,15 +101,9 @@ class Seen:
 class Trial:
     """Watches a version from its start.
 
-    Parameters
-    ----------
-    needs : Needs
-    now_s : float
-        When it was started [s].
-    hold_s : float
-        How long everything must be there [s].
-    patience_s : float
-        How long that may take to come [s].
+    `now_s`: when it was started [s].
+    `hold_s`: how long everything must be there [s].
+    `patience_s`: how long that may take to come [s].
     """
 
     def __init__(
@@ -154,19 +148,10 @@ class Trial:
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
     """Make sure that nothing flies, and get what the new version must show.
 
-    Parameters
-    ----------
-    seen : Seen
-        What the version that runs has shown.
-    needs : Needs
-        What it should show.
-    bench : bool
-        Ask of the new version only for what is there now.
-
-    Raises
-    ------
-    UsageError
-        Armed, recording, or nobody knows.
+    `seen`: what the version that runs has shown.
+    `needs`: what it should show.
+    `bench`: ask of the new version only for what is there now.
+    Raises `UsageError`: armed, recording, or nobody knows.
     """
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")

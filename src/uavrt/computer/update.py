@@ -88,17 +88,9 @@ def install_beside(
 ) -> Path:
     """Make the new version beside the present one, and rehearse it; get where it is.
 
-    Parameters
-    ----------
-    config : Path
-        Settings that it must be able to read, if they exist.
-    directory : Path
-        Where the service runs.
-
-    Raises
-    ------
-    UavrtError
-        It cannot be installed, or does not run; nothing has changed then.
+    `config`: settings that it must be able to read, if they exist.
+    `directory`: where the service runs.
+    Raises `UavrtError`: it cannot be installed, or does not run; nothing has changed then.
     """
     made = place.version_directory(update.name)
     try:

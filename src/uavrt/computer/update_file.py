@@ -113,19 +113,10 @@ def version_key(version: str) -> tuple[object, ...]:
 def read_update(path: Path, keys: Path) -> Update:
     """Find out what an update is, once its signature is good; nothing is unpacked.
 
-    Parameters
-    ----------
-    path : Path
-        The ``.tar`` or ``.whl``.
-    keys : Path
-        File of the public keys that count.
-
-    Raises
-    ------
-    FormatError
-        It is damaged, truncated, or none.
-    UsageError
-        No key counts, or none of them has signed it.
+    `path`: the ``.tar`` or ``.whl``.
+    `keys`: file of the public keys that count.
+    Raises `FormatError`: it is damaged, truncated, or none.
+    Raises `UsageError`: no key counts, or none of them has signed it.
     """
     try:
         if path.suffix == ".whl":
@@ -189,10 +180,7 @@ def _wheel_version(content: bytes, path: Path) -> str:
 def unpack_wheels(update: Update, directory: Path) -> None:
     """Write the wheels of a ``.tar``, each compared with the signed manifest.
 
-    Raises
-    ------
-    FormatError
-        One is missing, truncated, or not the one that was signed.
+    Raises `FormatError`: one is missing, truncated, or not the one that was signed.
     """
     assert update.manifest is not None
     with _opened(update.path) as archive:
@@ -284,10 +272,8 @@ def split_keys(text: str) -> list[str]:
 def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
     """Make sure that one of the keys has signed the content.
 
-    Raises
-    ------
-    UsageError
-        None has, there is no key, or others than their owner may change the keys.
+    Raises `UsageError`: None has, there is no key, or others than their owner may change the
+    keys.
     """
     trusted = _trusted(keys)
     if len(signature) == SIGNATURE_BYTES:

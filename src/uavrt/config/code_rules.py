@@ -152,10 +152,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
     """Find codes of one band that are nearer to each other than the tolerance of gaps.
 
-    Returns
-    -------
-    list of (Tag, Tag, float)
-        Two tags, and by how much their gaps differ together [s].
+    Returns: two tags, and by how much their gaps differ together [s].
     """
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}

@@ -12,23 +12,10 @@ REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> bytes:
     """Read a secret written as hexadecimal digits.
 
-    Parameters
-    ----------
-    path : str or Path
-    what : str
-        What the file is called when it cannot be read: ``key file``.
-    least, most : int
-        Bytes that the secret may have.
-
-    Returns
-    -------
-    bytes
-
-    Raises
-    ------
-    ConfigError
-        There is no such file, other users may read or change it, or it does not hold
-        that many hexadecimal digits.
+    `what`: what the file is called when it cannot be read: ``key file``.
+    `least`, `most`: bytes that the secret may have.
+    Raises `ConfigError`: there is no such file, other users may read or change it, or it does
+    not hold that many hexadecimal digits.
     """
     try:
         with open(path, encoding="ascii") as file:

@@ -34,10 +34,8 @@ _WIDTH = 92
 def load_settings(path: str | os.PathLike[str]) -> Settings:
     """Read ``uavrt.toml``; whatever it leaves out has its default.
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or has faults: all are listed, each with its line.
+    Raises `ConfigError`: the file cannot be read, or has faults: all are listed, each with its
+    line.
     """
     name = os.fspath(path)
     try:
@@ -53,10 +51,7 @@ def load_settings(path: str | os.PathLike[str]) -> Settings:
 def parse_settings(content: bytes, *, name: str) -> Settings:
     """Read settings from a file's bytes; `name` is for messages.
 
-    Raises
-    ------
-    ConfigError
-        The bytes are not settings; all faults are listed.
+    Raises `ConfigError`: the bytes are not settings; all faults are listed.
     """
     from pydantic import ValidationError
 
@@ -154,10 +149,7 @@ def default_settings_text() -> str:
 def write_default_settings(path: str | os.PathLike[str]) -> None:
     """Write a commented ``uavrt.toml`` with the defaults; an existing file is kept.
 
-    Raises
-    ------
-    ConfigError
-        The file exists or cannot be written.
+    Raises `ConfigError`: the file exists or cannot be written.
     """
     target = Path(path)
     if target.exists():

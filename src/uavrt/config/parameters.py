@@ -230,10 +230,7 @@ OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
 def run_wanted(value: float) -> bool:
     """Read what `DET_RUN` is to be: True to detect.
 
-    Raises
-    ------
-    ConfigError
-        It is neither 0 nor 1.
+    Raises `ConfigError`: it is neither 0 nor 1.
     """
     if not (math.isfinite(value) and RUN.allows(value)):
         raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
@@ -248,10 +245,8 @@ def parameter_values(settings: Settings) -> dict[str, float]:
 def with_parameter(settings: Settings, name: str, value: float) -> Settings:
     """Get the settings with one parameter changed.
 
-    Raises
-    ------
-    ConfigError
-        There is no such parameter, or it cannot have that value; the text says what it can.
+    Raises `ConfigError`: there is no such parameter, or it cannot have that value; the text
+    says what it can.
     """
     parameter = PARAMETERS.get(name)
     if parameter is None:
@@ -275,19 +270,10 @@ def check_start(
 ) -> int | None:
     """Refuse a start or a capture with what no radio can be set to; returns the gain.
 
-    Parameters
-    ----------
-    settings : Settings or None
-        Those of the radio that is to start; None where the radio is not known.
-    center_frequency_hz : float or None
-        Radio frequency that came with the command.
-    gain : float or None
-        Gain that came with it, in the radio's own steps.
-
-    Raises
-    ------
-    ConfigError
-        One of the two is out of range; the text says which, and the range.
+    `settings`: those of the radio that is to start; None where the radio is not known.
+    `center_frequency_hz`: radio frequency that came with the command.
+    `gain`: gain that came with it, in the radio's own steps.
+    Raises `ConfigError`: one of the two is out of range; the text says which, and the range.
     """
     if center_frequency_hz is not None:
         row = PARAMETERS["RADIO_FREQ_KHZ"]
@@ -305,10 +291,7 @@ def check_start(
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
     """Get the frequency that the radio tunes to when asked for this one [Hz].
 
-    Raises
-    ------
-    ConfigError
-        The radio does not receive it.
+    Raises `ConfigError`: the radio does not receive it.
     """
     row = RADIOS.get(radio.kind)
     if row is None:
@@ -326,10 +309,7 @@ def warnings_of_band(
 ) -> tuple[str, ...]:
     """Name tags outside of the received band.
 
-    Raises
-    ------
-    ConfigError
-        All of them are.
+    Raises `ConfigError`: all of them are.
     """
     half_hz = sample_rate_hz / 2.0
     beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]

@@ -27,22 +27,11 @@ _MOST_LINES = 200
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
     """Write some settings; a file that is not there begins with all defaults.
 
-    Parameters
-    ----------
-    path : path
-        Of ``uavrt.toml``; who may read it stays.
-    changes : mapping
-        New values.
-
-    Returns
-    -------
-    Settings
-        All of the file.
-
-    Raises
-    ------
-    ConfigError
-        A value is not allowed, the file has faults or cannot be written; it stays as it was.
+    `path`: of ``uavrt.toml``; who may read it stays.
+    `changes`: new values.
+    Returns: all of the file.
+    Raises `ConfigError`: a value is not allowed, the file has faults or cannot be written; it
+    stays as it was.
     """
     target = Path(path)
     settings, text = changed_settings(target, changes)

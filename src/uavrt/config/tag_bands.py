@@ -8,15 +8,8 @@ from uavrt.messages import Tag
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
     """Group bands that overlap, also by way of others.
 
-    Parameters
-    ----------
-    bands_hz : sequence of (float, float)
-        Lower and upper edge of each.
-
-    Returns
-    -------
-    list of list of int
-        Places of the bands, each once, rising; ordered by the first of each list.
+    `bands_hz`: lower and upper edge of each.
+    Returns: places of the bands, each once, rising; ordered by the first of each list.
     """
     found: list[list[int]] = []
     reach_hz = 0.0

@@ -48,11 +48,7 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
 
     An interval that is none of those listed is added as the second, or replaces the second.
 
-    Parameters
-    ----------
-    tag : Tag
-    interval_s, jitter_s : float
-        The interval, and the standard deviation of the pulses about it.
+    `interval_s`, `jitter_s`: the interval, and the standard deviation of the pulses about it.
     """
     listed = list(tag.pulse_intervals_s)
     nearest = min(range(len(listed)), key=lambda place: abs(listed[place] - interval_s))

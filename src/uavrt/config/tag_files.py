@@ -22,12 +22,9 @@ _TOML_LINE = re.compile(r"^[ \t]*\[", re.M)
 def read_tags(path: str | os.PathLike[str]) -> tuple[Tag, ...]:
     """Read the tags of a ``TagInfo.txt`` or ``tags.toml``.
 
-    Raises
-    ------
-    TagFileError
-        The file has faults; all are listed, each with its line. Its writer mends them.
-    ConfigError
-        There is no such file, or it cannot be read.
+    Raises `TagFileError`: the file has faults; all are listed, each with its line. Its writer
+    mends them.
+    Raises `ConfigError`: there is no such file, or it cannot be read.
     """
     try:
         content = read_file(path, TAGS)
@@ -46,10 +43,7 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
     A name that ends in ``.toml`` is TOML, in ``.yaml`` a list of codes; in another file a line
     that begins with ``[``, or a heading with gaps, tells.
 
-    Raises
-    ------
-    TagFileError
-        The file has faults.
+    Raises `TagFileError`: the file has faults.
     """
     try:
         text = decode_text(content)
@@ -80,10 +74,7 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
     """Judge tags that come from elsewhere by the rules of tag files; empty when all are good.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-        From a measurement, another program's file, or a wire.
+    `tags`: from a measurement, another program's file, or a wire.
     """
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
@@ -128,11 +119,8 @@ def _draft(tag: Tag, place: int) -> TagDraft:
 def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     """Refuse a name that tells no format in which tags are written.
 
-    Raises
-    ------
-    ConfigError
-        It ends neither in ``.toml`` nor in ``.txt``, or is the original detector's
-        ``detectorConfig.txt``, which is another format.
+    Raises `ConfigError`: it ends neither in ``.toml`` nor in ``.txt``, or is the original
+    detector's ``detectorConfig.txt``, which is another format.
     """
     target = Path(path)
     if target.name.lower() == "detectorconfig.txt":
@@ -150,11 +138,8 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
 def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
     """Write tags: ``tags.toml`` when the name ends in ``.toml``, ``TagInfo.txt`` in ``.txt``.
 
-    Raises
-    ------
-    ConfigError
-        The name is no tag file's, ``TagInfo.txt`` cannot hold a tag with two intervals, or the
-        file cannot be written.
+    Raises `ConfigError`: the name is no tag file's, ``TagInfo.txt`` cannot hold a tag with two
+    intervals, or the file cannot be written.
     """
     check_tag_file_name(path)
     target = Path(path)

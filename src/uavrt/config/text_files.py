@@ -15,10 +15,7 @@ _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 def decode_text(content: bytes) -> str:
     """Turn a file's bytes into text; lines end in a newline alone.
 
-    Raises
-    ------
-    ValueError
-        The bytes are not text, or there are too many; the text says which.
+    Raises `ValueError`: the bytes are not text, or there are too many; the text says which.
     """
     if len(content) > MAX_BYTES:
         raise ValueError(f"{len(content)} bytes are too many for a file written by hand")
@@ -34,10 +31,8 @@ def decode_text(content: bytes) -> str:
 def read_text(path: Path, limit: Limit) -> str:
     """Read a file of text.
 
-    Raises
-    ------
-    FormatError
-        There is none, it is no text, too large, or nothing is in it; the text says which.
+    Raises `FormatError`: there is none, it is no text, too large, or nothing is in it; the text
+    says which.
     """
     try:
         content = read_file(path, limit)

@@ -29,10 +29,7 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
     Reading ends at the first line that is no YAML: what comes after it cannot be told from it.
     Documents before it are given.
 
-    Raises
-    ------
-    UsageError
-        PyYAML is not installed, as on a drone without a page.
+    Raises `UsageError`: PyYAML is not installed, as on a drone without a page.
     """
     with needs_extra(
         "ground",

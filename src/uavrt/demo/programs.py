@@ -84,10 +84,7 @@ def free_udp_port(host: str = "127.0.0.1") -> int:
     It is one of `PORTS`: a port that the kernel chose and that was closed again may be given
     to any socket before it is bound, also to the next that asks here.
 
-    Raises
-    ------
-    LinkError
-        All ports above those are taken.
+    Raises `LinkError`: all ports above those are taken.
     """
     for port in islice(_ports, len(PORTS)):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -108,10 +105,7 @@ def free_ros_domain() -> int:
     A real drone in the lab is in the environment's domain, or in 0. Up to 101, the ports of a
     domain lie below those that Linux gives to anybody (32768).
 
-    Raises
-    ------
-    UavrtError
-        All are in use.
+    Raises `UavrtError`: all are in use.
     """
     domains = random.sample(range(1, 102), 101)
     for domain in domains:
@@ -174,18 +168,11 @@ def drone_settings(
 class Program:
     """One program of the demo, with its output in a file.
 
-    Parameters
-    ----------
-    name : str
-        Name in messages.
-    arguments : sequence of str
-    log : Path
-        File for everything that it prints.
-    interpreter : sequence of str
-        Command before the arguments. Empty: the first argument is the program, and it runs in
-        the log's directory.
-    environment : mapping of str to str
-        Variables added to the demo's environment.
+    `name`: name in messages.
+    `log`: file for everything that it prints.
+    `interpreter`: command before the arguments. Empty: the first argument is the program, and
+    it runs in the log's directory.
+    `environment`: variables added to the demo's environment.
     """
 
     def __init__(

@@ -75,21 +75,15 @@ class _Drone:
 class Demo:
     """One run of the whole system on this machine.
 
-    Parameters
-    ----------
-    scenarios : sequence of Scenario
-        World of each drone: the same animals, another flight; when they start is set here.
-    flight_dir : Path
-        Where the drone makes its flight directory; one of several does it below
-        `drone-NUMBER`. The ground station's is `ground`, if it has a page.
-    page_port : int, optional
-        Port of the ground station's page, 0 for any free one; None flies without a page.
-    console : Console, optional
-        Shows the flight while it goes on; None: nothing is shown.
-    on_page : callable, optional
-        Called with the page's address when it is there.
-    on_ros_domain : callable, optional
-        Called with the ROS domain in which the drone's nodes are, if it has any.
+    `scenarios`: world of each drone: the same animals, another flight; when they start is set
+    here.
+    `flight_dir`: where the drone makes its flight directory; one of several does it below
+    `drone-NUMBER`. The ground station's is `ground`, if it has a page.
+    `page_port`: port of the ground station's page, 0 for any free one; None flies without a
+    page.
+    `console`: shows the flight while it goes on; None: nothing is shown.
+    `on_page`: called with the page's address when it is there.
+    `on_ros_domain`: called with the ROS domain in which the drone's nodes are, if it has any.
     """
 
     def __init__(

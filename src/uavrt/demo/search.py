@@ -145,20 +145,12 @@ class _Seen:
 class SearchDemo:
     """One search on this machine, by the real processes.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The world, in which the drone hovers until it is commanded.
-    limit_s : float
-        The search lasts at most.
-    flight_dir : Path
-        Where the drone makes its flight directory.
-    say : callable
-        Takes a line for the person at the terminal.
-    told : callable
-        Makes the line of a note.
-    among : Among, optional
-        It searches with others.
+    `scenario`: the world, in which the drone hovers until it is commanded.
+    `limit_s`: the search lasts at most.
+    `flight_dir`: where the drone makes its flight directory.
+    `say`: takes a line for the person at the terminal.
+    `told`: makes the line of a note.
+    `among`: it searches with others.
     """
 
     def __init__(

@@ -53,14 +53,9 @@ class TogetherSummary:
 class TogetherDemo:
     """One search of several drones on this machine, by the real processes.
 
-    Parameters
-    ----------
-    drones : int
-    scenario, limit_s, say
-        As of `SearchDemo`; each line begins with the drone's number.
-    flight_dir : Path
-        Each drone's flight directory is made below `drone-NUMBER` in it, the ground's in
-        `ground`.
+    `scenario`, `limit_s`, `say`: as of `SearchDemo`; each line begins with the drone's number.
+    `flight_dir`: each drone's flight directory is made below `drone-NUMBER` in it, the ground's
+    in `ground`.
     """
 
     def __init__(

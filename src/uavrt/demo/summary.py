@@ -100,15 +100,10 @@ def summarize_tag(
 ) -> TagSummary:
     """Account for one tag.
 
-    Parameters
-    ----------
-    truth : iterable of TruePulse
-        All pulses of all tags that were sent while detecting.
-    recorded : sequence of Pulse
-        The drone's pulses, of any tag.
-    received_times_ns : sequence of int
-        Start times of this tag's pulses as the ground has them [ns, UTC], any order; the wire
-        carries them with 0.3 µs.
+    `truth`: all pulses of all tags that were sent while detecting.
+    `recorded`: the drone's pulses, of any tag.
+    `received_times_ns`: start times of this tag's pulses as the ground has them [ns, UTC], any
+    order; the wire carries them with 0.3 µs.
     """
     sent = [pulse for pulse in truth if pulse.tag_id == tag.tag_id]
     if tag.coded:
@@ -142,12 +137,8 @@ def summarize_tag(
 def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
     """Make one of the pulses of each burst that was sent as a whole: its mean strength.
 
-    Parameters
-    ----------
-    sent : sequence of TruePulse
-        Of one coded tag, in order of time.
-    pulses : int
-        Of a burst.
+    `sent`: of one coded tag, in order of time.
+    `pulses`: of a burst.
     """
     bursts: dict[int, list[TruePulse]] = {}
     for pulse in sent:
@@ -166,10 +157,7 @@ def true_bursts(sent: Sequence[TruePulse], pulses: int) -> list[TruePulse]:
 def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TruePulse, Pulse]]:
     """Pair each true pulse with the nearest found one that nobody else has.
 
-    Parameters
-    ----------
-    found : sequence of Pulse
-        In order of time.
+    `found`: in order of time.
     """
     times = [pulse.start_time_ns for pulse in found]
     limit_ns = ns_from_s(MATCH_TIME_S)

@@ -27,10 +27,7 @@ def workplace(prefix: str) -> Iterator[Path]:
 
     That of a demo that failed stays for its log files, until the next one begins.
 
-    Parameters
-    ----------
-    prefix : str
-        One of `PREFIXES`.
+    `prefix`: one of `PREFIXES`.
     """
     sweep(Path(tempfile.gettempdir()))
     place = Path(tempfile.mkdtemp(prefix=prefix))
@@ -72,10 +69,7 @@ def _is_left(place: Path) -> bool:
 def require_free_port(port: int | None, host: str = "127.0.0.1") -> None:
     """Refuse a port for the page that something else has, before anything is started.
 
-    Raises
-    ------
-    UsageError
-        It is taken, or may not be used.
+    Raises `UsageError`: it is taken, or may not be used.
     """
     if not port:
         return

@@ -23,21 +23,12 @@ def flight_world(
 ) -> Scenario:
     """Get the world for a flight along its own plan.
 
-    Parameters
-    ----------
-    file : Path, optional
-        A scenario file.
-    duration_s : float, optional
-        Of the flight; the file's, or 120 s, unless given.
-    seed : int, optional
-        Of everything random; the file's, or 1, unless given.
-    coded : bool
-        The built-in world has two animals more, with coded tags.
-
-    Raises
-    ------
-    UsageError, ConfigError
-        The file has faults or nothing to listen for, or the flight is too short.
+    `file`: a scenario file.
+    `duration_s`: of the flight; the file's, or 120 s, unless given.
+    `seed`: of everything random; the file's, or 1, unless given.
+    `coded`: the built-in world has two animals more, with coded tags.
+    Raises `UsageError`, `ConfigError`: the file has faults or nothing to listen for, or the
+    flight is too short.
     """
     if file is None:
         return demo_scenario(duration_s or FLIGHT_S, 1 if seed is None else seed, coded=coded)
@@ -56,10 +47,7 @@ def search_world(
 ) -> Scenario:
     """Get the world for a search; as `flight_world`, but the drone is commanded.
 
-    Parameters
-    ----------
-    limit_s : float
-        The search lasts at most.
+    `limit_s`: the search lasts at most.
     """
     if file is None:
         return search_scenario(1 if seed is None else seed, coded=coded)

@@ -51,22 +51,12 @@ def search_cost(
 ) -> float:
     """Measure what searching for tags will cost.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-        All that will be searched for.
-    cpu_s : callable
-        Processor time used so far [s].
-    settings : DetectionSettings, optional
-        How; by default as usual.
-    most_cpu_s : float
-        CPU time to spend on it [s]: one kind of tag is always measured.
-
-    Returns
-    -------
-    float
-        Processor cores that the detectors need in real time while one tag of each kind is
-        heard; 0.0 for lists too cheap to matter.
+    `tags`: all that will be searched for.
+    `cpu_s`: processor time used so far [s].
+    `settings`: how; by default as usual.
+    `most_cpu_s`: CPU time to spend on it [s]: one kind of tag is always measured.
+    Returns: processor cores that the detectors need in real time while one tag of each kind is
+    heard; 0.0 for lists too cheap to matter.
     """
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]

@@ -43,26 +43,14 @@ def plan_search(
 ) -> SearchPlan:
     """Choose the radio's frequency for a list of tags, and refuse what cannot be searched.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-    cpu_s : callable
-        Processor time used so far [s], by which the cost of a long list is measured.
-    sample_rate_hz : float
-        Rate of the radio [Hz].
-    detection : DetectionSettings
-    center_frequency_hz : float, optional
-        Frequency of the radio [Hz]; None: the tuner's choice. Tags out of its
-        reach are left out.
-    spare_cores : float
-        Processor cores for the detectors; infinite: any number.
-
-    Raises
-    ------
-    TunerError
-        No frequency serves all tags, or their search needs more than the spare cores.
-    ConfigError
-        A tag, or the search window around it, does not fit its channel.
+    `cpu_s`: processor time used so far [s], by which the cost of a long list is measured.
+    `sample_rate_hz`: rate of the radio [Hz].
+    `center_frequency_hz`: frequency of the radio [Hz]; None: the tuner's choice. Tags out of
+    its reach are left out.
+    `spare_cores`: processor cores for the detectors; infinite: any number.
+    Raises `TunerError`: no frequency serves all tags, or their search needs more than the spare
+    cores.
+    Raises `ConfigError`: a tag, or the search window around it, does not fit its channel.
     """
     warnings: tuple[str, ...] = ()
     if center_frequency_hz is None:

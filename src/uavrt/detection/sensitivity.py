@@ -40,13 +40,8 @@ _STEP = 0.02
 def group_threshold(tag: Tag, *, frequency_window_hz: float, sample_rate_hz: float) -> float:
     """Sum of K cells, in noise powers, that the search asks of a group of the tag's first rate.
 
-    Parameters
-    ----------
-    tag : Tag
-    frequency_window_hz : float
-        Half-width of the search around its frequency.
-    sample_rate_hz : float
-        Of the channel: its width bounds the search.
+    `frequency_window_hz`: half-width of the search around its frequency.
+    `sample_rate_hz`: of the channel: its width bounds the search.
     """
     hop_s = tag.pulse_width_s / _HOPS_PER_PULSE
     reach_s = jitter_reach(tag.interval_jitter_s, hop_s) * hop_s

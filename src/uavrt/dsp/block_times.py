@@ -21,10 +21,7 @@ _LEAST_STEP_NS: Final = 100_000
 class BlockTimes:
     """Time of each sample of a stream, and the sample of each time.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Nominal rate.
+    `sample_rate_hz`: nominal rate.
     """
 
     def __init__(self, sample_rate_hz: float) -> None:

@@ -20,14 +20,7 @@ def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
     A windowed sinc of ``int(4 / 0.05)`` taps made odd, cut off at half the output rate
     (-6 dB *at* the output's Nyquist frequency), Hamming window, unity gain at 0 Hz.
 
-    Parameters
-    ----------
-    factor : int
-        Decimation factor.
-
-    Returns
-    -------
-    (81,) float64 array
+    `factor`: decimation factor.
     """
     offset = np.arange(81) - 40.0
     taps = np.sinc(offset / factor) * np.hamming(81)
@@ -42,14 +35,7 @@ def decimator_taps(factor: int) -> NDArray[np.float64]:
     since what folds into the clean span lies beyond the second. Kaiser's formula asks for 88.5
     taps at 60 dB; 91 with this window reach 60.4 dB and are flat to 0.02 dB.
 
-    Parameters
-    ----------
-    factor : int
-        Decimation factor.
-
-    Returns
-    -------
-    (n,) float64 array
+    `factor`: decimation factor.
     """
     # Window shapes found by a scan of all factors: 60.0 to 61.6 dB.
     extra, beta = (3, 5.66) if factor >= 8 else (5, 5.8)
@@ -66,14 +52,7 @@ def compatible_bank_taps(channels: int) -> NDArray[np.float64]:
     but the centre. The first tap is zero, and so is the dropped
     last one.
 
-    Parameters
-    ----------
-    channels : int
-        Number of channels M.
-
-    Returns
-    -------
-    (12 M,) float64 array
+    `channels`: number of channels M.
     """
     half = 6 * channels
     offset = np.arange(2 * half + 1) - half
@@ -90,14 +69,7 @@ def bank_taps(channels: int) -> NDArray[np.float64]:
     taps of which the first is zero. Flat to `PASSBAND_FRACTION` · s within 0.002 dB; what folds
     into that lies beyond ``(2 - PASSBAND_FRACTION) s`` and is 80 dB down.
 
-    Parameters
-    ----------
-    channels : int
-        Number of channels M.
-
-    Returns
-    -------
-    (8 M,) float64 array
+    `channels`: number of channels M.
     """
     half = 4 * channels
     offset = np.arange(1, 2 * half) - half

@@ -25,14 +25,9 @@ Transform = Callable[[NDArray[np.complex64]], NDArray[np.complex64]]
 def transform_columns(values: NDArray[np.complex64]) -> NDArray[np.complex64]:
     """Fourier transform of each column.
 
-    Parameters
-    ----------
-    values : ndarray of complex64, shape (n, columns)
-        Of any memory order; columns that lie side by side are not copied first.
-
-    Returns
-    -------
-    ndarray of complex64, shape (n, columns)
+    `values` (n, columns): of any memory order; columns that lie side by side are not copied
+    first.
+    Returns: shape (n, columns).
     """
     return column_transform()(values)
 
@@ -57,10 +52,7 @@ def public_transform() -> Transform:
 def _extension() -> ModuleSpec:
     """Where SciPy keeps its pocketfft.
 
-    Raises
-    ------
-    ImportError
-        Not where it has been since SciPy 1.4.
+    Raises `ImportError`: not where it has been since SciPy 1.4.
     """
     package = importlib.util.find_spec("scipy")
     for folder in (package.submodule_search_locations or ()) if package else ():

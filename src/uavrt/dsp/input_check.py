@@ -33,12 +33,8 @@ GAIN_TOO_LOW: Final = "Gain too low: noise is below a converter's step"
 class InputCheck:
     """Looks once a second at the radio's samples for faults of the set-up.
 
-    Parameters
-    ----------
-    tags : iterable of Tag
-        Those that are searched for.
-    center_frequency_hz : float
-        Of the radio.
+    `tags`: those that are searched for.
+    `center_frequency_hz`: of the radio.
     """
 
     def __init__(self, tags: Iterable[Tag], center_frequency_hz: float) -> None:

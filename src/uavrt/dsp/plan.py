@@ -57,13 +57,8 @@ class BandPlan:
 def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default") -> BandPlan:
     """Choose decimation and channels so that the usable span reaches `reach_hz` if it can.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Rate of the radio [Hz].
-    reach_hz : float
-        Greatest distance of a frequency from the radio's centre [Hz].
-    mode : {"default", "compatible"}
+    `sample_rate_hz`: rate of the radio [Hz].
+    `reach_hz`: greatest distance of a frequency from the radio's centre [Hz].
     """
     factor = choose_decimation(sample_rate_hz=sample_rate_hz, reach_hz=reach_hz, mode=mode)
     one = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
@@ -84,12 +79,8 @@ def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default")
 def widest_window_hz(offset_hz: float, channel_rate_hz: float) -> float:
     """Widest half-width of the search around a frequency in a channel [Hz].
 
-    Parameters
-    ----------
-    offset_hz : float
-        Of the frequency, from the channel's centre [Hz].
-    channel_rate_hz : float
-        Rate of the channel [Hz].
+    `offset_hz`: of the frequency, from the channel's centre [Hz].
+    `channel_rate_hz`: rate of the channel [Hz].
     """
     return max(DEFAULT_WINDOW_HZ, SEARCHED_FRACTION * channel_rate_hz - abs(offset_hz))
 
@@ -175,10 +166,7 @@ def usable_half_span_hz(*, band_rate_hz: float, decimated: bool, mode: Mode) -> 
 def widest_half_span_hz(sample_rate_hz: float) -> float:
     """Half the span that a recording serves at most, about its centre [Hz].
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Rate of the recording [Hz].
+    `sample_rate_hz`: rate of the recording [Hz].
     """
     one_channel = sample_rate_hz <= ONE_CHANNEL_RATE_HZ
     return sample_rate_hz * (0.5 if one_channel else UNDECIMATED_FRACTION)
@@ -187,14 +175,9 @@ def widest_half_span_hz(sample_rate_hz: float) -> float:
 def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
     """Largest decimation whose usable span reaches `reach_hz` from the centre.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Rate of the radio [Hz].
-    reach_hz : float
-        Greatest distance of a frequency from the centre [Hz].
-    mode : {"default", "compatible"}
-        The compatible mode never widens the band for the sake of a tag.
+    `sample_rate_hz`: rate of the radio [Hz].
+    `reach_hz`: greatest distance of a frequency from the centre [Hz].
+    `mode`: the compatible mode never widens the band for the sake of a tag.
     """
     largest = int(sample_rate_hz / NARROWEST_BAND_HZ + 1e-9)
     largest = min(max(largest, 1), HIGHEST_FACTOR)
@@ -227,10 +210,7 @@ def _smooth(number: int) -> bool:
 def check_rate(sample_rate_hz: float) -> None:
     """Refuse a sample rate that no plan serves.
 
-    Raises
-    ------
-    UsageError
-        Below 3 kS/s, above 64 × 375 kS/s, or not a number.
+    Raises `UsageError`: below 3 kS/s, above 64 × 375 kS/s, or not a number.
     """
     highest = HIGHEST_FACTOR * NARROWEST_BAND_HZ
     if not LOWEST_RATE_HZ <= sample_rate_hz <= highest:

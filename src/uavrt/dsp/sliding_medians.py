@@ -9,14 +9,8 @@ def medians(power: NDArray[np.float32]) -> NDArray[np.float32]:
 
     One partition of contiguous lines at one place; `np.median` takes two places, and strides.
 
-    Parameters
-    ----------
-    power : ndarray of float32, shape (times, rows)
-        At least one time, no NaN.
-
-    Returns
-    -------
-    ndarray of float32, shape (rows,)
+    `power` (times, rows): at least one time, no NaN.
+    Returns: shape (rows,).
     """
     lines = power.T.copy()
     count = lines.shape[1]

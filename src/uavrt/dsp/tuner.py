@@ -122,13 +122,6 @@ def compatible_cost(
 
     With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
     (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing.
-
-    Parameters
-    ----------
-    tags_hz : (tags,) float64 array
-    centers_hz : (candidates,) float64 array
-    spacing_hz : float
-    channel_count : int
     """
     offsets = tags_hz - centers_hz[:, None]
     channels = _nearest_channels(offsets, spacing_hz, channel_count)

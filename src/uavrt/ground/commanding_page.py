@@ -12,10 +12,7 @@ class Commander:
     page, may do what they did. Who commands is the first page that is there, and it stays when
     it is reloaded; when it has gone, whoever asks next.
 
-    Parameters
-    ----------
-    page : str, optional
-        Who commanded before a restart in flight.
+    `page`: who commanded before a restart in flight.
     """
 
     def __init__(self, page: str | None = None) -> None:

@@ -33,18 +33,11 @@ TELL_S, TELL_WITHIN_S = 1.0, 0.05
 class Fleet:
     """The sessions; `run` serves all until cancelled.
 
-    Parameters
-    ----------
-    store : GroundStore
-        The station's directory.
-    clock : Clock
-        The ground's clock.
-    on_event : callable, optional
-        Called with each thing heard from any vehicle, before it is shown.
-    keys : LinkKeys
-        Secrets shared with the drones.
-    also : callable, optional
-        Called in the disk thread with each pulse that is stored, see `FlightKeeper`.
+    `store`: the station's directory.
+    `clock`: the ground's clock.
+    `on_event`: called with each thing heard from any vehicle, before it is shown.
+    `keys`: secrets shared with the drones.
+    `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.
     """
 
     def __init__(
@@ -104,12 +97,8 @@ class Fleet:
     async def serve(self, system_id: int) -> GroundSession:
         """Serve a vehicle besides the others, on the same links.
 
-        Raises
-        ------
-        UsageError
-            It is served already, or there are too many.
-        ConfigError
-            Its directory cannot be written.
+        Raises `UsageError`: it is served already, or there are too many.
+        Raises `ConfigError`: its directory cannot be written.
         """
         if system_id in self._others:
             return self._others[system_id]

@@ -60,12 +60,9 @@ class StationSettings:
 class Station:
     """The ground station without a page; `PageStation` adds one.
 
-    Parameters
-    ----------
-    settings : StationSettings
-        What to do.
-    show : callable
-        Called with a dictionary for each event: ``event`` names it, the rest are its values.
+    `settings`: what to do.
+    `show`: called with a dictionary for each event: ``event`` names it, the rest are its
+    values.
     """
 
     def __init__(

@@ -59,15 +59,10 @@ def burst_columns(
 ) -> BurstColumns:
     """Take the mean over the pulses of each burst, at the best of some stretches.
 
-    Parameters
-    ----------
-    power, seen : ndarray, shape (rows, columns)
-        Of pulses that begin in each column, and whether it is loud and looks like one.
-    quiet, whole : ndarray of bool, shape (columns,)
-        Nothing loud is near; no sample is missing.
-    tag : Tag
-    hop_s : float
-        From one column to the next.
+    `power`, `seen` (rows, columns): of pulses that begin in each column, and whether it is loud
+    and looks like one.
+    `quiet`, `whole` (columns,): nothing loud is near; no sample is missing.
+    `hop_s`: from one column to the next.
     """
     rows, columns = power.shape
     starts_s = pulse_starts_s(tag)
@@ -113,12 +108,9 @@ def burst_columns(
 class SinglePulses:
     """Energies of single pulses, to tell whose a train of bursts is.
 
-    Attributes
-    ----------
-    level : ndarray of float32, shape (frequencies, slots)
-        Largest power over noise of the pulses that begin in each slot; 0 without samples.
-    starts_s : ndarray of float64, shape (pulses,)
-        Of the code, from the start of a burst.
+    `level` (frequencies, slots): largest power over noise of the pulses that begin in each
+    slot; 0 without samples.
+    `starts_s` (pulses,): of the code, from the start of a burst.
     """
 
     level: NDArray[np.float32]
@@ -129,12 +121,9 @@ class SinglePulses:
 class Sender:
     """Who makes a train of bursts, as its pulses show.
 
-    Attributes
-    ----------
-    shift_s : float, optional
-        By how much later the bursts of this code begin; None if it is another code's train.
-    pulses_s : ndarray of float64, shape (m,)
-        Where another code's pulses lie, from the start of this code's bursts.
+    `shift_s`: by how much later the bursts of this code begin; None if it is another code's
+    train.
+    `pulses_s` (m,): where another code's pulses lie, from the start of this code's bursts.
     """
 
     shift_s: float | None
@@ -154,16 +143,9 @@ def sender_of(
     where this code has some, and none at the others; so has a burst of this code that is
     taken to begin at another of its pulses.
 
-    Parameters
-    ----------
-    single : SinglePulses
-    slot_s : float
-    row : int
-        Frequency.
-    time_s : ndarray of float64, shape (n,)
-        Starts of the bursts, from the first slot's beginning.
-    weight : ndarray of float64, shape (n,)
-        By how strong each is expected.
+    `row`: frequency.
+    `time_s` (n,): starts of the bursts, from the first slot's beginning.
+    `weight` (n,): by how strong each is expected.
     """
     own = Sender(shift_s=0.0, pulses_s=np.zeros(0))
     capped = np.minimum(single.level[row].astype(np.float64), _CAP)
@@ -263,12 +245,8 @@ def log_ratio_parts(
     The sum over p pulses of strength S is a noncentral chi-square of 2 p degrees of freedom
     (Johnson, Kotz and Balakrishnan 1995, Continuous Univariate Distributions 2, 29).
 
-    Parameters
-    ----------
-    energy : ndarray of float64, shape (energies,)
-        Mean of a burst's pulses [noise energies].
-    strength : ndarray of float64, shape (strengths, 1)
-    pulses : int
+    `energy` (energies,): mean of a burst's pulses [noise energies].
+    `strength`: shape (strengths, 1).
     """
     total, power = pulses * energy, pulses * strength
     x = 2.0 * np.sqrt(total * power)

@@ -177,13 +177,8 @@ class Cells:
         Each cell's lies evenly over its ground, as in `region`: between its middles alone a
         single cell would have none.
 
-        Parameters
-        ----------
-        east_m, north_m : float
-            From the middle of the flight.
-        shares : sequence of float
-        cells : ndarray of intp, optional
-            The share is of these; by default of all.
+        `east_m`, `north_m`: from the middle of the flight.
+        `cells`: the share is of these; by default of all.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(_WITHIN) + 0.5) / _WITHIN

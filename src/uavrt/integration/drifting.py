@@ -83,13 +83,7 @@ def search_drifting(
 ) -> FoldedTrain:
     """Find the likeliest train of a tag whose interval may drift.
 
-    Parameters
-    ----------
-    energies : SlotEnergies
-    weights : Weights
-    tag : Tag
-    most_drift : float
-        Largest relative change of the interval over the flight, up or down.
+    `most_drift`: largest relative change of the interval over the flight, up or down.
     """
     steady = search_flight(energies, weights, tag, most=1)[0]
     span_s = len(energies.heard) * energies.slot_s

@@ -102,10 +102,7 @@ class SlotEnergies:
     def away_from(self, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether something was heard in each slot, and at none of some times nor beside them.
 
-        Parameters
-        ----------
-        time_s : ndarray of float64, shape (n,)
-            From `start_ns`.
+        `time_s` (n,): from `start_ns`.
         """
         return self.heard & self._beyond(time_s)
 
@@ -142,16 +139,9 @@ class SlotEnergies:
 def joined(parts: Sequence[SlotEnergies]) -> SlotEnergies:
     """Put energies of neighbouring slots together, and standardise them as a whole.
 
-    Parameters
-    ----------
-    parts : sequence of SlotEnergies
-        Of one tag, each beginning where the one before ends. Columns left out beside the slots
-        that were kept of a part are counted with it.
-
-    Raises
-    ------
-    ValueError
-        There is none.
+    `parts`: of one tag, each beginning where the one before ends. Columns left out beside the
+    slots that were kept of a part are counted with it.
+    Raises `ValueError`: there is none.
     """
     first = parts[0] if parts else None
     if first is None:
@@ -242,19 +232,10 @@ def gather(
     A crystal that is fast gives more samples than there is time for: what overlaps is left out.
     A clock that was set back, or by hours, is treated as if it had not been set.
 
-    Parameters
-    ----------
-    blocks : iterable of (ndarray of complex64, int)
-        Samples, and the time of the first [ns, UTC], in order.
-    sample_rate_hz : float
-
-    Returns
-    -------
-    samples : ndarray of complex64, shape (n,)
-    there : ndarray of bool, shape (n,)
-        False where samples are missing.
-    start_ns : int
-        Time of the first; 0 of no blocks.
+    `blocks`: samples, and the time of the first [ns, UTC], in order.
+    Returns: shape (n,).
+    Returns: `there` (n,): False where samples are missing.
+    Returns: `start_ns`: time of the first; 0 of no blocks.
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []
@@ -298,18 +279,11 @@ def slot_energies(
 ) -> SlotEnergies:
     """Measure the energy of each slot.
 
-    Parameters
-    ----------
-    samples, there, start_ns
-        From `gather`.
-    tag : Tag
-        Its pulse width sets the window, its jitter how far beside a slot is looked.
-    sample_rate_hz, center_frequency_hz : float
-        Of the channel.
-    frequency_window_hz : float
-        Half-width of the search around the tag's nominal frequency.
-    slots_per_pulse : int
-        2, or 4 for a tag without jitter; 1 for a quick look.
+    `samples`, `there`, `start_ns`: from `gather`.
+    `tag`: its pulse width sets the window, its jitter how far beside a slot is looked.
+    `sample_rate_hz`, `center_frequency_hz`: of the channel.
+    `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
+    `slots_per_pulse`: 2, or 4 for a tag without jitter; 1 for a quick look.
     """
     layout = slot_layout(
         tag,

@@ -21,21 +21,12 @@ def fold(
 ) -> NDArray[np.float32]:
     """Add up what lies one interval apart.
 
-    Parameters
-    ----------
-    values : ndarray of float32, shape (many, slots)
-        What is folded alike.
-    period : int
-        Base period [slots].
-    first, end : int
-        Rows of the fold that are wanted; by default all.
-
-    Returns
-    -------
-    ndarray of float32, shape (many, rows, period)
-        ``[i, d - first, p]``: the sum of the i-th values over the slots
-        ``p + k (period + d / (rows - 1))``; rows is the next power of two to the number of
-        periods in all slots.
+    `values` (many, slots): what is folded alike.
+    `period`: base period [slots].
+    `first`, `end`: rows of the fold that are wanted; by default all.
+    Returns: (many, rows, period) ``[i, d - first, p]``: the sum of the i-th values over the
+    slots ``p + k (period + d / (rows - 1))``; rows is the next power of two to the number of
+    periods in all slots.
     """
     many, slots = values.shape
     rows = fold_rows(slots, period)
@@ -82,18 +73,11 @@ def highest(
 ) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
     """Mix the sums of patterns for each place; the highest of all cells.
 
-    Parameters
-    ----------
-    sums : ndarray of float32, shape (patterns, rows, period)
-    mixing : ndarray of float32, shape (places, patterns)
-    scale : ndarray of float32, shape (rows,)
-        Positive, of each row's sums.
-
-    Returns
-    -------
-    score : ndarray of float32, shape (places,)
-    cell : ndarray of int, shape (places,)
-        Index among rows and phases.
+    `sums`: shape (patterns, rows, period).
+    `mixing`: shape (places, patterns).
+    `scale` (rows,): positive, of each row's sums.
+    Returns: shape (places,).
+    Returns: `cell` (places,): index among rows and phases.
     """
     patterns, rows, period = sums.shape
     places = len(mixing)
@@ -112,12 +96,8 @@ def highest(
 def slots_added(slots: int, period: int, row: int, phase: int) -> NDArray[np.intp]:
     """Get the slots whose sum a cell of a fold is.
 
-    Parameters
-    ----------
-    slots : int
-        That were folded.
-    period, row, phase : int
-        Base period [slots], row of the fold and phase [slots].
+    `slots`: that were folded.
+    `period`, `row`, `phase`: base period [slots], row of the fold and phase [slots].
     """
     rows = fold_rows(slots, period)
     levels = rows.bit_length() - 1

@@ -20,17 +20,10 @@ BLOCK_S = 30.0
 class GrowingEnergies:
     """Takes a channel's samples as they come; gives the energies of all that came.
 
-    Parameters
-    ----------
-    tag : Tag
-    start_ns : int
-        Time of the first sample [UTC].
-    sample_rate_hz, center_frequency_hz : float
-        Of the channel.
-    frequency_window_hz : float
-        Half-width of the search around the tag's nominal frequency.
-    slots_per_pulse : int
-        1 is a quarter of the folding of 2.
+    `start_ns`: time of the first sample [UTC].
+    `sample_rate_hz`, `center_frequency_hz`: of the channel.
+    `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
+    `slots_per_pulse`: 1 is a quarter of the folding of 2.
     """
 
     def __init__(
@@ -117,9 +110,6 @@ class GrowingEnergies:
     def energies(self) -> SlotEnergies:
         """Get those of all blocks.
 
-        Raises
-        ------
-        ValueError
-            There is none yet.
+        Raises `ValueError`: there is none yet.
         """
         return joined(self._parts)

@@ -62,13 +62,8 @@ def train_pulses(
 ) -> TrainPulses:
     """Refine a train between the cells of the search, and take its slots' energies.
 
-    Parameters
-    ----------
-    energies : SlotEnergies
-    train : FoldedTrain
-    gain : ndarray of float64, shape (times,)
-        Of its place.
-    gain_time_s : ndarray of float64, shape (times,)
+    `gain` (times,): of its place.
+    `gain_time_s`: shape (times,).
     """
     slot_s, slots = energies.slot_s, energies.energy.shape[1]
     span_s = slots * slot_s
@@ -156,13 +151,8 @@ class HeardTrain:
 def slot_logs(one: HeardTrain, gain: _Floats, levels_db: _Floats) -> _Floats:
     """Log likelihood ratio of a pulse in each slot, shape (levels, slots).
 
-    Parameters
-    ----------
-    one : HeardTrain
-    gain : ndarray of float64, shape (slots,)
-        Energy of a pulse relative to the strongest.
-    levels_db : ndarray of float64, shape (levels,)
-        Energy over noise of the strongest.
+    `gain` (slots,): energy of a pulse relative to the strongest.
+    `levels_db` (levels,): energy over noise of the strongest.
     """
     table = likelihood_table(one)
     column, beyond_db = looked_up(one.pulses.energy)
@@ -193,16 +183,9 @@ def noise_reaches(one: HeardTrain, share: float) -> float:
 def likelihood_table(one: HeardTrain, fading_db: float = FADING_DB) -> _Floats:
     """Log likelihood ratios of the energies of a train's pulses, or bursts.
 
-    Parameters
-    ----------
-    one : HeardTrain
-    fading_db : float
-        Standard deviation of single pulses, by what pattern, poses and ground do beyond the
-        model.
-
-    Returns
-    -------
-    ndarray of float64, shape (strengths `STEP_DB` apart, amplitudes)
+    `fading_db`: standard deviation of single pulses, by what pattern, poses and ground do
+    beyond the model.
+    Returns: shape (strengths `STEP_DB` apart, amplitudes).
     """
     pulses, mean = one.pulses.pulses, one.mean_noise_energy
     many = _exponentials(mean) if pulses == 1 else exponentials(mean, pulses)

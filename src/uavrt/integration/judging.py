@@ -80,17 +80,10 @@ def judge(
 ) -> Judgement:
     """Search a tag, and again without each train that explains what was found better.
 
-    Parameters
-    ----------
-    energies : SlotEnergies
-    gain : ndarray of float64, shape (places, times)
-        Of the places looked at, relative to each one's strongest.
-    gain_time_s : ndarray of float64, shape (times,)
-    tag : Tag
-    false_alarm_probability : float
-        For a flight and tag.
-    most_drift : float
-        Largest relative change of the interval over the flight.
+    `gain` (places, times): of the places looked at, relative to each one's strongest.
+    `gain_time_s`: shape (times,).
+    `false_alarm_probability`: for a flight and tag.
+    `most_drift`: largest relative change of the interval over the flight.
     """
     others: list[OtherTrain] = []
     while True:
@@ -158,15 +151,7 @@ def _other_code(train: FoldedTrain) -> OtherTrain:
 def better_elsewhere(
     energies: SlotEnergies, weights: Weights, train: FoldedTrain, tag: Tag
 ) -> OtherTrain | None:
-    """Find a train at an interval that is not the tag's, and explains a found one better.
-
-    Parameters
-    ----------
-    energies : SlotEnergies
-    weights : Weights
-    train : FoldedTrain
-    tag : Tag
-    """
+    """Find a train at an interval that is not the tag's, and explains a found one better."""
     middle = int(np.argmin(np.abs(energies.offsets_hz - train.offset_hz)))
     rows = np.arange(max(0, middle - 1), min(len(energies.energy), middle + 2))
     if train.loud:

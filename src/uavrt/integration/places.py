@@ -98,11 +98,8 @@ class Track:
     def away_db(self, east_m: _Floats, north_m: _Floats, part: _Floats) -> _Floats:
         """How far places were: (places, parts), 10 dB for each factor of ten.
 
-        Parameters
-        ----------
-        east_m, north_m : ndarray of float64, shape (places,)
-        part : ndarray of float64, shape (parts,)
-            Indices among the times, whole or between two.
+        `east_m`, `north_m`: shape (places,).
+        `part` (parts,): indices among the times, whole or between two.
         """
         times = np.arange(len(self.east_m))
         east, north, height = (
@@ -123,22 +120,11 @@ def places_around(
 ) -> Places:
     """Lay places around where a drone was while it listened.
 
-    Parameters
-    ----------
-    poses : PoseColumns
-        Of the antenna, at least two.
-    pattern : AntennaPattern
-    start_ns, end_ns : int
-        Of the samples [UTC].
-    hills : HillLosses, optional
-        The ground; None is level.
-    plane : TangentPlane, optional
-        Around whose middle the places lie; by default that of the poses.
-
-    Raises
-    ------
-    UsageError
-        The poses are not of the time of the samples.
+    `poses`: of the antenna, at least two.
+    `start_ns`, `end_ns`: of the samples [UTC].
+    `hills`: the ground; None is level.
+    `plane`: around whose middle the places lie; by default that of the poses.
+    Raises `UsageError`: the poses are not of the time of the samples.
     """
     inside = (poses.time_ns >= start_ns) & (poses.time_ns <= end_ns)
     if np.count_nonzero(inside) < 2:
@@ -212,11 +198,8 @@ def east_north(bearing_deg: _Floats, range_m: _Floats) -> tuple[_Floats, _Floats
 def distinct(weights: _Floats, alike_from: float = ALIKE) -> NDArray[np.intp]:
     """Places whose weights stand for all others'.
 
-    Parameters
-    ----------
-    weights : ndarray of float64, shape (places, times)
-    alike_from : float
-        Correlation from which one stands for another.
+    `weights`: shape (places, times).
+    `alike_from`: correlation from which one stands for another.
     """
     unit = weights / np.maximum(np.linalg.norm(weights, axis=1, keepdims=True), 1e-12)
     alike = unit @ unit.T

@@ -24,19 +24,11 @@ _LOGS_EACH = 8
 def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Floats:
     """By how much slots are likelier if a tag may have been at another rate in some of them.
 
-    Parameters
-    ----------
-    inverses : iterable of ndarray of float64
-        One over the likelihood ratio of a pulse in each slot, one array of hypotheses after the
-        other.
-    shape : tuple of int
-        Of these arrays.
-
-    Returns
-    -------
-    ndarray of float64
-        Logarithm, in that shape, over all paths (the forward algorithm): to be added to the
-        logarithms of the slots' likelihood ratios.
+    `inverses`: one over the likelihood ratio of a pulse in each slot, one array of hypotheses
+    after the other.
+    `shape`: of these arrays.
+    Returns: logarithm, in that shape, over all paths (the forward algorithm): to be added to
+    the logarithms of the slots' likelihood ratios.
     """
     total, product, on = np.zeros(shape), np.ones(shape), np.full(shape, 0.5)
     for slot, inverse in enumerate(inverses):
@@ -57,10 +49,7 @@ def other_rate_logs(inverses: Iterable[_Floats], shape: tuple[int, ...]) -> _Flo
 def likeliest_states(logs: _Floats) -> NDArray[np.bool_]:
     """In which slots a tag was at a rate: the likeliest path of the best level (Viterbi 1967).
 
-    Parameters
-    ----------
-    logs : ndarray of float64, shape (levels, slots)
-        Logarithm of the likelihood ratio of a pulse in each slot.
+    `logs` (levels, slots): logarithm of the likelihood ratio of a pulse in each slot.
     """
     levels, slots = logs.shape
     at_other = np.log1p(_STRAY * np.expm1(logs))

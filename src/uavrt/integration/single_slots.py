@@ -27,12 +27,9 @@ class SlotEvidence:
 def slot_evidence(one: HeardTrain, gain: NDArray[np.float64]) -> SlotEvidence:
     """Judge the slots of a train one by one.
 
-    Parameters
-    ----------
-    one : HeardTrain
-        Of a tag that was found.
-    gain : ndarray of float64, shape (slots,)
-        Energy of a pulse from the likeliest place in each slot, relative to the strongest.
+    `one`: of a tag that was found.
+    `gain` (slots,): energy of a pulse from the likeliest place in each slot, relative to the
+    strongest.
     """
     at_rate = np.ones(len(one.pulses.energy), bool)
     if one.rates > 1:

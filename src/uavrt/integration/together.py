@@ -150,13 +150,9 @@ def search_together(
 ) -> JointTrain:
     """Find the likeliest tag of several flights.
 
-    Parameters
-    ----------
-    flights : sequence of Listened
-        Two or more, with as many frequencies each; of a tag that rests with the same places.
-    tag : Tag
-    moves : bool
-        The tag may be elsewhere in each flight.
+    `flights`: two or more, with as many frequencies each; of a tag that rests with the same
+    places.
+    `moves`: the tag may be elsewhere in each flight.
     """
     weights, patterns = _weights(flights, tag, moves=moves)
     found = [

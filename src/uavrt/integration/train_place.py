@@ -103,10 +103,7 @@ class PlaceBelief:
 def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     """Weigh all places by a train's energies; likely cells are looked at in parts.
 
-    Parameters
-    ----------
-    heard : sequence of HeardTrain
-        Of one flight, or of several of a tag that rested, around one plane's middle.
+    `heard`: of one flight, or of several of a tag that rested, around one plane's middle.
     """
     reading = _Reading.of(heard)
     found = _placed(reading)
@@ -135,11 +132,8 @@ def _placed(reading: "_Reading") -> PlaceBelief:
 def _likeliest(readings: Sequence["_Reading"], cells: Cells) -> "_Reading":
     """The reading whose fading has the most evidence over the likely places.
 
-    Parameters
-    ----------
-    readings : sequence of _Reading
-        By fading; the first is the usual one, and stays unless another is plainly likelier.
-    cells : Cells
+    `readings`: by fading; the first is the usual one, and stays unless another is plainly
+    likelier.
     """
     heard = readings[0].heard
     which = np.argsort(-cells.probability, kind="stable")[:_FADING_CELLS]
@@ -200,13 +194,8 @@ def _levels_db(heard: Sequence[HeardTrain]) -> _Floats:
 def told_share(one: HeardTrain, gain: _Floats, place: PlaceBelief) -> float:
     """Probability that a flight's train is the tag's, and not chance.
 
-    Parameters
-    ----------
-    one : HeardTrain
-    gain : ndarray of float64, shape (places, times)
-        On the scale of all flights.
-    place : PlaceBelief
-        Of all flights, this one among them.
+    `gain` (places, times): on the scale of all flights.
+    `place`: of all flights, this one among them.
     """
     if one.log_trains is None:
         return 1.0
@@ -264,10 +253,8 @@ def _over_levels(logs: _Floats, levels_db: _Floats) -> tuple[_Floats, _Floats]:
     That of a loud tag is told to a fraction of the step between levels: between them the
     logarithm follows a spline, for it is smooth.
 
-    Parameters
-    ----------
-    logs : ndarray of float64, shape (falls, places, levels)
-    levels_db : ndarray of float64, shape (levels,)
+    `logs`: shape (falls, places, levels).
+    `levels_db`: shape (levels,).
     """
     fine = np.linspace(levels_db[0], levels_db[-1], _LEVEL_PARTS * (len(levels_db) - 1) + 1)
     between = interpolate.CubicSpline(levels_db, logs, axis=2)(fine)

@@ -231,17 +231,10 @@ def low_rank_weights(
 ) -> Weights:
     """Turn the places' gains into a few patterns to fold, and how to mix them.
 
-    Parameters
-    ----------
-    gain : ndarray of float64, shape (places, times)
-        Energy of a pulse relative to that place's strongest.
-    time_s : ndarray of float64, shape (times,)
-        From the first slot's beginning, ascending.
-    energies : SlotEnergies
-    interval_s : float
-        Nominal, for the number of pulses.
-    kept_variance : float
-        Share of the weights' variance that the patterns keep.
+    `gain` (places, times): energy of a pulse relative to that place's strongest.
+    `time_s` (times,): from the first slot's beginning, ascending.
+    `interval_s`: nominal, for the number of pulses.
+    `kept_variance`: share of the weights' variance that the patterns keep.
     """
     mixing, patterns = low_rank(pulse_weights(gain), kept_variance)
     return Weights.over(patterns, mixing, time_s, energies, interval_s)
@@ -264,15 +257,9 @@ def peaks(
 ) -> Peaks:
     """Fold some frequencies at all intervals between two; the highest cells.
 
-    Parameters
-    ----------
-    values : ndarray of float32, shape (frequencies, slots)
-    rows : sequence of int
-        Frequencies to be folded.
-    weights : Weights
-    slot_s : float
-    between_s : tuple of float
-        Shortest and longest interval.
+    `values`: shape (frequencies, slots).
+    `rows`: frequencies to be folded.
+    `between_s`: shortest and longest interval.
     """
     found: list[Peaks] = []
     for at, intervals, sums, scale in _folds(values, rows, weights, slot_s, between_s):
@@ -373,10 +360,6 @@ def correlation_slots(energies: SlotEnergies) -> _Floats:
 
     A narrow line of hum changes slowly: its slots are few, however many there are. It is the
     sum of the squared correlation over all lags.
-
-    Parameters
-    ----------
-    energies : SlotEnergies
     """
     energy = energies.energy
     power = np.maximum(np.sum(energy**2, axis=1, dtype=np.float64), 1e-9)
@@ -413,16 +396,10 @@ def search_flight(
     All its rates are searched, for weak pulses by their weighted energies, and for loud ones,
     which these leave out, by their number.
 
-    Parameters
-    ----------
-    energies : SlotEnergies
-    weights : Weights
-    tag : Tag
-        Intervals and their uncertainty.
-    most : int
-        Trains returned.
-    few_patterns : int
-        With more than so many, cells are chosen by fewer places, and then looked at in full.
+    `tag`: intervals and their uncertainty.
+    `most`: trains returned.
+    `few_patterns`: with more than so many, cells are chosen by fewer places, and then looked at
+    in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)
     weak = _weak_trains(energies, weights, folded, tag, most)

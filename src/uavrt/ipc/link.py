@@ -40,10 +40,7 @@ class SupervisorGone(ConnectionError):
 class ChildLink:
     """Sends and receives records; see the module's text.
 
-    Parameters
-    ----------
-    sock : socket.socket
-        Stream socket to the supervisor.
+    `sock`: stream socket to the supervisor.
     """
 
     def __init__(self, sock: socket.socket) -> None:
@@ -70,10 +67,7 @@ class ChildLink:
     def put(self, topic: str, record: object) -> None:
         """Keep a record for the next `send`, `flush` or `receive`.
 
-        Raises
-        ------
-        SupervisorGone
-            Nobody will ever read it.
+        Raises `SupervisorGone`: nobody will ever read it.
         """
         self._unsent += encode_record(topic, record)
         if len(self._unsent) > FLUSH_BYTES:
@@ -109,15 +103,9 @@ class ChildLink:
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
         """Get the records that have arrived, waiting up to `timeout_s` for the first.
 
-        Returns
-        -------
-        list of (str, record)
-            Topic and record, in order.
-
-        Raises
-        ------
-        SupervisorGone
-            The supervisor has ended, and all that it had sent was received before.
+        Returns: topic and record, in order.
+        Raises `SupervisorGone`: the supervisor has ended, and all that it had sent was received
+        before.
         """
         if not self._received and timeout_s > 0 and not self._gone:
             if self._unsent:

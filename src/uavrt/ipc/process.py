@@ -32,12 +32,8 @@ HEALTH_PERIOD_S = TOPICS["health"].every_s or 1.0
 class ProcessFrame:
     """What every child process has in common.
 
-    Parameters
-    ----------
-    link : ChildLink
-        Socket to the supervisor.
-    assignment : Assignment
-        What to do.
+    `link`: socket to the supervisor.
+    `assignment`: what to do.
     """
 
     def __init__(self, link: ChildLink, assignment: Assignment) -> None:

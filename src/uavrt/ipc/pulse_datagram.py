@@ -121,17 +121,9 @@ def record_of_search(report: SearchReport) -> PulseRecord:
 class PulseDatagramSender:
     """Sends pulse records and heartbeats; never waits, listener or not.
 
-    Parameters
-    ----------
-    host, port : str, int
-        Where to.
-    tag_ids : sequence of int
-        Tags that heartbeats are sent for.
-
-    Raises
-    ------
-    LinkError
-        The name is unknown.
+    `host`, `port`: where to.
+    `tag_ids`: tags that heartbeats are sent for.
+    Raises `LinkError`: the name is unknown.
     """
 
     def __init__(self, host: str, port: int, tag_ids: Sequence[int]) -> None:

@@ -235,10 +235,7 @@ _decoders: dict[str, msgspec.json.Decoder[Any]] = {
 def encode_record(topic: str, record: object) -> bytes:
     """Write a record as one line, newline included.
 
-    Raises
-    ------
-    TypeError
-        `record` is not of the topic's type; a fault of the program.
+    Raises `TypeError`: `record` is not of the topic's type; a fault of the program.
     """
     if not isinstance(record, TOPICS[topic].record):
         raise TypeError(f"{topic} carries {TOPICS[topic].record.__name__}, not {record!r}")
@@ -253,10 +250,7 @@ def topic_of(line: bytes) -> str:
 def decode_record(line: bytes) -> tuple[str, Any]:
     """Read a line into its topic and record.
 
-    Raises
-    ------
-    ValueError
-        The line is not a record of a known topic.
+    Raises `ValueError`: the line is not a record of a known topic.
     """
     name, separator, body = line.partition(b"\t")
     topic = name.decode("ascii", "replace")

@@ -57,24 +57,15 @@ class Address:
 def parse_address(text: str, *, baud: int = DEFAULT_BAUD) -> Address:
     """Read an address.
 
-    Parameters
-    ----------
-    text : str
-        One of the four forms.
-    baud : int
-        Of a serial port, where the text names none.
-
-    Raises
-    ------
-    ConfigError
-        It is none of the four forms.
-
-    >>> parse_address("udpin://127.0.0.1:14540").port
-    14540
-    >>> parse_address("serial:///dev/ttyAMA0:921600").baud
-    921600
-    >>> parse_address("serial://COM3").device
-    'COM3'
+    `text`: one of the four forms.
+    `baud`: of a serial port, where the text names none.
+    Raises `ConfigError`: it is none of the four forms.
+    Raises `>>> parse_address("udpin://127.0.0.1:14540").port`.
+    Raises `14540`.
+    Raises `>>> parse_address("serial:///dev/ttyAMA0:921600").baud`.
+    Raises `921600`.
+    Raises `>>> parse_address("serial://COM3").device`.
+    Raises `'COM3'`.
     """
     try:
         parts = urlsplit(text)

@@ -38,20 +38,12 @@ def answer_command(
     A command to all components of the system is answered only when we can serve it: "not
     supported" from us would make a ground station believe that its take-off was refused.
 
-    Parameters
-    ----------
-    message : CommandLong or CommandInt
-        The command.
-    sender : Peer
-        Whom to answer.
-    direct : bool
-        True when it names our component, False when it names all.
-    uptime_ms : int
-        Time since our start.
-    bytewise : bool
-        How whole numbers travel in parameters.
-    metadata : Metadata, optional
-        What our files say of us.
+    `message`: the command.
+    `sender`: whom to answer.
+    `direct`: True when it names our component, False when it names all.
+    `uptime_ms`: time since our start.
+    `bytewise`: how whole numbers travel in parameters.
+    `metadata`: what our files say of us.
     """
     asked = _asked_message(message)
     if asked == dialect.ComponentMetadata.ID and metadata is not None:

@@ -76,26 +76,17 @@ class Handlers:
 class Component:
     """Component 191 on the autopilot's system.
 
-    Parameters
-    ----------
-    send : callable
-        Sends a message now; called with the message only. Addressing is in the message; the
-        sender's numbers are `system_id` and `component_id` of this object.
-    handlers : Handlers
-        Receivers of samples and tunnel payloads.
-    component_id : int
-        191, MAV_COMP_ID_ONBOARD_COMPUTER.
-    attitude_rate_hz, position_rate_hz : float
-        What is asked of the autopilot.
-    parameter_encoding : {"auto", "bytewise", "c_cast", "float"}
-        How whole numbers travel in parameters; auto, and float, where there are none: as the
-        autopilot does it.
-    watched_hz : mapping of int to float
-        Further messages that are asked of the autopilot, and how often.
-    healthy : callable
-        Says whether to send the heartbeat: a faulted component must fall silent.
-    own_system_id : int, optional
-        Number of a station without an autopilot; None waits for one and takes its number.
+    `send`: sends a message now; called with the message only. Addressing is in the message; the
+    sender's numbers are `system_id` and `component_id` of this object.
+    `handlers`: receivers of samples and tunnel payloads.
+    `component_id`: 191, MAV_COMP_ID_ONBOARD_COMPUTER.
+    `attitude_rate_hz`, `position_rate_hz`: what is asked of the autopilot.
+    `parameter_encoding`: how whole numbers travel in parameters; auto, and float, where there
+    are none: as the autopilot does it.
+    `watched_hz`: further messages that are asked of the autopilot, and how often.
+    `healthy`: says whether to send the heartbeat: a faulted component must fall silent.
+    `own_system_id`: number of a station without an autopilot; None waits for one and takes its
+    number.
     """
 
     def __init__(

@@ -47,18 +47,13 @@ class _Way:
 class Connection:
     """The drone's MAVLink connection.
 
-    Parameters
-    ----------
-    handlers : Handlers
-        Receivers of samples and tunnel payloads.
-    clock_ns : callable
-        Our clock [ns, UTC]; every time handed out is on it.
-    component_id, attitude_rate_hz, position_rate_hz, gap_s, parameter_encoding, own_system_id
-        See `Component` and `TunnelSender`.
-    watched_hz : mapping of int to float
-        See `Component`.
-    signing : Signing, optional
-        Signs what leaves and judges what comes; the number of a link is its signing link id.
+    `handlers`: receivers of samples and tunnel payloads.
+    `clock_ns`: our clock [ns, UTC]; every time handed out is on it.
+    `component_id`, `attitude_rate_hz`, `position_rate_hz`, `gap_s`, `parameter_encoding`,
+    `own_system_id`: see `Component` and `TunnelSender`.
+    `watched_hz`: see `Component`.
+    `signing`: signs what leaves and judges what comes; the number of a link is its signing link
+    id.
     """
 
     def __init__(
@@ -132,10 +127,7 @@ class Connection:
     async def serve(self, number: int, address: str | Address) -> None:
         """Open one link and serve it until cancelled; `keep_time` must run beside.
 
-        Raises
-        ------
-        ConfigError, LinkError
-            It cannot be opened.
+        Raises `ConfigError`, `LinkError`: it cannot be opened.
         """
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link

@@ -51,10 +51,7 @@ EVERYONE = Peer(0, 0)
 def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
     """Make the heartbeat of a ground station of ours.
 
-    Parameters
-    ----------
-    as_gcs : bool
-        Of type GCS, as the original's drone side insists on.
+    `as_gcs`: of type GCS, as the original's drone side insists on.
     """
     return Heartbeat(
         type=MavType.GCS if as_gcs else MavType.GENERIC,

@@ -113,14 +113,9 @@ class FrameWriter:
 class FrameParser:
     """Cuts a stream of bytes, or datagrams, into frames; counts what is wrong.
 
-    Attributes
-    ----------
-    received : int
-        Frames with a right checksum.
-    bad_crc : int
-        Frames (or stray markers) with a wrong one.
-    skipped_bytes : int
-        Bytes that belonged to no frame.
+    `received`: frames with a right checksum.
+    `bad_crc`: frames (or stray markers) with a wrong one.
+    `skipped_bytes`: bytes that belonged to no frame.
     """
 
     def __init__(self) -> None:

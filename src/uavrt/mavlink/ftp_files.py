@@ -27,12 +27,8 @@ class FileRefused(Exception):
 class FileTree:
     """The directory.
 
-    Parameters
-    ----------
-    root : path
-        What clients see as ``/``; it need not exist yet.
-    extra : mapping of str to bytes
-        Files that exist in memory only, by their path without the leading slash.
+    `root`: what clients see as ``/``; it need not exist yet.
+    `extra`: files that exist in memory only, by their path without the leading slash.
     """
 
     def __init__(self, root: str | Path, extra: Mapping[str, bytes] | None = None) -> None:
@@ -42,10 +38,7 @@ class FileTree:
     def entries(self, name: str) -> list[bytes]:
         """List a directory by name: ``F``, name, tab, size; or ``D``, name.
 
-        Raises
-        ------
-        FileRefused
-            It is none, or it cannot be read.
+        Raises `FileRefused`: it is none, or it cannot be read.
         """
         parts = _parts(name)
         inside = "/".join(parts)

@@ -131,14 +131,9 @@ class Crc:
 class FileServer:
     """Serves a `FileTree`; a source of the paced queue.
 
-    Parameters
-    ----------
-    tree : FileTree
-        What is served.
-    wake : callable
-        Called when there is a new reply to send.
-    disk : Disk
-        Does what touches the disk; at once unless told otherwise.
+    `tree`: what is served.
+    `wake`: called when there is a new reply to send.
+    `disk`: does what touches the disk; at once unless told otherwise.
     """
 
     def __init__(

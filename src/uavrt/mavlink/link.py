@@ -59,14 +59,9 @@ class LinkCounters:
 class Link:
     """One link; subclasses know the transport.
 
-    Parameters
-    ----------
-    address : Address
-        Where to.
-    on_frame : callable
-        Called with each received frame.
-    parser : Parser, optional
-        Of another protocol than MAVLink: then `on_frame` takes what it gives.
+    `address`: where to.
+    `on_frame`: called with each received frame.
+    `parser`: of another protocol than MAVLink: then `on_frame` takes what it gives.
     """
 
     def __init__(

@@ -52,24 +52,12 @@ _OURS = (
 class MissionTransfer(ABC):
     """What an upload and a download have in common.
 
-    Parameters
-    ----------
-    kind : {"mission", "fence"}
-    vehicle : Peer
-        The autopilot.
-    own : (int, int)
-        Our system and component id.
-
-    Attributes
-    ----------
-    done : bool
-        It has ended well.
-    fault : str or None
-        Why it has failed.
-    silent : bool
-        It has failed because nobody answered.
-    counters : Counter
-        What was sent again, and what was heard and not used.
+    `vehicle`: the autopilot.
+    `own`: our system and component id.
+    `done`: it has ended well.
+    `fault`: why it has failed.
+    `silent`: it has failed because nobody answered.
+    `counters`: what was sent again, and what was heard and not used.
     """
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:
@@ -167,11 +155,7 @@ class MissionTransfer(ABC):
 class MissionUpload(MissionTransfer):
     """Sends items; the vehicle asks for each.
 
-    Parameters
-    ----------
-    items : sequence of MissionItem
-    kind, vehicle, own
-        As of `MissionTransfer`.
+    `kind`, `vehicle`, `own`: as of `MissionTransfer`.
     """
 
     def __init__(
@@ -245,10 +229,7 @@ class MissionUpload(MissionTransfer):
 class MissionDownload(MissionTransfer):
     """Asks for all items.
 
-    Attributes
-    ----------
-    items : list of MissionItem
-        Those that have come.
+    `items`: those that have come.
     """
 
     def __init__(self, kind: MissionKind, vehicle: Peer, own: tuple[int, int]) -> None:

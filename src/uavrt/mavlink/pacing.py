@@ -101,19 +101,10 @@ class PacedQueue:
     When a queue is full its oldest message is dropped and counted: a status that is a minute
     old serves nobody, and an acknowledgement is asked for again.
 
-    Parameters
-    ----------
-    gap_s : float
-        Time between two messages; at least 0.012 s.
-    rate : LinkRate, optional
-        Bytes a second that the way takes.
-    straight : bool
-        No autopilot is on the way: then the gap may be as short as 0.001 s.
-
-    Raises
-    ------
-    ConfigError
-        The gap is below the floor.
+    `gap_s`: time between two messages; at least 0.012 s.
+    `rate`: bytes a second that the way takes.
+    `straight`: no autopilot is on the way: then the gap may be as short as 0.001 s.
+    Raises `ConfigError`: the gap is below the floor.
     """
 
     def __init__(

@@ -30,14 +30,9 @@ OWN_COMPONENT = 191
 class ParameterClient:
     """A conversation with the autopilot; see `connected`.
 
-    Attributes
-    ----------
-    autopilot : Peer
-        Whom we talk to.
-    kind : int
-        MAV_AUTOPILOT of its heartbeat.
-    armed : bool
-        Whether its motors may turn.
+    `autopilot`: whom we talk to.
+    `kind`: MAV_AUTOPILOT of its heartbeat.
+    `armed`: whether its motors may turn.
     """
 
     def __init__(self) -> None:
@@ -58,10 +53,7 @@ class ParameterClient:
     ) -> AsyncIterator["ParameterClient"]:
         """Open the link and wait for the autopilot.
 
-        Raises
-        ------
-        LinkError
-            The link cannot be opened, or no autopilot is heard.
+        Raises `LinkError`: the link cannot be opened, or no autopilot is heard.
         """
         client = cls()
         client._link = await open_link(address, client._receive)

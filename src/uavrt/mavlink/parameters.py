@@ -36,14 +36,9 @@ class Wish:
 class ParameterServer:
     """Answers with the values in force.
 
-    Parameters
-    ----------
-    values : callable
-        Gives every parameter's value, in the order of their index.
-    types : mapping of str to MavParamType
-        INT32 or REAL32 for each.
-    bytewise : callable
-        Whether whole numbers travel as bytes.
+    `values`: gives every parameter's value, in the order of their index.
+    `types`: INT32 or REAL32 for each.
+    `bytewise`: whether whole numbers travel as bytes.
     """
 
     def __init__(

@@ -61,10 +61,7 @@ STRAIGHT = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0
 class LinkRate:
     """Token bucket with a rate that adapts.
 
-    Parameters
-    ----------
-    reach : Reach
-        Kind of link; a telemetry radio unless told otherwise.
+    `reach`: kind of link; a telemetry radio unless told otherwise.
     """
 
     def __init__(self, reach: Reach = RADIO) -> None:
@@ -129,13 +126,9 @@ class LinkRate:
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
         """Time until something that is not urgent may go.
 
-        Parameters
-        ----------
-        now_ns : int
-            Time now.
-        room_bytes : float
-            As much that a pulse after it waits for at most `PULSE_WAIT_S`; at most
-            `BURST_BYTES`.
+        `now_ns`: time now.
+        `room_bytes`: as much that a pulse after it waits for at most `PULSE_WAIT_S`; at most
+        `BURST_BYTES`.
         """
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)

@@ -25,10 +25,7 @@ MAX_PEERS = 64
 class Routes:
     """Remembers on which links each peer was heard.
 
-    Parameters
-    ----------
-    links : int
-        How many links there are.
+    `links`: how many links there are.
     """
 
     def __init__(self, links: int) -> None:

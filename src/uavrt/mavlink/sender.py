@@ -40,22 +40,13 @@ meanwhile: a file client is no ground station, and its replies go behind them.""
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    Parameters
-    ----------
-    send : callable
-        Sends a message now.
-    target : callable
-        Gives the address of all ground stations, or None while there is none.
-    clock_ns : callable
-        Time now [ns].
-    gap_s : float
-        Time between two messages, at least 0.012 s.
-    straight : bool
-        No autopilot is on the way: quick, and with the shortest gap.
-    frame_extra_bytes : int
-        What each frame has besides, as a signature.
-    may_send : callable
-        Whether the own system number is known; messages wait until it is.
+    `send`: sends a message now.
+    `target`: gives the address of all ground stations, or None while there is none.
+    `clock_ns`: time now [ns].
+    `gap_s`: time between two messages, at least 0.012 s.
+    `straight`: no autopilot is on the way: quick, and with the shortest gap.
+    `frame_extra_bytes`: what each frame has besides, as a signature.
+    `may_send`: whether the own system number is known; messages wait until it is.
     """
 
     def __init__(
@@ -162,16 +153,10 @@ class PacedSender:
 class OnLink:
     """A source as one of several links sees it: only the link in use takes from it.
 
-    Parameters
-    ----------
-    source : Source
-        What all of them share.
-    link : int
-        Number of the link.
-    group : TunnelSender
-        Knows the link in use.
-    views : list of OnLink
-        Those of all links, this one among them.
+    `source`: what all of them share.
+    `link`: number of the link.
+    `group`: knows the link in use.
+    `views`: those of all links, this one among them.
     """
 
     def __init__(
@@ -215,14 +200,9 @@ class TunnelSender:
     An answer leaves by the link that its question came by; what is for all ground stations by
     as few links as reach all of them (`uavrt.mavlink.routes`), so that nobody gets it twice.
 
-    Parameters
-    ----------
-    senders : sequence of PacedSender
-        Those of the links, link 0 first.
-    routes : Routes
-        Which link leads to whom.
-    discovery : Discovery
-        Who is there.
+    `senders`: those of the links, link 0 first.
+    `routes`: which link leads to whom.
+    `discovery`: who is there.
     """
 
     def __init__(
@@ -276,10 +256,7 @@ class TunnelSender:
     ) -> None:
         """Queue a tunnel payload; without a target it goes to all ground stations.
 
-        Raises
-        ------
-        TunnelError
-            It is longer than 128 bytes.
+        Raises `TunnelError`: it is longer than 128 bytes.
         """
         if len(payload) > TUNNEL_SIZE:
             raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)

@@ -67,10 +67,7 @@ def read_signing_key(path: str | Path) -> SigningKey:
     MAVProxy and QGroundControl make theirs from a passphrase, as its SHA-256:
     ``printf %s PASSPHRASE | sha256sum | cut -c-64``.
 
-    Raises
-    ------
-    ConfigError
-        There is none, or others may read it.
+    Raises `ConfigError`: there is none, or others may read it.
     """
     return SigningKey(read_key_file(path, "signing key", least=KEY_SIZE, most=KEY_SIZE))
 
@@ -96,19 +93,10 @@ class SigningTimes:
 class Signing:
     """Signs what we send and judges what comes; one for all links of a component.
 
-    Parameters
-    ----------
-    key : SigningKey
-        The shared secret.
-    clock_ns : callable
-        Time now [ns, UTC].
-    unsigned : {"none", "autopilot", "all"}
-        Whose unsigned frames are taken. RADIO_STATUS always is: radios cannot sign.
-
-    Attributes
-    ----------
-    counters : Counter of str
-        What was refused, by reason.
+    `key`: the shared secret.
+    `clock_ns`: time now [ns, UTC].
+    `unsigned`: whose unsigned frames are taken. RADIO_STATUS always is: radios cannot sign.
+    `counters`: what was refused, by reason.
     """
 
     def __init__(

@@ -21,14 +21,9 @@ def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:
     pieces, and a piece shorter than 50 bytes, if need be an empty one, ends it. Characters are
     not cut in two.
 
-    Parameters
-    ----------
-    text : str
-        Cut after 400 bytes.
-    severity : int
-        0 (emergency) to 7 (debug).
-    text_id : int
-        1 to 65535; different for texts that follow one another.
+    `text`: cut after 400 bytes.
+    `severity`: 0 (emergency) to 7 (debug).
+    `text_id`: 1 to 65535; different for texts that follow one another.
     """
     pieces, piece = [], b""
     for character in text.replace("\0", " "):

@@ -29,10 +29,7 @@ class _Stream:
 class StreamRequests:
     """Which messages we want at which rate, and the state of each request.
 
-    Parameters
-    ----------
-    rates_hz : dict of int to float
-        Rate for each message id.
+    `rates_hz`: rate for each message id.
     """
 
     def __init__(self, rates_hz: dict[int, float]) -> None:

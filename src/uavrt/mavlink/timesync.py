@@ -46,16 +46,11 @@ class TimeSync:
     that no delay can explain, or its fall, starts the window anew: the autopilot was started
     again.
 
-    Parameters
-    ----------
-    window_s : float
-        How long a round trip counts.
-    keep : float
-        Share of the shortest round trips of each 2 s that the line is put through: of one a
-        second, 30 % in all.
-    jump_s : float
-        Error that means another clock, beyond what the round trips and an unknown skew allow;
-        in two answers one after the other, if it is less than a second.
+    `window_s`: how long a round trip counts.
+    `keep`: share of the shortest round trips of each 2 s that the line is put through: of one a
+    second, 30 % in all.
+    `jump_s`: error that means another clock, beyond what the round trips and an unknown skew
+    allow; in two answers one after the other, if it is less than a second.
     """
 
     def __init__(
@@ -135,12 +130,8 @@ class TimeSync:
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
         """Handle an answered request.
 
-        Parameters
-        ----------
-        sent_ns, received_ns : int
-            Our time when the request left and the answer came [ns].
-        remote_ns : int
-            Boot time in the answer [ns].
+        `sent_ns`, `received_ns`: our time when the request left and the answer came [ns].
+        `remote_ns`: boot time in the answer [ns].
         """
         if received_ns < sent_ns:
             return

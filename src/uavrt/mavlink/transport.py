@@ -18,21 +18,12 @@ async def open_link(
 ) -> Link:
     """Open a link.
 
-    Parameters
-    ----------
-    address : str or Address
-        ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see `uavrt.mavlink.address`.
-    on_frame : callable
-        Called with each received frame, in the loop's thread.
-    parser : Parser, optional
-        Of another protocol than MAVLink: then `on_frame` takes what it gives.
-
-    Raises
-    ------
-    ConfigError
-        The address is none.
-    LinkError
-        It cannot be opened; the text says why and what to do.
+    `address`: ``udpin://``, ``udpout://``, ``tcp://`` or ``serial://``, see
+    `uavrt.mavlink.address`.
+    `on_frame`: called with each received frame, in the loop's thread.
+    `parser`: of another protocol than MAVLink: then `on_frame` takes what it gives.
+    Raises `ConfigError`: the address is none.
+    Raises `LinkError`: it cannot be opened; the text says why and what to do.
     """
     where = parse_address(address) if isinstance(address, str) else address
     link: Link
@@ -57,18 +48,11 @@ async def keep_open(
 ) -> NoReturn:
     """Read a receiver until cancelled; one that is not there is looked for again.
 
-    Parameters
-    ----------
-    address : Address
-        Of the receiver.
-    take : callable
-        Takes what the parser gives.
-    parser : Parser
-        Of its protocol.
-    opened : callable
-        Takes the link once it is open, and None when it is closed.
-    failed : callable
-        Takes the reason each time that it cannot be opened.
+    `address`: of the receiver.
+    `take`: takes what the parser gives.
+    `parser`: of its protocol.
+    `opened`: takes the link once it is open, and None when it is closed.
+    `failed`: takes the reason each time that it cannot be opened.
     """
     link = None
     try:

@@ -74,13 +74,8 @@ def observations(
 ) -> Iterator[Observation]:
     """What a message of the autopilot shows; nothing for most.
 
-    Parameters
-    ----------
-    message : Message
-    now_s : float
-        Our monotonic time of its arrival.
-    late_s : float, optional
-        How long it was on its way, where the autopilot's clock is known.
+    `now_s`: our monotonic time of its arrival.
+    `late_s`: how long it was on its way, where the autopilot's clock is known.
     """
     if isinstance(message, TIMED):
         yield BootTimeSeen(now_s, message.time_boot_ms / 1e3, late_s)

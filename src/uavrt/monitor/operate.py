@@ -23,14 +23,9 @@ def start_detection(
 ) -> str:
     """Send tags and start detecting; get the flight's directory.
 
-    Raises
-    ------
-    CommandRefused
-        The system's state does not allow it; the text says why.
-    ConfigError
-        The frequency or the gain is out of range.
-    UavrtError
-        No answer.
+    Raises `CommandRefused`: the system's state does not allow it; the text says why.
+    Raises `ConfigError`: the frequency or the gain is out of range.
+    Raises `UavrtError`: no answer.
     """
     check_start(None, center_frequency_hz, gain)
     _ask(reader, "start_tags", 1)
@@ -49,12 +44,8 @@ def start_detection(
 def stop_detection(reader: StatusReader) -> str:
     """Stop detecting; get the flight's directory.
 
-    Raises
-    ------
-    CommandRefused
-        The system's state does not allow it.
-    UavrtError
-        No answer.
+    Raises `CommandRefused`: the system's state does not allow it.
+    Raises `UavrtError`: no answer.
     """
     return _ask(reader, "stop_detection", 1)
 

@@ -50,19 +50,10 @@ def _never() -> None:
 class StatusReader:
     """Reads the records that the supervisor shows on its status socket.
 
-    Parameters
-    ----------
-    path : Path
-        The socket.
-    timeout_s : float
-        How long to wait for the supervisor to open it [s].
-    check : callable
-        Called while waiting; raises when a program has ended.
-
-    Raises
-    ------
-    UavrtError
-        The supervisor did not open the socket in time.
+    `path`: the socket.
+    `timeout_s`: how long to wait for the supervisor to open it [s].
+    `check`: called while waiting; raises when a program has ended.
+    Raises `UavrtError`: the supervisor did not open the socket in time.
     """
 
     def __init__(

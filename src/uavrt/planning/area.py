@@ -474,18 +474,9 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 def check_reach(area: SearchArea, farthest_m: float, *, home_known: bool = True) -> None:
     """Refuse a search before anything moves.
 
-    Parameters
-    ----------
-    area : SearchArea
-    farthest_m : float
-        From home, that the battery allows with the way back and the reserve.
-    home_known : bool
-        Whether the autopilot has told its home.
-
-    Raises
-    ------
-    PlanError
-        No home, or the whole area is beyond the battery's reach.
+    `farthest_m`: from home, that the battery allows with the way back and the reserve.
+    `home_known`: whether the autopilot has told its home.
+    Raises `PlanError`: no home, or the whole area is beyond the battery's reach.
     """
     if not home_known:
         raise PlanError(
@@ -517,10 +508,8 @@ def survey_lines(
 ) -> list[tuple[float, float]]:
     """Corners of parallel lines over a polygon, to and fro along its longer side.
 
-    Raises
-    ------
-    PlanError
-        The spacing is not above 0, or there are more lines than `most`: none is cut then.
+    Raises `PlanError`: the spacing is not above 0, or there are more lines than `most`: none is
+    cut then.
     """
     if not spacing_m > 0.0:
         raise PlanError(f"lines {spacing_m:g} m apart", remedy="Give a distance above 0")

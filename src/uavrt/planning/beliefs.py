@@ -82,11 +82,7 @@ class Rival:
     A tracker of its own, to which every pulse belongs as far as it explains it better than the
     tag does, and the probability that there is one at all.
 
-    Parameters
-    ----------
-    prior : TagPrior
-        Of the tag.
-    rng : Generator
+    `prior`: of the tag.
     """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:

@@ -24,14 +24,10 @@ _SAMPLES = 8
 class Separation:
     """How far apart drones stay: in place by their ways, and each at a height of its own.
 
-    Parameters
-    ----------
-    distance_m : float
-        Over ground.
-    height_m : float
-        Between two drones' heights.
-    margin : float
-        Factor on the distance when a planner chooses; less is flown where nothing else is left.
+    `distance_m`: over ground.
+    `height_m`: between two drones' heights.
+    `margin`: factor on the distance when a planner chooses; less is flown where nothing else is
+    left.
     """
 
     distance_m: float = 25.0

@@ -56,10 +56,7 @@ class _Told:
 class CommonFall:
     """Tells each tag what the others have learnt of the exponent.
 
-    Parameters
-    ----------
-    apart : float
-        Standard deviation of the difference between two tags' exponents.
+    `apart`: standard deviation of the difference between two tags' exponents.
     """
 
     def __init__(self, *, apart: float = APART) -> None:

@@ -102,15 +102,9 @@ def listening_way(
 ) -> ListeningWay:
     """Lay the pulses of a tag along a way that is not flown yet.
 
-    Parameters
-    ----------
-    corners_m : list of (east, north)
-        Of the way; the drone flies straight between them.
-    height_m : float
-        Above the ground, which the drone keeps.
-    speed_m_s, interval_s : float
-    nose_first : bool
-        The antenna looks along the way; else it hears alike on all sides.
+    `corners_m`: of the way; the drone flies straight between them.
+    `height_m`: above the ground, which the drone keeps.
+    `nose_first`: the antenna looks along the way; else it hears alike on all sides.
     """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
@@ -145,31 +139,19 @@ def coverage_of(
 ) -> Coverage:
     """Compute with which probability at least one group of a tag's pulses is found.
 
-    Parameters
-    ----------
-    ground : GroundGrid
-        Its cells are where the tag may be.
-    way : ListeningWay
-        One row for each pulse that comes.
-    tag : Tag
-        Its K, interval and false-alarm probability make the threshold.
-    budget : LinkBudget
-        Of `uavrt range`; its height is not used, the way's is.
-    pattern : AntennaPattern, optional
-        With the way's headings; an upright whip's is the same on all sides, and deaf to what
-        is below. By default all directions are alike.
-    level_sigma_db : float
-        Standard deviation of what the tag's level is off, the same for all pulses.
-    frequency_window_hz : float
-        Half-width of the search around the tag's frequency.
-    hills : bool
-        Whether the ground is anything but level.
-    whole_flight : bool
-        Judge all pulses together, as `uavrt integrate` does, and not in groups.
-    most_drift : float
-        Of the interval over the flight, that it was searched with.
-    on_pulse : callable, optional
-        Takes how many pulses are done, and of how many.
+    `ground`: its cells are where the tag may be.
+    `way`: one row for each pulse that comes.
+    `tag`: its K, interval and false-alarm probability make the threshold.
+    `budget`: of `uavrt range`; its height is not used, the way's is.
+    `pattern`: with the way's headings; an upright whip's is the same on all sides, and deaf to
+    what is below. By default all directions are alike.
+    `level_sigma_db`: standard deviation of what the tag's level is off, the same for all
+    pulses.
+    `frequency_window_hz`: half-width of the search around the tag's frequency.
+    `hills`: whether the ground is anything but level.
+    `whole_flight`: judge all pulses together, as `uavrt integrate` does, and not in groups.
+    `most_drift`: of the interval over the flight, that it was searched with.
+    `on_pulse`: takes how many pulses are done, and of how many.
     """
     errors_db, weights = roots_hermitenorm(_ERRORS)
     weights = weights / weights.sum()
@@ -229,15 +211,10 @@ def _by_whole_flight(
 def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) -> Absence:
     """Weigh silence: how probably is the tag not in a part of the map?
 
-    Parameters
-    ----------
-    coverage : Coverage
-        Of a flight in which the tag was not heard.
-    inside : ndarray of bool, shape (rows, columns)
-        The part.
-    prior : float or None
-        Probability beforehand that the tag is in it; None takes the tag to be somewhere on
-        the map, anywhere alike. Cells of unknown ground count as not heard at all.
+    `coverage`: of a flight in which the tag was not heard.
+    `inside` (rows, columns): the part.
+    `prior`: probability beforehand that the tag is in it; None takes the tag to be somewhere on
+    the map, anywhere alike. Cells of unknown ground count as not heard at all.
     """
     missed = 1.0 - np.nan_to_num(coverage.heard.astype(np.float64), nan=0.0)
     here = float(missed[inside].mean()) if inside.any() else 1.0

@@ -37,17 +37,10 @@ def divided(
     tags move to other rounds as long as the longest becomes shorter, or the same with less in
     all.
 
-    Parameters
-    ----------
-    starts : sequence of Start
-    east_m, north_m : (tags,) arrays
-        Where the tags are.
-    speed_m_s : float
-    stay_s : float
-        At each tag.
-    owners : sequence
-        Which drone had each tag before, if any: another takes it only if the time that it
-        saves is worth the change.
+    `east_m`, `north_m`: where the tags are.
+    `stay_s`: at each tag.
+    `owners`: which drone had each tag before, if any: another takes it only if the time that it
+    saves is worth the change.
     """
     rounds = _Rounds(starts, east_m, north_m, speed_m_s, stay_s, owners)
     tours: list[list[int]] = [[] for _ in starts]

@@ -105,17 +105,10 @@ def information_nats(
 ) -> _Floats:
     """(tags, legs) information of each way on the place of each tag.
 
-    Parameters
-    ----------
-    beliefs : sequence of TagBelief
-    legs : Legs
-        Their samples stand for equal shares of each way's time.
-    listener : Listener
-    hypotheses : int
-        Drawn of each tag; the information is at most the logarithm of this.
-    others : Legs, optional
-        Ways on which other drones will listen meanwhile: what they will have told counts no
-        more.
+    `legs`: their samples stand for equal shares of each way's time.
+    `hypotheses`: drawn of each tag; the information is at most the logarithm of this.
+    `others`: ways on which other drones will listen meanwhile: what they will have told counts
+    no more.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
     for number, belief in enumerate(beliefs):
@@ -273,17 +266,8 @@ def renyi_nats(
     R = log(Σ w^α w'^(1-α)) / (α - 1), the mean over measurements drawn from the hypotheses; in
     the limit of α = 1 it is Shannon's information.
 
-    Parameters
-    ----------
-    beliefs : sequence of TagBelief
-    legs : Legs
-        A pulse at each sample.
-    listener : Listener
-    rng : Generator
-    alpha : float
-    measurements : int
-        Drawn for each tag and way.
-    hypotheses : int
+    `legs`: a pulse at each sample.
+    `measurements`: drawn for each tag and way.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
     for number, belief in enumerate(beliefs):

@@ -17,16 +17,10 @@ _Real = NDArray[np.floating[Any]]
 class KeepAway:
     """A radius around every tag, found or not, and how surely it is kept.
 
-    Parameters
-    ----------
-    radius_m : float
-        Distance over ground that is not to be gone below.
-    probability : float
-        That a way keeps it, for each tag.
-    margin : float
-        Factor on the radius when planning: an animal may turn meanwhile.
-    hypotheses : int
-        Drawn of each tag.
+    `radius_m`: distance over ground that is not to be gone below.
+    `probability`: that a way keeps it, for each tag.
+    `margin`: factor on the radius when planning: an animal may turn meanwhile.
+    `hypotheses`: drawn of each tag.
     """
 
     radius_m: float = 50.0
@@ -56,17 +50,10 @@ class KeepAway:
 
         A tag that may not exist is counted as if it did; one that travels goes on meanwhile.
 
-        Parameters
-        ----------
-        beliefs : Beliefs
-        start_m : (float, float)
-            East and north.
-        east_m, north_m : (ways,) arrays
-            Their ends.
-        speed_m_s : float
-            Of the drone.
-        stays_s : float
-            At the end.
+        `start_m`: east and north.
+        `east_m`, `north_m`: their ends.
+        `speed_m_s`: of the drone.
+        `stays_s`: at the end.
         """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2

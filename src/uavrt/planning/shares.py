@@ -23,17 +23,10 @@ def shared_out(
 ) -> dict[int, list[int]]:
     """Tags of each drone in the order of its round, of those that it is known where they are.
 
-    Parameters
-    ----------
-    beliefs : Beliefs
-    found : collection of int
-        Tags that need no more searching.
-    starts : mapping
-        Where and when each drone's round begins, by its number.
-    owners : mapping
-        Who had each tag before, by its number.
-    speed_m_s : float
-        Of the drones.
+    `found`: tags that need no more searching.
+    `starts`: where and when each drone's round begins, by its number.
+    `owners`: who had each tag before, by its number.
+    `speed_m_s`: of the drones.
     """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)

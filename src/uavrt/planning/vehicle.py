@@ -319,10 +319,7 @@ def flown(
 ) -> Path:
     """Where the drone is at each step of an action.
 
-    Raises
-    ------
-    ConfigError
-        The wind is too strong for the way.
+    Raises `ConfigError`: the wind is too strong for the way.
     """
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):

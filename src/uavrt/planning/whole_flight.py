@@ -109,15 +109,9 @@ def whole_flight_enr_db(
 ) -> list[float]:
     """ENR [dB] of the strongest pulse with which a whole flight finds a tag.
 
-    Parameters
-    ----------
-    tag : Tag
-    gain_db : ndarray of float64, shape (pulses,)
-        Level of each pulse of the flight, from any reference.
-    probabilities : sequence of float
-        Of finding it.
-    frequency_window_hz : float
-        Half-width of the search around the tag's frequency.
+    `gain_db` (pulses,): level of each pulse of the flight, from any reference.
+    `probabilities`: of finding it.
+    `frequency_window_hz`: half-width of the search around the tag's frequency.
     """
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), frequency_window_hz, levels_db)

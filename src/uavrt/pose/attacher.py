@@ -22,13 +22,9 @@ class PoseAttacher:
     centre have arrived; after `wait_s` with a pose marked as extrapolated, or, when even that
     is not to be had, with None.
 
-    Parameters
-    ----------
-    ring : PoseRing
-        The poses.
-    wait_s : float
-        Longest a pulse waits, counted from its arrival here. 0: not at all, for a system
-        without autopilot.
+    `ring`: the poses.
+    `wait_s`: longest a pulse waits, counted from its arrival here. 0: not at all, for a system
+    without autopilot.
     """
 
     def __init__(self, ring: PoseRing, *, wait_s: float) -> None:

@@ -20,12 +20,8 @@ from uavrt.messages import Pose
 class Mounting:
     """How the antenna sits on the vehicle.
 
-    Parameters
-    ----------
-    rotation : (w, x, y, z)
-        Antenna frame to vehicle frame.
-    offset_m : (forward, right, down)
-        Antenna from the point whose position the autopilot tells [m].
+    `rotation`: antenna frame to vehicle frame.
+    `offset_m`: antenna from the point whose position the autopilot tells [m].
     """
 
     rotation: Quaternion = IDENTITY

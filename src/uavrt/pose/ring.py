@@ -40,12 +40,8 @@ their noise of 0.1° to 5°/s."""
 class PoseRing:
     """The vehicle's recent attitudes and positions, interpolated for the antenna.
 
-    Parameters
-    ----------
-    antenna : AntennaSettings, optional
-        How the antenna sits on the vehicle.
-    capacity : int
-        Samples of each kind that are kept.
+    `antenna`: how the antenna sits on the vehicle.
+    `capacity`: samples of each kind that are kept.
     """
 
     def __init__(
@@ -105,28 +101,18 @@ class PoseRing:
     def antenna_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
         """Get the antenna's pose at an instant.
 
-        Parameters
-        ----------
-        time_ns : int
-            The instant, for a pulse its centre [ns, UTC].
-        extrapolate : bool
-            Carry the motion on for up to `MAX_EXTRAPOLATION_S` where no later sample is known,
-            and hold the nearest sample at the edges of a gap; the pose is marked.
-
-        Raises
-        ------
-        PoseUnavailable
-            There is none; with ``retry_later`` when a later sample may still give one.
+        `time_ns`: the instant, for a pulse its centre [ns, UTC].
+        `extrapolate`: carry the motion on for up to `MAX_EXTRAPOLATION_S` where no later sample
+        is known, and hold the nearest sample at the edges of a gap; the pose is marked.
+        Raises `PoseUnavailable`: there is none; with ``retry_later`` when a later sample may
+        still give one.
         """
         return self._mounting.antenna_pose(self.vehicle_pose(time_ns, extrapolate=extrapolate))
 
     def vehicle_pose(self, time_ns: int, *, extrapolate: bool = False) -> Pose:
         """Get the vehicle's own pose: as `antenna_pose`, without the mounting.
 
-        Raises
-        ------
-        PoseUnavailable
-            As `antenna_pose`.
+        Raises `PoseUnavailable`: as `antenna_pose`.
         """
         attitude, guessed_attitude = self._attitude(time_ns, extrapolate)
         position, guessed_position = self._position(time_ns, extrapolate)

@@ -30,14 +30,9 @@ class Series(Generic[S]):
     taken at the beginning: positions come ten times a second, and would need ever more memory
     for ten minutes.
 
-    Parameters
-    ----------
-    capacity : int
-        Most samples kept.
-    pack : callable
-        Gets a sample's four numbers.
-    unpack : callable
-        Makes a sample of a time and its four numbers.
+    `capacity`: most samples kept.
+    `pack`: gets a sample's four numbers.
+    `unpack`: makes a sample of a time and its four numbers.
     """
 
     def __init__(

@@ -24,10 +24,7 @@ _CLOSE_S: Final = 2.0
 class BeepListener:
     """Gives samples to a search in its thread and collects what it names.
 
-    Parameters
-    ----------
-    make : callable
-        Begins a search.
+    `make`: begins a search.
     """
 
     def __init__(self, make: Callable[[], BeepSearch]) -> None:

@@ -29,12 +29,8 @@ BAND_SAMPLES = 32_768
 class BandSplitter:
     """Channelizes the band from one socket and sends the channels to others.
 
-    Parameters
-    ----------
-    frame : ProcessFrame
-        The process.
-    flight : FlightInfo
-        The flight in progress: frequency, rate and tags.
+    `frame`: the process.
+    `flight`: the flight in progress: frequency, rate and tags.
     """
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:

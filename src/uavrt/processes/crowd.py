@@ -60,14 +60,9 @@ class Crowd:
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
         """Whether a message is looked at.
 
-        Parameters
-        ----------
-        place : (int, int)
-            Who sent it.
-        now_ns : int
-            Time now.
-        answers : int
-            Messages that the answer to it takes.
+        `place`: who sent it.
+        `now_ns`: time now.
+        `answers`: messages that the answer to it takes.
         """
         if place == self._commander:
             admitted = self._own.take(now_ns)

@@ -45,14 +45,9 @@ class DetectorBank:
     since the search of many is one; those that had their turn then are searched alone from
     there on, and a tag at which the search fails twice is left out, told by its name.
 
-    Parameters
-    ----------
-    tags : tuple of Tag
-        The tags this worker serves.
-    settings : DetectionSettings
-        How they are searched: window and operating mode.
-    flight : FlightInfo, optional
-        What the radio is set to: ghosts that it makes of a strong tag are not confirmed.
+    `tags`: the tags this worker serves.
+    `settings`: how they are searched: window and operating mode.
+    `flight`: what the radio is set to: ghosts that it makes of a strong tag are not confirmed.
     """
 
     def __init__(
@@ -298,12 +293,8 @@ def main() -> None:
 class Searcher:
     """Gives blocks to a bank of detectors, and sends what it finds.
 
-    Parameters
-    ----------
-    frame : ProcessFrame
-        The process.
-    bank : DetectorBank
-        The detectors of its tags.
+    `frame`: the process.
+    `bank`: the detectors of its tags.
     """
 
     samples_dropped = 0

@@ -25,14 +25,9 @@ AGAIN_S = 30.0
 class FenceWatch:
     """The state of the watch.
 
-    Parameters
-    ----------
-    send : callable
-        Sends a message to the autopilot.
-    tell : callable
-        Takes what was read.
-    place : callable
-        Our own system and component id; the autopilot's system is the same.
+    `send`: sends a message to the autopilot.
+    `tell`: takes what was read.
+    `place`: our own system and component id; the autopilot's system is the same.
     """
 
     def __init__(

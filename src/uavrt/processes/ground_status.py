@@ -49,16 +49,10 @@ UNKNOWN_U32 = 0xFFFFFFFF
 class GroundStatus:
     """Decides which status messages are due.
 
-    Parameters
-    ----------
-    exchange : Exchange
-        Writes payloads in the ground's generation.
-    sender : TunnelSender
-        Takes them.
-    root : Path
-        The place whose free space is told.
-    disk : Disk
-        Asks for that space; at once unless told otherwise.
+    `exchange`: writes payloads in the ground's generation.
+    `sender`: takes them.
+    `root`: the place whose free space is told.
+    `disk`: asks for that space; at once unless told otherwise.
     """
 
     def __init__(

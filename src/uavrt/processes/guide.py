@@ -72,10 +72,8 @@ MOST_ASKS = 8
 def limits_of(settings: GuidanceSettings) -> Limits:
     """What the settings allow.
 
-    Raises
-    ------
-    ConfigError, FormatError
-        The file of places to keep out of cannot be read, or holds none.
+    Raises `ConfigError`, `FormatError`: the file of places to keep out of cannot be read, or
+    holds none.
     """
     return Limits(
         lowest_m=settings.lowest_m,
@@ -110,10 +108,7 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
     """Limits, and the vehicle's own fence where it is known.
 
-    Raises
-    ------
-    PlanError
-        It is none that can be kept to.
+    Raises `PlanError`: it is none that can be kept to.
     """
     if fence is None:
         return limits
@@ -153,10 +148,7 @@ def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
 def equipment_of(settings: Settings) -> Equipment:
     """What the settings say of antenna, detectors and planner.
 
-    Raises
-    ------
-    UsageError
-        There is no such antenna.
+    Raises `UsageError`: there is no such antenna.
     """
     antenna = settings.bearings.antenna
     return Equipment(
@@ -260,14 +252,9 @@ def in_thread(work: Callable[[], None]) -> None:
 class Guide:
     """The state of the process; see the module's text.
 
-    Parameters
-    ----------
-    frame : ProcessFrame
-        Its link to the supervisor.
-    beside : callable
-        Starts the planning of an order.
-    thinker : callable
-        Makes what runs a search.
+    `frame`: its link to the supervisor.
+    `beside`: starts the planning of an order.
+    `thinker`: makes what runs a search.
     """
 
     def __init__(

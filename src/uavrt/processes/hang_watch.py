@@ -28,15 +28,8 @@ class SearchHangs(RuntimeError):
 class HangWatch:
     """A reusable context that watches a search.
 
-    Parameters
-    ----------
-    turn : callable
-        Gives whose turn it is: another object at each turn.
-
-    Raises
-    ------
-    SearchHangs
-        Within the context: the turn does not end.
+    `turn`: gives whose turn it is: another object at each turn.
+    Raises `SearchHangs`: within the context: the turn does not end.
     """
 
     def __init__(self, turn: Callable[[], object]) -> None:

@@ -14,10 +14,7 @@ antenna's back to the tag takes less, and a lost group or two is none."""
 class HeardTags:
     """Says which text is due; one that could not be sent is due again with the next pulse.
 
-    Parameters
-    ----------
-    tags : iterable of Tag
-        Of the flight, for their names and intervals.
+    `tags`: of the flight, for their names and intervals.
     """
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:

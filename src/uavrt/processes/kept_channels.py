@@ -11,14 +11,9 @@ from uavrt.recording.channel_recorder import ChannelRecorder
 class KeptChannels:
     """Gives channels to their recorder, and tells what becomes of them.
 
-    Parameters
-    ----------
-    frame : ProcessFrame
-        The process.
-    flight : FlightInfo
-        The flight in progress.
-    switched_on : bool
-        False keeps none, whatever the settings say.
+    `frame`: the process.
+    `flight`: the flight in progress.
+    `switched_on`: False keeps none, whatever the settings say.
     """
 
     def __init__(

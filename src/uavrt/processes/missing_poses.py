@@ -25,10 +25,7 @@ class AwaitedPoses:
     The poses of a tag's pulses come in the order of the pulses. So a pulse waits in vain when
     the pose of a later one of its tag has come, or when it has waited too long.
 
-    Parameters
-    ----------
-    patience_s : float
-        Longest time that a pose may take.
+    `patience_s`: longest time that a pose may take.
     """
 
     def __init__(self, patience_s: float) -> None:
@@ -75,19 +72,9 @@ class AwaitedPoses:
 def made_up(pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings) -> PulsePose:
     """Give a pulse the antenna's pose by recorded poses of the vehicle.
 
-    Parameters
-    ----------
-    pulse : Pulse
-        The pulse.
-    poses : iterable of Pose
-        Of the vehicle, around the pulse's centre, in the order of time.
-    antenna : AntennaSettings
-        How the antenna sits on the vehicle.
-
-    Returns
-    -------
-    PulsePose
-        Without a pose when those recorded are too far from the pulse (`PoseRing`).
+    `poses`: of the vehicle, around the pulse's centre, in the order of time.
+    `antenna`: how the antenna sits on the vehicle.
+    Returns: without a pose when those recorded are too far from the pulse (`PoseRing`).
     """
     ring = PoseRing(antenna, capacity=MOST_POSES)
     for pose in poses:

@@ -106,18 +106,11 @@ class Outlets:
 class MotionDesk:
     """The state of the desk.
 
-    Parameters
-    ----------
-    settings : GuidanceSettings
-        The drone's.
-    outlets : Outlets
-        Where its words go.
-    own_place : callable
-        Our system and component id; the vehicle's system is the same.
-    next_request_id : callable
-        Numbers for commands.
-    autopilot_link : Address or None
-        By which the autopilot is reached.
+    `settings`: the drone's.
+    `outlets`: where its words go.
+    `own_place`: our system and component id; the vehicle's system is the same.
+    `next_request_id`: numbers for commands.
+    `autopilot_link`: by which the autopilot is reached.
     """
 
     def __init__(
@@ -239,16 +232,10 @@ class MotionDesk:
     ) -> None:
         """Handle a ground station's message about motion.
 
-        Parameters
-        ----------
-        payload : bytes
-            Of type 60005, its seal opened.
-        asker : (int, int)
-            The station.
-        refusal : str or None
-            Why this station may not command.
-        sealed : bool
-            It proved the drone's key.
+        `payload`: of type 60005, its seal opened.
+        `asker`: the station.
+        `refusal`: why this station may not command.
+        `sealed`: it proved the drone's key.
         """
         try:
             message = decode_motion(payload, asker)
@@ -508,10 +495,7 @@ class MotionDesk:
     def tick(self, silent_s: Mapping[Asker, float]) -> None:
         """Do what is due.
 
-        Parameters
-        ----------
-        silent_s : mapping of (int, int) to float
-            For how long each ground station was not heard.
+        `silent_s`: for how long each ground station was not heard.
         """
         now_s = monotonic_s()
         if self._look_at_gap(now_s) <= LATE_S:

@@ -24,14 +24,9 @@ NS_PER_MS = 1_000_000
 class NamedValues:
     """A source of messages (`uavrt.mavlink.pacing.Source`): what each tag's newest pulse says.
 
-    Parameters
-    ----------
-    which : {"all", "snr", "off"}
-        SNR and count, the SNR alone, or nothing.
-    wanted : callable
-        Whether somebody is there who needs them.
-    pulses_wait : callable
-        Whether pulses are still to be sent.
+    `which`: SNR and count, the SNR alone, or nothing.
+    `wanted`: whether somebody is there who needs them.
+    `pulses_wait`: whether pulses are still to be sent.
     """
 
     def __init__(

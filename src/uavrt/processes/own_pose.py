@@ -41,10 +41,7 @@ WAIT_S = 1.5
 def pose_address(settings: PoseSettings) -> Address | None:
     """Get where the receiver is; None for a mast.
 
-    Raises
-    ------
-    ConfigError
-        A setting is missing, or the address is none.
+    Raises `ConfigError`: a setting is missing, or the address is none.
     """
     if settings.source == "fixed":
         missing = [
@@ -78,19 +75,10 @@ def pose_address(settings: PoseSettings) -> Address | None:
 class OwnPose:
     """Gives samples of place and heading.
 
-    Parameters
-    ----------
-    settings : PoseSettings
-        Of any source but the autopilot.
-    clock_ns : callable
-        Our clock [ns, UTC].
-    attitude, position : callable
-        Take the samples.
-
-    Raises
-    ------
-    ConfigError
-        See `pose_address`.
+    `settings`: of any source but the autopilot.
+    `clock_ns`: our clock [ns, UTC].
+    `attitude`, `position`: take the samples.
+    Raises `ConfigError`: see `pose_address`.
     """
 
     def __init__(

@@ -32,20 +32,12 @@ PENDING = 64
 class ParameterDesk:
     """Answers requests and passes changes to the supervisor.
 
-    Parameters
-    ----------
-    settings : Settings
-        In force now.
-    bytewise : callable
-        Whether whole numbers travel as bytes.
-    send : callable
-        Sends a value to the ground: to who asked, or to all (None).
-    ask : callable
-        Gives a command to the supervisor.
-    tell : callable
-        Sends a text to the operator.
-    running : bool
-        Whether detection runs already.
+    `settings`: in force now.
+    `bytewise`: whether whole numbers travel as bytes.
+    `send`: sends a value to the ground: to who asked, or to all (None).
+    `ask`: gives a command to the supervisor.
+    `tell`: sends a text to the operator.
+    `running`: whether detection runs already.
     """
 
     def __init__(
@@ -85,18 +77,11 @@ class ParameterDesk:
     ) -> None:
         """Handle a request.
 
-        Parameters
-        ----------
-        message : ParamRequestList, ParamRequestRead or ParamSet
-            What is asked.
-        peer : Peer
-            Who asks.
-        refusal : str or None
-            Why this asker may not change anything.
-        request_id : int
-            Number for the command, if it becomes one.
-        sealed : bool
-            It came with a seal of the drone's key.
+        `message`: what is asked.
+        `peer`: who asks.
+        `refusal`: why this asker may not change anything.
+        `request_id`: number for the command, if it becomes one.
+        `sealed`: it came with a seal of the drone's key.
         """
         answer = self._server.receive(message)
         if isinstance(answer, list):

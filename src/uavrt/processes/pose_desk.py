@@ -46,21 +46,11 @@ SAME_CLOCK_NS = 1_000_000
 class PoseDesk:
     """Takes samples of attitude and position; gives poses of pulses.
 
-    Parameters
-    ----------
-    settings : Settings
-        Antenna, and where poses come from.
-    clock : Clock
-        Our clock; a flight's differs by `shift_ns`.
-    record : callable
-        Takes poses to be recorded.
-    say : callable
-        Takes what the ground should read about a station's own pose.
-
-    Raises
-    ------
-    ConfigError
-        See `uavrt.processes.own_pose.pose_address`.
+    `settings`: antenna, and where poses come from.
+    `clock`: our clock; a flight's differs by `shift_ns`.
+    `record`: takes poses to be recorded.
+    `say`: takes what the ground should read about a station's own pose.
+    Raises `ConfigError`: see `uavrt.processes.own_pose.pose_address`.
     """
 
     def __init__(

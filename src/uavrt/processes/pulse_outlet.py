@@ -35,16 +35,10 @@ REFILL_PERIOD_NS = ns_from_s(0.5)
 class PulseOutlet:
     """Everything still to send.
 
-    Parameters
-    ----------
-    encode : callable
-        Payload of a pulse in the ground's generation.
-    note : callable
-        Gets what was delivered, for the recorder.
-    disk : Disk
-        Does what touches the disk; at once unless told otherwise.
-    first_refill_ns : int
-        Nothing is fetched from disk before.
+    `encode`: payload of a pulse in the ground's generation.
+    `note`: gets what was delivered, for the recorder.
+    `disk`: does what touches the disk; at once unless told otherwise.
+    `first_refill_ns`: nothing is fetched from disk before.
     """
 
     def __init__(
@@ -90,12 +84,8 @@ class PulseOutlet:
     ) -> tuple[bool, float | None]:
         """Handle a ground station's receipt.
 
-        Returns
-        -------
-        bool
-            Whether it has acknowledged a pulse, now or before: there is somebody.
-        float or None
-            The round trip that the receipt shows [s], if it does.
+        Returns: whether it has acknowledged a pulse, now or before: there is somebody.
+        Returns: the round trip that the receipt shows [s], if it does.
         """
         try:
             receipt = Receipt.decode(payload)

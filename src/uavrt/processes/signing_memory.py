@@ -29,12 +29,8 @@ class SigningKept(msgspec.Struct):
 class SigningMemory:
     """Keeps the times of one `Signing`.
 
-    Parameters
-    ----------
-    signing : Signing
-        Whose.
-    directory : Path
-        Where the file is.
+    `signing`: whose.
+    `directory`: where the file is.
     """
 
     def __init__(self, signing: Signing, directory: Path) -> None:

@@ -34,12 +34,7 @@ class Failed:
 
 
 class Thinker:
-    """Runs a search; never waits for it.
-
-    Parameters
-    ----------
-    seeker : Seeker
-    """
+    """Runs a search; never waits for it."""
 
     def __init__(self, seeker: Seeker) -> None:
         self._seeker = seeker

@@ -15,12 +15,8 @@ class ChannelBudget:
 
     Those of starred flights are neither counted nor removed, but for the flight's own.
 
-    Parameters
-    ----------
-    flight : Path
-        The flight that is being recorded; the others lie beside it.
-    most_bytes : float
-        What all of them may take.
+    `flight`: the flight that is being recorded; the others lie beside it.
+    `most_bytes`: what all of them may take.
     """
 
     def __init__(self, flight: Path, most_bytes: float) -> None:

@@ -103,16 +103,11 @@ class _Channel:
 class ChannelRecorder:
     """Writes each channel as pieces ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
 
-    Parameters
-    ----------
-    flight : Path
-        The flight's directory.
-    budget_mb : float
-        What the channels of all flights beside it may take.
-    minimum_free_mb : float
-        Nothing is written while the disk has less than `FREE_SPACE_FACTOR` times as much.
-    hardware : str
-        The radio, for the metadata.
+    `flight`: the flight's directory.
+    `budget_mb`: what the channels of all flights beside it may take.
+    `minimum_free_mb`: nothing is written while the disk has less than `FREE_SPACE_FACTOR` times
+    as much.
+    `hardware`: the radio, for the metadata.
     """
 
     def __init__(

@@ -11,10 +11,7 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 class TableWriter:
     """Writes rows of a CSV file; names that begin as a formula get an apostrophe before them.
 
-    Parameters
-    ----------
-    stream : TextIO
-        Where to; opened with ``newline=""``.
+    `stream`: where to; opened with ``newline=""``.
     """
 
     def __init__(self, stream: TextIO) -> None:

@@ -12,15 +12,10 @@ log = get_logger()
 class DamagedLines:
     """Collects the unreadable lines of one file.
 
-    Parameters
-    ----------
-    name : str
-        The file.
-    remedy : str
-        What to do when it is no such file.
-    warn : callable, optional
-        Called with a sentence about the lines passed over; by default they are told in the
-        program's log.
+    `name`: the file.
+    `remedy`: what to do when it is no such file.
+    `warn`: called with a sentence about the lines passed over; by default they are told in the
+    program's log.
     """
 
     def __init__(

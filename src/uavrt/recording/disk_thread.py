@@ -42,12 +42,8 @@ class DiskThread:
 
     The thread is a daemon: a disk that never answers does not keep the process from ending.
 
-    Parameters
-    ----------
-    most : int
-        Jobs that may wait.
-    early : bool
-        Until the thread is started, do jobs where they are given instead of keeping them.
+    `most`: jobs that may wait.
+    `early`: until the thread is started, do jobs where they are given instead of keeping them.
     """
 
     def __init__(self, most: int = MOST_JOBS, *, early: bool = False) -> None:
@@ -69,10 +65,7 @@ class DiskThread:
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
         """Do `job` in the thread and `then` with its result in the loop.
 
-        Returns
-        -------
-        bool
-            False, and nothing is done, when too many wait.
+        Returns: False, and nothing is done, when too many wait.
         """
         if self._early and self._loop is None:
             return at_once(job, then)
@@ -141,14 +134,9 @@ class DiskThread:
 class DiskBatches(Generic[T, R]):
     """Collects items in the loop and writes them in the disk thread, one batch at a time.
 
-    Parameters
-    ----------
-    disk : Disk
-        The thread.
-    write : callable
-        Writes a batch, in the thread.
-    then : callable, optional
-        Gets each batch and what `write` returned, in the loop.
+    `disk`: the thread.
+    `write`: writes a batch, in the thread.
+    `then`: gets each batch and what `write` returned, in the loop.
     """
 
     def __init__(

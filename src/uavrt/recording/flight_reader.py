@@ -140,10 +140,7 @@ def read_search_notes(directory: str | os.PathLike[str]) -> tuple[SearchNote, ..
 def read_beeps(directory: str | os.PathLike[str]) -> tuple[Beep, ...]:
     """Read what beeped, each sender as it was measured last; nothing of older flights.
 
-    Raises
-    ------
-    FormatError
-        There is no flight, or its database is damaged.
+    Raises `FormatError`: there is no flight, or its database is damaged.
     """
     found: list[Beep] = []
     for row in _rows_if_any(directory, "beeps", schema.BEEP_COLUMNS):

@@ -14,12 +14,7 @@ _HEARD = "SELECT tag_id, COUNT(*), MAX(end_time_ns) FROM pulses WHERE confirmed 
 def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
     """Get how many confirmed pulses each tag has in the flight, and the end of the newest.
 
-    Returns
-    -------
-    dict of int to (int, int)
-        By tag id: the count and the time [ns]; tags without any are left out.
-
-    Raises `RecordingError`: the database cannot be read.
+    Returns: by tag id: the count and the time [ns]; tags without any are left out.
     """
     path = FlightLayout(Path(directory)).database
     try:

@@ -152,24 +152,11 @@ def write_integrated(
 ) -> Path:
     """Write what was found beside a flight; other tags' results stay.
 
-    Parameters
-    ----------
-    flight : path
-        The flight's directory.
-    verdicts : sequence of IntegratedVerdict
-        One for each tag that was judged.
-    pulses : iterable of PulsePose
-        Theirs.
-    folds : sequence of FlightFold
-        Theirs.
-
-    Returns
-    -------
-    Path
-        The directory of the results.
-
-    Raises `RecordingError`: it cannot be written.
-    Raises `FormatError`: what is there already cannot be read.
+    `flight`: the flight's directory.
+    `verdicts`: one for each tag that was judged.
+    `pulses`: theirs.
+    `folds`: theirs.
+    Returns: the directory of the results.
     """
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)

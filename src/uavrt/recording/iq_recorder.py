@@ -28,18 +28,10 @@ class IQRecorder:
     The metadata is valid JSON and describes all samples of the data file at any moment, also
     after a power cut.
 
-    Parameters
-    ----------
-    base : Path
-        Directory and NAME, without a suffix; the directory is made.
-    sample_rate_hz, center_frequency_hz : float
-        Of the blocks that will come [Hz].
-    minimum_free_mb : float
-        Nothing is written while the disk has less free space [MB].
-    description, hardware : str
-        What is recorded, and the radio, for the metadata.
-
-    Raises `RecordingError`: the files cannot be made, or exist already.
+    `base`: directory and NAME, without a suffix; the directory is made.
+    `sample_rate_hz`, `center_frequency_hz`: of the blocks that will come [Hz].
+    `minimum_free_mb`: nothing is written while the disk has less free space [MB].
+    `description`, `hardware`: what is recorded, and the radio, for the metadata.
     """
 
     def __init__(

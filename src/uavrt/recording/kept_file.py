@@ -20,17 +20,11 @@ R = TypeVar("R")
 class KeptFile(Generic[R]):
     """The file, as JSON that people can read.
 
-    Parameters
-    ----------
-    path : Path
-        Where; its directory is made when something is kept.
-    kind : type
-        What is in it.
-    name : str
-        Of what is kept, for the log.
-    sync : bool
-        Wait for the disk at each `keep`. Without it, half a minute may be missing after a
-        power cut.
+    `path`: where; its directory is made when something is kept.
+    `kind`: what is in it.
+    `name`: of what is kept, for the log.
+    `sync`: wait for the disk at each `keep`. Without it, half a minute may be missing after a
+    power cut.
     """
 
     def __init__(self, path: Path, kind: type[R], name: str, *, sync: bool = True) -> None:

@@ -13,14 +13,9 @@ class ProcessLog:
     A line that cannot be written (full disk) is counted, not raised: the log of a process is
     never a reason to stop the process.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its directory is made.
-    max_bytes : int
-        Size at which the file is put aside.
-    kept_files : int
-        How many are kept aside.
+    `path`: the file; its directory is made.
+    `max_bytes`: size at which the file is put aside.
+    `kept_files`: how many are kept aside.
     """
 
     def __init__(

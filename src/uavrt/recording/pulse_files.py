@@ -105,14 +105,9 @@ def _has(record: dict[str, Any], one: RecordField) -> bool:
 class PulseWriter:
     """Writes pulses to a text stream, a line at a time, so that a reader can follow.
 
-    Parameters
-    ----------
-    stream : text stream
-        Where to; the caller opens and closes it (files with ``newline=""``).
-    form : {"csv", "jsonl"}
-        The format.
-    bursts : bool
-        There are coded tags: CSV gets columns for the pulses in a burst.
+    `stream`: where to; the caller opens and closes it (files with ``newline=""``).
+    `form`: the format.
+    `bursts`: there are coded tags: CSV gets columns for the pulses in a burst.
     """
 
     def __init__(self, stream: TextIO, form: PulseFormat, *, bursts: bool = False) -> None:

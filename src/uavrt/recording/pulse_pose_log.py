@@ -155,10 +155,7 @@ def read_pulse_pose_log(
 class PulsePoseLog:
     """Appends lines to a log as a whole or not at all.
 
-    Parameters
-    ----------
-    path : Path
-        The log; made when the first line comes.
+    `path`: the log; made when the first line comes.
     """
 
     def __init__(self, path: Path) -> None:

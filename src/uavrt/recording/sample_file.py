@@ -26,26 +26,14 @@ class SampleFile:
     The metadata is valid JSON and describes all samples of the data file at any moment, also
     after a kill and, with `sync`, after a power cut.
 
-    Parameters
-    ----------
-    base : Path
-        Directory and NAME, without a suffix; the directory is made.
-    sample_rate_hz, center_frequency_hz : float
-        Of the samples that will come [Hz].
-    description, hardware : str
-        For the metadata.
-    full_scale : float
-        Input that is stored as 32 768, of 8 bits as 128.
-    sync : bool
-        Wait for the disk with each change of the metadata.
-    bits : int
-        Of I and of Q: 16, or 8 with `append_stored` alone.
-    settled_after_s : float, optional
-        The clock of a radio that has just begun is corrected for so long: then, or where its
-        stretch ends before, the stretch gets the time that its samples have by then.
-
-    Raises `FileExistsError`: the samples would be appended to another recording.
-    Raises `OSError`: the files cannot be made.
+    `base`: directory and NAME, without a suffix; the directory is made.
+    `sample_rate_hz`, `center_frequency_hz`: of the samples that will come [Hz].
+    `description`, `hardware`: for the metadata.
+    `full_scale`: input that is stored as 32 768, of 8 bits as 128.
+    `sync`: wait for the disk with each change of the metadata.
+    `bits`: of I and of Q: 16, or 8 with `append_stored` alone.
+    `settled_after_s`: the clock of a radio that has just begun is corrected for so long: then,
+    or where its stretch ends before, the stretch gets the time that its samples have by then.
     """
 
     def __init__(
@@ -100,17 +88,10 @@ class SampleFile:
     ) -> None:
         """Write samples that are scaled and rounded already, as a whole, or none.
 
-        Parameters
-        ----------
-        values : ndarray of int16 or int8
-            I and Q interleaved, contiguous.
-        sample_index : int
-            Of the first in the radio's stream: what does not continue the samples before begins
-            a stretch.
-        time_ns : int
-            Of the first [ns, UTC].
-
-        Raises `OSError`: nothing was written; what comes next begins a stretch.
+        `values`: I and Q interleaved, contiguous.
+        `sample_index`: of the first in the radio's stream: what does not continue the samples
+        before begins a stretch.
+        `time_ns`: of the first [ns, UTC].
         """
         count = values.size // 2
         try:

@@ -30,24 +30,12 @@ def undelivered(
 ) -> tuple[list[PulsePose], bool]:
     """Get recorded pulses that a store does not have, the newest first.
 
-    Parameters
-    ----------
-    directory : path
-        The flight.
-    store : int
-        Number of the store; 0: those that nobody was sent or has. What an aware ground station
-        has in its store is not sent to plain ones after a restart: it would be old to them.
-    limit : int
-        How many at most.
-    without : collection of (int, int)
-        Tag id and start time of pulses to leave out.
-
-    Returns
-    -------
-    list of PulsePose, bool
-        The pulses; and whether there are more.
-
-    Raises `RecordingError`: the database cannot be read.
+    `directory`: the flight.
+    `store`: number of the store; 0: those that nobody was sent or has. What an aware ground
+    station has in its store is not sent to plain ones after a restart: it would be old to them.
+    `limit`: how many at most.
+    `without`: tag id and start time of pulses to leave out.
+    Returns: the pulses; and whether there are more.
     """
     path = FlightLayout(Path(directory)).database
     try:

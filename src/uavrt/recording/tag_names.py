@@ -21,12 +21,8 @@ _SAME_HZ = 500.0
 def tags_with_names(tags: Iterable[Tag], directory: Path) -> tuple[Tag, ...]:
     """Name tags without a name as the ground station's list near their flight does.
 
-    Parameters
-    ----------
-    tags : iterable of Tag
-        As the flight has them.
-    directory : Path
-        Of the flight: the list is beside it, or in ``ground`` beside it.
+    `tags`: as the flight has them.
+    `directory`: of the flight: the list is beside it, or in ``ground`` beside it.
     """
     listed = tuple(tags)
     if all(tag.name for tag in listed):

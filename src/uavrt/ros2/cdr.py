@@ -41,10 +41,7 @@ Encoder = Callable[[bytearray, Any], None]
 def encode(message: RosMessage) -> bytes:
     """Write a message as little-endian CDR, header included.
 
-    Raises
-    ------
-    FormatError
-        A number does not fit its field.
+    Raises `FormatError`: a number does not fit its field.
     """
     data = bytearray(_LITTLE)
     try:
@@ -178,10 +175,7 @@ def decode(message: type[M], data: bytes) -> M:
 
     Bytes from a network may be anything: lengths are checked before they are believed.
 
-    Raises
-    ------
-    FormatError
-        The bytes are not such a message.
+    Raises `FormatError`: the bytes are not such a message.
     """
     if data[:2] not in (_LITTLE[:2], _BIG[:2]):
         raise FormatError(f"not CDR: begins with {data[:4].hex()}")

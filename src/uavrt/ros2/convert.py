@@ -101,10 +101,8 @@ def pulse_from_ros(message: RosPulse, sequence: int) -> Pulse:
     original's datagrams: bearings then go without it), the first rate, and `sequence` as the
     number of the group.
 
-    Raises
-    ------
-    FormatError
-        A value that no detector finds: no time, no frequency, an SNR that is not finite.
+    Raises `FormatError`: a value that no detector finds: no time, no frequency, an SNR that is
+    not finite.
     """
     start_ns, end_ns = time_from_ros(message.start_time), time_from_ros(message.end_time)
     numbers = (message.frequency, message.snr, message.group_snr, message.stft_score)
@@ -201,10 +199,7 @@ _QUANTITIES: dict[str, Quantity] = {
 def tag_from_ros(message: RosTag | RosCodedTag) -> Tag:
     """Read a tag by the same rules as a tag file.
 
-    Raises
-    ------
-    FormatError
-        A value that makes no sense; the text names the field.
+    Raises `FormatError`: a value that makes no sense; the text names the field.
     """
     gaps = None
     if isinstance(message, RosCodedTag):

@@ -159,10 +159,7 @@ def _plain_type(primitive: str) -> Any:
 def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
     """Get the ROS domain: from the settings, else from ROS_DOMAIN_ID, else 0.
 
-    Raises
-    ------
-    ConfigError
-        ROS_DOMAIN_ID is not a domain.
+    Raises `ConfigError`: ROS_DOMAIN_ID is not a domain.
     """
     if settings.domain_id is not None:
         return settings.domain_id
@@ -179,10 +176,7 @@ def reach_of(environment: Mapping[str, str]) -> Reach:
 
     ROS_LOCALHOST_ONLY (Humble) comes before ROS_AUTOMATIC_DISCOVERY_RANGE, as in ROS 2.
 
-    Raises
-    ------
-    ConfigError
-        ROS_AUTOMATIC_DISCOVERY_RANGE is not a range.
+    Raises `ConfigError`: ROS_AUTOMATIC_DISCOVERY_RANGE is not a range.
     """
     if environment.get("ROS_LOCALHOST_ONLY", "").strip() == "1":
         return "computer"
@@ -278,24 +272,14 @@ def _user_data(qos: Any) -> bytes:
 class Participant:
     """Our nodes and their endpoints on the network.
 
-    Parameters
-    ----------
-    settings : Ros2Settings
-        Interfaces, domain, namespace, size of identifiers.
-    environment : mapping
-        ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE; CYCLONEDDS_URI, which
-        replaces our configuration of the network.
-    nodes : collection of str
-        Of `uavrt.ros2.graph.NODES`: a lone detector on another computer is one of them.
-    names : mapping
-        Names that nodes have in place of those of the table.
-
-    Raises
-    ------
-    ConfigError
-        ROS_DOMAIN_ID is not a domain, or ROS_AUTOMATIC_DISCOVERY_RANGE not a range.
-    LinkError
-        The network cannot be used like this.
+    `settings`: interfaces, domain, namespace, size of identifiers.
+    `environment`: ROS_DOMAIN_ID, ROS_LOCALHOST_ONLY, ROS_AUTOMATIC_DISCOVERY_RANGE;
+    CYCLONEDDS_URI, which replaces our configuration of the network.
+    `nodes`: of `uavrt.ros2.graph.NODES`: a lone detector on another computer is one of them.
+    `names`: names that nodes have in place of those of the table.
+    Raises `ConfigError`: ROS_DOMAIN_ID is not a domain, or ROS_AUTOMATIC_DISCOVERY_RANGE not a
+    range.
+    Raises `LinkError`: the network cannot be used like this.
     """
 
     def __init__(
@@ -584,10 +568,7 @@ class Participant:
     def show_detectors(self, nodes: Collection[str]) -> None:
         """Have a node that publishes pulses for each of these, and for no others.
 
-        Raises
-        ------
-        LinkError
-            DDS cannot have so many publishers.
+        Raises `LinkError`: DDS cannot have so many publishers.
         """
         topic = TOPICS["pulse"]
         own = {n for n, name in self._writers if name == topic.name and n not in self._nodes}

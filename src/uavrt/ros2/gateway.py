@@ -78,18 +78,11 @@ LOG_LEVELS = (50, 50, 50, 40, 30, 20, 20, 10)
 class Gateway:
     """Both directions; see the module's text.
 
-    Parameters
-    ----------
-    bus : Bus
-        The ROS 2 side.
-    settings : Settings
-        The drone side's settings.
-    send : callable
-        Takes a topic and a record for the supervisor.
-    now_ns : callable
-        Time [ns, UTC].
-    flight : FlightInfo or None
-        The flight in progress.
+    `bus`: the ROS 2 side.
+    `settings`: the drone side's settings.
+    `send`: takes a topic and a record for the supervisor.
+    `now_ns`: time [ns, UTC].
+    `flight`: the flight in progress.
     """
 
     def __init__(

@@ -23,12 +23,8 @@ GATEWAYS_NAMED = 20
 class Inbox:
     """Messages in the order of their arrival, those of commands before those of pulses.
 
-    Parameters
-    ----------
-    now_ns : callable
-        Monotonic time [ns].
-    closed : collection of str
-        Topics that are not wanted: each message is dropped and counted.
+    `now_ns`: monotonic time [ns].
+    `closed`: topics that are not wanted: each message is dropped and counted.
     """
 
     def __init__(self, now_ns: Callable[[], int], closed: Collection[str] = ()) -> None:
@@ -90,10 +86,7 @@ class SendingOrder(Generic[T]):
     Readers are emptied one after the other, pass by pass. A message that was sent earlier also
     arrived earlier, so the next pass finds it at the latest; a message waits for that pass.
 
-    Parameters
-    ----------
-    sent : callable
-        Get the sorting key of a message, such as its sending time.
+    `sent`: get the sorting key of a message, such as its sending time.
     """
 
     def __init__(self, sent: Callable[[T], tuple[int, ...]]) -> None:

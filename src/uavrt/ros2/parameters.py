@@ -59,16 +59,10 @@ class _Setting:
 class ParameterServices:
     """Answers; see the module's text.
 
-    Parameters
-    ----------
-    settings : callable
-        In force now.
-    running : callable
-        Whether detection runs.
-    ask : callable
-        Gives a wish to the supervisor.
-    reply : callable
-        Sends a reply.
+    `settings`: in force now.
+    `running`: whether detection runs.
+    `ask`: gives a wish to the supervisor.
+    `reply`: sends a reply.
     """
 
     def __init__(
@@ -193,10 +187,7 @@ def _below(name: str, prefixes: tuple[str, ...]) -> bool:
 def _number(wanted: RosParameter) -> float:
     """Read the number of a value; ``ros2 param set`` sends 5 as a whole number for a real one.
 
-    Raises
-    ------
-    ConfigError
-        It has the wrong type, or there is no such parameter.
+    Raises `ConfigError`: it has the wrong type, or there is no such parameter.
     """
     parameter = OFFERED.get(wanted.name)
     if parameter is None:

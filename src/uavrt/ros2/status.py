@@ -22,14 +22,9 @@ def component_status(
 ) -> tuple[DiagnosticStatus, ...]:
     """Describe one component; nothing while nothing is to run.
 
-    Parameters
-    ----------
-    component : str
-        ``airspy_csdr_netcat``, ``channelizer`` or ``detector``.
-    status : SystemStatus or None
-        The drone side, as last told.
-    age_s : float
-        How long ago that was [s].
+    `component`: ``airspy_csdr_netcat``, ``channelizer`` or ``detector``.
+    `status`: the drone side, as last told.
+    `age_s`: how long ago that was [s].
     """
     if status is None or status.state is not SystemState.DETECTING:
         return ()

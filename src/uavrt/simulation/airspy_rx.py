@@ -99,10 +99,7 @@ class Arguments:
 def parse_arguments(arguments: Sequence[str]) -> Arguments:
     """Read the command line as airspy_rx does.
 
-    Raises
-    ------
-    ArgumentFault
-        airspy_rx would refuse it too.
+    Raises `ArgumentFault`: airspy_rx would refuse it too.
     """
     try:
         pairs, rest = getopt.getopt(
@@ -198,16 +195,10 @@ def _gain(given: dict[str, str]) -> int:
 class Transmission:
     """The stream from the simulated receiver to the reader.
 
-    Parameters
-    ----------
-    synthesizer : IQSynthesizer
-        Gives the samples.
-    write : callable
-        Takes bytes, blocks while the reader is busy, raises OSError when it is gone.
-    clock : Clock
-        Paces the samples.
-    report : callable
-        Takes a line for the person at the terminal.
+    `synthesizer`: gives the samples.
+    `write`: takes bytes, blocks while the reader is busy, raises OSError when it is gone.
+    `clock`: paces the samples.
+    `report`: takes a line for the person at the terminal.
     """
 
     def __init__(

@@ -96,14 +96,10 @@ def polarization_db(
 ) -> float:
     """Loss [dB, ≤ 0] from the angle between the wave's field and the antenna's own.
 
-    Parameters
-    ----------
-    antenna : Antenna
-        Which polarization the antenna has.
-    direction_body : tuple of 3 floats
-        Unit vector to the source in the antenna's frame.
-    field_body : tuple of 3 floats
-        Unit vector of the wave's electric field in the antenna's frame, across the ray.
+    `antenna`: which polarization the antenna has.
+    `direction_body`: unit vector to the source in the antenna's frame.
+    `field_body`: unit vector of the wave's electric field in the antenna's frame, across the
+    ray.
     """
     if antenna.polarization == "any":
         return 0.0

@@ -64,18 +64,9 @@ def position_weights(
 ) -> NDArray[np.complex128]:
     """Complex amplitude at each position for a plane wave, re one antenna in the middle.
 
-    Parameters
-    ----------
-    switch : AntennaSwitch
-        The array.
-    direction_body : tuple of 3 floats
-        Unit vector to the source in the antenna's frame (FRD).
-    wavelength_m : float
-        Of the wave.
-
-    Returns
-    -------
-    (positions,) complex128
+    `switch`: the array.
+    `direction_body`: unit vector to the source in the antenna's frame (FRD).
+    `wavelength_m`: of the wave.
     """
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":
@@ -101,12 +92,7 @@ def gate(
     count: int,
     sample_rate_hz: float,
 ) -> NDArray[np.complex64]:
-    """Factor of a wave at consecutive samples: the position's weight, 0 while settling.
-
-    Returns
-    -------
-    (count,) complex64
-    """
+    """Factor of a wave at consecutive samples: the position's weight, 0 while settling."""
     dwell = switch.dwell_samples(sample_rate_hz)
     step, within = np.divmod(first_sample + np.arange(count), dwell)
     factor: NDArray[np.complex64] = weights[step % switch.positions].astype(np.complex64)

@@ -49,12 +49,8 @@ _SIZES = {"PROTOCOL": MavParamType.INT8, "BAUD": MavParamType.INT32}
 class AutopilotParameters:
     """Parameters set and in force, and the answers to requests.
 
-    Parameters
-    ----------
-    flavour : {"px4", "ardupilot"}
-        Whose parameters, and how whole numbers travel.
-    changes : mapping of str to float
-        What differs from the maker's.
+    `flavour`: whose parameters, and how whole numbers travel.
+    `changes`: what differs from the maker's.
     """
 
     def __init__(self, flavour: Flavour, changes: Mapping[str, float]) -> None:

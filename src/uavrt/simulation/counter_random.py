@@ -32,17 +32,9 @@ def stream_key(seed: int, *names: object) -> int:
 def uniform(key: int, index: ArrayLike) -> NDArray[np.float64]:
     """Get uniform numbers in [0, 1) for the given indices of a stream.
 
-    Parameters
-    ----------
-    key : int
-        From `stream_key`.
-    index : array_like of int64
-        Numbers of the draws, of any shape; negative ones are allowed.
-
-    Returns
-    -------
-    ndarray of float64
-        Same shape as `index`.
+    `key`: from `stream_key`.
+    `index`: numbers of the draws, of any shape; negative ones are allowed.
+    Returns: same shape as `index`.
     """
     counter = np.atleast_1d(np.asarray(index, dtype=np.int64)).astype(np.uint64)
     # Wrap-around is what the hash wants; NumPy warns of it for scalars only, hence the arrays.

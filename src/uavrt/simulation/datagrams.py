@@ -21,16 +21,10 @@ _TIMESPEC = struct.Struct("@ll")
 class DatagramPort:
     """A UDP socket that talks to one peer.
 
-    Parameters
-    ----------
-    peer : (str, int)
-        Host and port to send to; follows whoever answers from another port.
-    local_port : int
-        Port to bind on the loopback interface; 0 lets the system choose.
-    on_datagram : callable
-        Called with the bytes and their arrival time [ns, UTC].
-    clock : Clock
-        Our clock.
+    `peer`: host and port to send to; follows whoever answers from another port.
+    `local_port`: port to bind on the loopback interface; 0 lets the system choose.
+    `on_datagram`: called with the bytes and their arrival time [ns, UTC].
+    `clock`: our clock.
     """
 
     def __init__(

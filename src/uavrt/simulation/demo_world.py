@@ -30,19 +30,11 @@ _PEAK_ENR_DB = 33.0
 def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = False) -> Scenario:
     """Make the demo's world; its plan scales to any duration of at least 40 s.
 
-    Parameters
-    ----------
-    duration_s : float
-        Length of the flight [s].
-    seed : int
-        Seed of everything random in the world.
-    coded : bool
-        Two animals more, with coded tags.
-
-    Raises
-    ------
-    ConfigError
-        `duration_s` is shorter than 40 s: the turns would be faster than 60°/s.
+    `duration_s`: length of the flight [s].
+    `seed`: seed of everything random in the world.
+    `coded`: two animals more, with coded tags.
+    Raises `ConfigError`: `duration_s` is shorter than 40 s: the turns would be faster than
+    60°/s.
     """
     if not SHORTEST_S <= duration_s < math.inf:
         raise ConfigError(
@@ -71,11 +63,7 @@ def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
 
     Each flies the first's flight 120 m south of the one before and 10 m above it.
 
-    Parameters
-    ----------
-    drones : int
-    first : Scenario
-        World of the first.
+    `first`: world of the first.
     """
     return [
         replace(first, flight=_beside(first.flight, number * -_BESIDE_M, number * _ABOVE_M))
@@ -101,11 +89,7 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
     The drone hovers over home until it is commanded; from there each animal is heard by an
     antenna that looks at it, and hardly by one that looks away.
 
-    Parameters
-    ----------
-    seed : int
-    coded : bool
-        Two of the animals have coded tags, the walking one, too.
+    `coded`: two of the animals have coded tags, the walking one, too.
     """
     places = ((150.0, 90.0), (-40.0, 170.0), (-120.0, -130.0))
     worn = _tags(SHORTEST_S)
@@ -141,12 +125,8 @@ def search_scenario(seed: int = 1, *, coded: bool = False) -> Scenario:
 def searched_scenario(scenario: Scenario, seconds: float) -> Scenario:
     """Make a world in which the drone hovers over home until it is commanded.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Its flight is not flown.
-    seconds : float
-        That the world must last.
+    `scenario`: its flight is not flown.
+    `seconds`: that the world must last.
     """
     return replace(
         scenario,

@@ -123,14 +123,9 @@ class _Side:
 class FakeAutopilot:
     """The autopilot; `run` serves it until cancelled.
 
-    Parameters
-    ----------
-    vehicle : callable
-        Pose of the vehicle at a time [ns, UTC].
-    settings : AutopilotSettings
-        Kind, peers and links.
-    clock : Clock
-        UTC; the boot clock derives from it.
+    `vehicle`: pose of the vehicle at a time [ns, UTC].
+    `settings`: kind, peers and links.
+    `clock`: UTC; the boot clock derives from it.
     """
 
     def __init__(

@@ -44,17 +44,10 @@ CENTRE_US = 1500
 class Flown:
     """The vehicle in real time.
 
-    Parameters
-    ----------
-    start : Pose
-        Where it hovers until it is commanded.
-    flavour : {"px4", "ardupilot"}
-    sticks : bool
-        A remote control is switched on.
-    path : Path, optional
-        File in which it leaves where it was (`uavrt.simulation.flown_path`).
-    on_ground : bool
-        It stands below its start, disarmed, instead.
+    `start`: where it hovers until it is commanded.
+    `sticks`: a remote control is switched on.
+    `path`: file in which it leaves where it was (`uavrt.simulation.flown_path`).
+    `on_ground`: it stands below its start, disarmed, instead.
     """
 
     def __init__(

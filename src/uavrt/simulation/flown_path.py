@@ -26,15 +26,8 @@ _STEP_NS = 10_000_000
 class PathWriter:
     """Adds to the file; what is there from a run before is removed.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
+    `path`: of the file.
+    Raises `OSError`: it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,14 +53,9 @@ class PathWriter:
 class FlownPath:
     """The vehicle's state at any time, by what is in the file so far.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file; it need not be there yet.
-    plane : TangentPlane
-        Around the scenario's home.
-    keep_s : float, optional
-        So much is remembered; None: all.
+    `path`: of the file; it need not be there yet.
+    `plane`: around the scenario's home.
+    `keep_s`: so much is remembered; None: all.
     """
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:

@@ -138,11 +138,7 @@ _TURNING: dict[Flavour, _Turning] = {
 class FlyingVehicle:
     """The vehicle; `advance` lets time pass, `command` takes a command of whoever sends one.
 
-    Parameters
-    ----------
-    flavour : {"px4", "ardupilot"}
-    plane : geometry.TangentPlane
-        Around home.
+    `plane`: around home.
     """
 
     flavour: Flavour

@@ -27,12 +27,8 @@ class ForwardRing:
     Time is given from outside, so that a late wake-up of this program loses nothing that the
     real loop would not: call `passes` with the arrival time before each `push`.
 
-    Parameters
-    ----------
-    capacity_bytes : int
-        Size of the ring.
-    pass_ns : int
-        Duration of the main loop [ns].
+    `capacity_bytes`: size of the ring.
+    `pass_ns`: duration of the main loop [ns].
     """
 
     def __init__(self, capacity_bytes: int = RING_BYTES, pass_ns: int = PASS_NS) -> None:
@@ -98,14 +94,9 @@ class Routes:
 class Impairment:
     """Random loss and delay of one direction of a link; the order is kept.
 
-    Parameters
-    ----------
-    loss : float
-        Probability that a frame is lost.
-    jitter_s : float
-        Greatest delay; even distribution from zero.
-    seed : int
-        Of the random numbers.
+    `loss`: probability that a frame is lost.
+    `jitter_s`: greatest delay; even distribution from zero.
+    `seed`: of the random numbers.
     """
 
     def __init__(self, *, loss: float = 0.0, jitter_s: float = 0.0, seed: int = 0) -> None:

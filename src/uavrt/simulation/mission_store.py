@@ -35,10 +35,8 @@ class _Upload:
 class MissionStore:
     """The state of the store.
 
-    Parameters
-    ----------
-    flavour : {"px4", "ardupilot"}
-        ArduPilot keeps home as the first item of its mission, and tells of a wrong sequence.
+    `flavour`: ArduPilot keeps home as the first item of its mission, and tells of a wrong
+    sequence.
     """
 
     def __init__(self, flavour: Flavour) -> None:

@@ -103,14 +103,9 @@ class _Radio:
 class RadioLink:
     """Two radios, "air" at the autopilot and "ground" at the laptop.
 
-    Parameters
-    ----------
-    time : VirtualTime
-        The clock.
-    settings : RadioLinkSettings
-        Loss and outage.
-    to_ground, to_air : callable
-        Get each frame that has come through.
+    `time`: the clock.
+    `settings`: loss and outage.
+    `to_ground`, `to_air`: get each frame that has come through.
     """
 
     def __init__(

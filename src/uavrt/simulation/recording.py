@@ -61,27 +61,15 @@ def simulate_to_directory(
 ) -> SimulatedRecording:
     """Record a scenario from its start.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The world.
-    directory : str or Path
-        Made if need be; must not hold anything yet.
-    duration_s : float, optional
-        Length [s]; by default the scenario's.
-    sample_format : {"cf32", "cs16"}
-        Little-endian pairs of float32, or of int16 with 32767 for full scale.
-    sample_rate_hz : float, optional
-        Sample rate [Hz]; by default the scenario's.
-    on_progress : callable, optional
-        Called with the samples written and their total.
-
-    Raises
-    ------
-    ConfigError
-        The length or the rate is not positive.
-    RecordingError
-        The directory cannot be written, is not empty, or has too little space.
+    `scenario`: the world.
+    `directory`: made if need be; must not hold anything yet.
+    `duration_s`: length [s]; by default the scenario's.
+    `sample_format`: little-endian pairs of float32, or of int16 with 32767 for full scale.
+    `sample_rate_hz`: sample rate [Hz]; by default the scenario's.
+    `on_progress`: called with the samples written and their total.
+    Raises `ConfigError`: the length or the rate is not positive.
+    Raises `RecordingError`: the directory cannot be written, is not empty, or has too little
+    space.
     """
     duration_s = scenario.duration_s if duration_s is None else duration_s
     scenario = replace(scenario, duration_s=duration_s)

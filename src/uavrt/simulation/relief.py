@@ -38,12 +38,7 @@ class Terrain(ScenarioRecord):
 
 
 class Relief:
-    """Ground above or below that of home.
-
-    Parameters
-    ----------
-    heights : callable
-    """
+    """Ground above or below that of home."""
 
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
@@ -53,10 +48,7 @@ class Relief:
     def of_files(cls, terrain: Terrain, plane: geometry.TangentPlane) -> "Relief | None":
         """Open elevation files; None where the scenario names none.
 
-        Raises
-        ------
-        FormatError
-            They cannot be read.
+        Raises `FormatError`: they cannot be read.
         """
         if terrain.dem is None:
             return None
@@ -84,11 +76,7 @@ class Relief:
     ) -> float:
         """What the ground between takes, beyond what level ground would.
 
-        Parameters
-        ----------
-        drone, tag : (north, east, down)
-            From the ground at home [m].
-        wavelength_m : float
+        `drone`, `tag`: from the ground at home [m].
         """
         far = math.hypot(tag[0] - drone[0], tag[1] - drone[1])
         if far < 2.0 * _STEP_M:

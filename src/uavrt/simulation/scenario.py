@@ -234,10 +234,7 @@ class Scenario(ScenarioRecord):
     def tag_position(self, tag_id: int, time_ns: int) -> tuple[float, float]:
         """Latitude and longitude of a tag [deg].
 
-        Raises
-        ------
-        KeyError
-            The scenario has no such tag.
+        Raises `KeyError`: the scenario has no such tag.
         """
         for tag in self.tag:
             if tag.tag_id == tag_id:

@@ -17,15 +17,9 @@ from uavrt.simulation.scenario import Scenario
 def load_scenario(path: str | Path) -> Scenario:
     """Read a scenario file.
 
-    Parameters
-    ----------
-    path : str or Path
-        A TOML file as docs/reference/scenario.md describes it.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or has faults; all of them are listed with their place.
+    `path`: a TOML file as docs/reference/scenario.md describes it.
+    Raises `ConfigError`: the file cannot be read, or has faults; all of them are listed with
+    their place.
     """
     try:
         text = read_file(path, SETTINGS).decode()
@@ -46,10 +40,7 @@ def load_scenario(path: str | Path) -> Scenario:
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     """Make a scenario from the text of a scenario file.
 
-    Raises
-    ------
-    ConfigError
-        The text has faults; all of them are listed with their place.
+    Raises `ConfigError`: the text has faults; all of them are listed with their place.
     """
     # Pydantic costs 0.1 s to import; those who build a Scenario in Python do without it.
     from pydantic import TypeAdapter, ValidationError
@@ -149,10 +140,7 @@ def scenario_faults(scenario: Scenario) -> list[str]:
 def write_scenario(scenario: Scenario, path: str | Path) -> None:
     """Write a scenario file; `load_scenario` gives an equal scenario back.
 
-    Raises
-    ------
-    OSError
-        The file cannot be written.
+    Raises `OSError`: the file cannot be written.
     """
     Path(path).write_text(scenario_toml(scenario), encoding="utf-8")
 

@@ -11,19 +11,12 @@ from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer
 class SimulatedSource:
     """A `uavrt.radio.source.SampleSource` that hears a scenario from its start.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The world.
-    center_frequency_hz, sample_rate_hz : float, optional
-        Tuning and rate [Hz]; by default the scenario's.
-    duration_s : float, optional
-        When the recording ends [s]; by default with the scenario.
-    block_samples : int
-        Samples of a block.
-    clock : Clock, optional
-        With a clock, a block is given when its last sample has been "received" by it, as by a
-        radio; without one, blocks come as fast as they are asked for.
+    `scenario`: the world.
+    `center_frequency_hz`, `sample_rate_hz`: tuning and rate [Hz]; by default the scenario's.
+    `duration_s`: when the recording ends [s]; by default with the scenario.
+    `block_samples`: samples of a block.
+    `clock`: with a clock, a block is given when its last sample has been "received" by it, as
+    by a radio; without one, blocks come as fast as they are asked for.
     """
 
     def __init__(

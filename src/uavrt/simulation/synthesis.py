@@ -28,18 +28,11 @@ SampleFormat = Literal["cf32", "cs16"]
 class IQSynthesizer:
     """Complex samples of a scenario as a radio tuned to some frequency would give them.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The world; sample 0 is taken at its start.
-    center_frequency_hz : float, optional
-        Where the radio is tuned [Hz]; by default where the scenario says.
-    sample_rate_hz : float, optional
-        Nominal sample rate [Hz]; by default the scenario's.
-    gain : int, optional
-        Gain step 0 to 21; by default the scenario's.
-    path : FlownPath, optional
-        Where the drone really is, when it flies by commands.
+    `scenario`: the world; sample 0 is taken at its start.
+    `center_frequency_hz`: where the radio is tuned [Hz]; by default where the scenario says.
+    `sample_rate_hz`: nominal sample rate [Hz]; by default the scenario's.
+    `gain`: gain step 0 to 21; by default the scenario's.
+    `path`: where the drone really is, when it flies by commands.
     """
 
     def __init__(
@@ -258,10 +251,6 @@ def phasor(
     """Make a complex tone as the outer product of a coarse and a fine phasor.
 
     One complex multiplication a sample in place of a sine and a cosine: 1 ns against 25 ns.
-
-    Returns
-    -------
-    (count,) complex64
     """
     fine = np.exp(2j * np.pi * turns_per_sample * np.arange(_PHASOR_STEP))
     starts = np.arange(0, count, _PHASOR_STEP)

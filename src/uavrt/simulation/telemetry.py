@@ -34,21 +34,11 @@ def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
 def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -> Message:
     """Write one telemetry message.
 
-    Parameters
-    ----------
-    message_id : int
-        Which.
-    pose : Pose
-        Of the vehicle at that instant.
-    boot_ms : int
-        Boot time of the instant [ms].
-    time_ns : int
-        The instant [ns, UTC].
-
-    Raises
-    ------
-    KeyError
-        No such message is streamed.
+    `message_id`: which.
+    `pose`: of the vehicle at that instant.
+    `boot_ms`: boot time of the instant [ms].
+    `time_ns`: the instant [ns, UTC].
+    Raises `KeyError`: no such message is streamed.
     """
     boot_ms &= 0xFFFFFFFF
     match message_id:

@@ -79,19 +79,10 @@ def full_scale_factor(scenario: Scenario, gain: int | None = None) -> float:
 class World:
     """All pulses of a scenario, each a function of the scenario alone.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The world; the pulses' times are counted from its start.
-    path : FlownPath, optional
-        Where the drone really is, when it flies by commands; else it flies the scenario's.
-    ground : callable, optional
-        Heights of the ground in place of the scenario's elevation files.
-
-    Raises
-    ------
-    FormatError
-        The elevation files cannot be read.
+    `scenario`: the world; the pulses' times are counted from its start.
+    `path`: where the drone really is, when it flies by commands; else it flies the scenario's.
+    `ground`: heights of the ground in place of the scenario's elevation files.
+    Raises `FormatError`: the elevation files cannot be read.
     """
 
     def __init__(

@@ -65,14 +65,9 @@ CLOSE_S = 5.0
 class Supervisor:
     """Joins mission, processes and records.
 
-    Parameters
-    ----------
-    settings : Settings
-        The drone side's settings.
-    on_record : callable, optional
-        Also called with each record line that passes, for viewers.
-    launcher : Launcher, optional
-        Starts the processes; its nursery may be warming up already.
+    `settings`: the drone side's settings.
+    `on_record`: also called with each record line that passes, for viewers.
+    `launcher`: starts the processes; its nursery may be warming up already.
     """
 
     def __init__(
@@ -137,10 +132,7 @@ class Supervisor:
     def claim(self) -> None:
         """Become the only supervisor of these flights, and go on with an unfinished one.
 
-        Raises
-        ------
-        ConfigError
-            Another supervisor runs.
+        Raises `ConfigError`: another supervisor runs.
         """
         self._store.claim()
         self.mission.resume()

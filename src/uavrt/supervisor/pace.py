@@ -20,12 +20,8 @@ REPEAT_S = 300.0
 class PaceWatch:
     """Watches what one process sends.
 
-    Parameters
-    ----------
-    name : str
-        Name of the instance, for the text.
-    topics : iterable of str
-        What it produces.
+    `name`: name of the instance, for the text.
+    `topics`: what it produces.
     """
 
     def __init__(self, name: str, topics: tuple[str, ...]) -> None:

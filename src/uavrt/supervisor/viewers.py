@@ -60,10 +60,7 @@ class Viewers:
     async def serve(self, path: str) -> asyncio.Server | None:
         """Open the socket; None on a card that takes nothing, which must not end the flight.
 
-        Raises
-        ------
-        ConfigError
-            The path cannot be used, or another system is there.
+        Raises `ConfigError`: the path cannot be used, or another system is there.
         """
         require_unserved(path)
         try:
@@ -104,10 +101,7 @@ class Viewers:
 def require_unserved(path: str) -> None:
     """Make sure that nobody listens on a socket; one that a killed system left is free.
 
-    Raises
-    ------
-    ConfigError
-        Another system is there.
+    Raises `ConfigError`: another system is there.
     """
     with socket.socket(socket.AF_UNIX) as asking:
         asking.settimeout(1.0)

@@ -40,13 +40,8 @@ def beyond_level_db(
     Over level ground the ray to the mirrored antenna touches it where ν is greatest:
     -2 √(2 a b / (λ d)) for heights a and b.
 
-    Parameters
-    ----------
-    nu, distance_m : arrays
-        Of the profile's edge, and between the antennas.
-    antenna_m, tag_m : float
-        Heights above the ground at either end.
-    wavelength_m : float
+    `nu`, `distance_m`: of the profile's edge, and between the antennas.
+    `antenna_m`, `tag_m`: heights above the ground at either end.
     """
     height = np.sqrt(2.0 * antenna_m * tag_m / wavelength_m)
     level = -2.0 * height / np.sqrt(np.maximum(distance_m, 1.0))
@@ -64,20 +59,11 @@ def edge_parameters(
 ) -> _Floats:
     """ν of the one edge that stands for each profile (P.526-15, equations 53 to 57).
 
-    Parameters
-    ----------
-    x : (paths, points) array
-        From the drone [m]; points at or beyond `far` do not count.
-    ground : (paths, points) array
-        Heights, with the earth's bulge taken off: x² / (2 · 8500 km).
-    far, antenna, tag : (paths,) arrays
-        Distance to the tag, and heights of both antennas, with the bulge taken off.
-    wavelength_m : float
-
-    Returns
-    -------
-    (paths,) array
-        -10 where nothing lies between.
+    `x`: from the drone [m]; points at or beyond `far` do not count.
+    `ground`: heights, with the earth's bulge taken off: x² / (2 · 8500 km).
+    `far`, `antenna`, `tag`: distance to the tag, and heights of both antennas, with the bulge
+    taken off.
+    Returns: -10 where nothing lies between.
     """
     if not x.shape[1]:
         return np.full(far.shape, -10.0)

@@ -96,12 +96,8 @@ class Elevation:
     def heights_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> _Floats:
         """Heights of places, of any shape; NaN where nothing is known.
 
-        Raises
-        ------
-        FormatError
-            A file is damaged.
-        UsageError
-            The places are spread over too much ground.
+        Raises `FormatError`: a file is damaged.
+        Raises `UsageError`: the places are spread over too much ground.
         """
         latitude = np.asarray(latitude_deg, np.float64)
         longitude = np.asarray(longitude_deg, np.float64)

@@ -13,18 +13,10 @@ _REMEDY = "Name a tile (N47E008.hgt), a GeoTIFF of heights (.tif), or a folder o
 def open_elevation(path: Path, *, sea: bool = False) -> Elevation:
     """Open a file of heights, or all of a folder.
 
-    Parameters
-    ----------
-    path : Path
-        ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
-    sea : bool
-        Take what no file covers for water at height 0: there are no tiles of the open sea.
-
-    Raises
-    ------
-    FormatError
-        There are none, one of them is cut off, damaged, or of a kind that is not read, or some
-        count from the ellipsoid and others do not.
+    `path`: ``.hgt``, ``.hgt.zip``, ``.tif``, ``.tiff``, or a folder.
+    `sea`: take what no file covers for water at height 0: there are no tiles of the open sea.
+    Raises `FormatError`: there are none, one of them is cut off, damaged, or of a kind that is
+    not read, or some count from the ellipsoid and others do not.
     """
     if not path.exists():
         raise FormatError(f"there is no {path}", remedy=_REMEDY)

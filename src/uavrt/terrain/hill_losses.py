@@ -47,17 +47,11 @@ class HillLosses:
     Heights of the drone count from the ground at the take-off, as autopilots tell them; metres
     from there too, or from the origin of another plane (`in_plane`).
 
-    Parameters
-    ----------
-    elevation : Elevation
-    latitude_deg, longitude_deg : float
-        Of the take-off.
-    frequency_hz : float
-        Of the tags.
-    tag_m : float
-        Height of the tags above the ground beneath them.
-    limitations : tuple of str
-        What the losses do not hold for, in words; `told` adds what the files do not know.
+    `latitude_deg`, `longitude_deg`: of the take-off.
+    `frequency_hz`: of the tags.
+    `tag_m`: height of the tags above the ground beneath them.
+    `limitations`: what the losses do not hold for, in words; `told` adds what the files do not
+    know.
     """
 
     def __init__(
@@ -130,10 +124,7 @@ class HillLosses:
     def cover(self, east_m: ArrayLike, north_m: ArrayLike) -> None:
         """Lay the ground as far as some places; what is beyond counts as its edge.
 
-        Raises
-        ------
-        FormatError
-            A file of heights is damaged.
+        Raises `FormatError`: a file of heights is damaged.
         """
         here = self.origin_m
         self._squares.reach(
@@ -203,12 +194,8 @@ class HillLosses:
     ) -> NDArray[np.float32]:
         """Loss beyond that of level ground, from one place of the drone to places of any shape.
 
-        Parameters
-        ----------
-        drone : (east, north, up)
-            The last above the ground at the take-off.
-        east_m, north_m : array
-            Of the tag.
+        `drone`: the last above the ground at the take-off.
+        `east_m`, `north_m`: of the tag.
         """
         seen = self.seen_from(*(np.array([one]) for one in drone))
         return seen.between(np.intp(0), east_m, north_m)

@@ -90,23 +90,12 @@ def ground_grid(
 ) -> GroundGrid:
     """Lay squares over an area.
 
-    Parameters
-    ----------
-    elevation : Elevation or None
-        None is level ground at height 0, of which every cell is known.
-    plane : TangentPlane
-        What the metres count from.
-    west_m, east_m, south_m, north_m : float
-        The area; its last cells may reach over it.
-    cell_m : float
-        Side of a square.
-
-    Raises
-    ------
-    UsageError
-        More than 16 million squares.
-    FormatError
-        A file of heights is damaged.
+    `elevation`: None is level ground at height 0, of which every cell is known.
+    `plane`: what the metres count from.
+    `west_m`, `east_m`, `south_m`, `north_m`: the area; its last cells may reach over it.
+    `cell_m`: side of a square.
+    Raises `UsageError`: more than 16 million squares.
+    Raises `FormatError`: a file of heights is damaged.
     """
     columns = max(2, math.ceil((east_m - west_m) / cell_m) + 1)
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)

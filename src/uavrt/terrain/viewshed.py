@@ -28,24 +28,11 @@ def terrain_loss_map(
 ) -> NDArray[np.float32]:
     """Loss [dB] beyond that of level ground, from a drone to tags at all cells.
 
-    Parameters
-    ----------
-    ground : GroundGrid
-        The drone is over it.
-    east_m, north_m : float
-        Of the drone.
-    antenna_m, tag_m : float
-        Heights of drone and tags above the ground beneath them.
-    frequency_hz : float
-
-    Returns
-    -------
-    ndarray of float32, shape (rows, columns)
-
-    Raises
-    ------
-    UsageError
-        The drone is not over the grid.
+    `ground`: the drone is over it.
+    `east_m`, `north_m`: of the drone.
+    `antenna_m`, `tag_m`: heights of drone and tags above the ground beneath them.
+    Returns: shape (rows, columns).
+    Raises `UsageError`: the drone is not over the grid.
     """
     height = ground.height_m
     rows, columns = height.shape

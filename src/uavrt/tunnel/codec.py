@@ -16,18 +16,11 @@ DECODERS = {**g0.DECODERS, **g1.DECODERS, **g2.DECODERS}
 def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessage:
     """Read a tunnel payload (its first ``payload_length`` bytes).
 
-    Parameters
-    ----------
-    payload : bytes
-        What came.
-    generation : str, optional
-        What the drone speaks, where a length stands for several messages; ours need none.
-
-    Raises
-    ------
-    TunnelError
-        Unknown command, or a length that the command never has. Holds the payload; its text
-        is fit for the acknowledgement (`acked_command_of` tells whom to answer).
+    `payload`: what came.
+    `generation`: what the drone speaks, where a length stands for several messages; ours need
+    none.
+    Raises `TunnelError`: unknown command, or a length that the command never has. Holds the
+    payload; its text is fit for the acknowledgement (`acked_command_of` tells whom to answer).
     """
     if not 4 <= len(payload) <= MAX_PAYLOAD:
         raise TunnelError(f"a payload has 4 to 128 bytes, not {len(payload)}", payload)

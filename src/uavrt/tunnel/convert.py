@@ -45,10 +45,7 @@ DETECTION_STATUSES: dict[int, DetectionStatus] = {
 def tag_to_wire(tag: Tag, generation: Generation = "G1") -> TagG0 | TagG1:
     """Write a tag; times are rounded to whole milliseconds, the frequency to whole hertz.
 
-    Raises
-    ------
-    TunnelError
-        More than two rates: the wire has room for two.
+    Raises `TunnelError`: more than two rates: the wire has room for two.
     """
     if not 1 <= len(tag.pulse_intervals_s) <= 2:
         raise TunnelError(f"tag {tag.tag_id} needs one or two pulse intervals", b"")
@@ -75,11 +72,8 @@ def tag_from_wire(message: TagG0 | TagG1) -> Tag:
     The means and deviations of G1 are not used: their unit is not documented and senders
     leave them NaN.
 
-    Raises
-    ------
-    TunnelError
-        An id, frequency, width, interval or K of zero (the thesis's id 0 is "no tag"), or a
-        false-alarm probability outside (0, 1).
+    Raises `TunnelError`: an id, frequency, width, interval or K of zero (the thesis's id 0 is
+    "no tag"), or a false-alarm probability outside (0, 1).
     """
     needed = {
         "id": message.tag_id,
@@ -250,16 +244,8 @@ def pulse_from_wire(
     one whose next pulse is expected when the message expects it, 1 without a tag; a pulse of
     the number after the tag's is the original's second detector of it: rate 2.
 
-    Parameters
-    ----------
-    message : PulseG0 or PulseG1
-    tag : Tag, optional
-        Whose pulse it is; `tag_of_number` finds it.
-
-    Raises
-    ------
-    TunnelError
-        A status that no generation has, or times that are no times.
+    `tag`: whose pulse it is; `tag_of_number` finds it.
+    Raises `TunnelError`: a status that no generation has, or times that are no times.
     """
     if message.frequency_hz == 0:
         return None

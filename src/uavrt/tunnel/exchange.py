@@ -77,24 +77,14 @@ class _Question:
 class Exchange:
     """Keeps who asked what, and in which generation the ground speaks.
 
-    Parameters
-    ----------
-    generation : {"auto", "G0", "G1", "G2v1", "G2"}
-        What we send. "auto" answers each in the generation of its own message, and sends the
-        pulses in the generation of the last upload of tags, G1 before any. The numbered
-        versions must be named, because their ground stations say nothing before they have
-        heard their own number.
-    version : int
-        Number told with G2, 4 to 7.
-    experimental : bool
-        Whether layouts may be used that were inferred and never seen.
-    clock_s : callable
-        Monotonic time [s].
-
-    Raises
-    ------
-    ConfigError
-        G2 without `experimental`.
+    `generation`: what we send. "auto" answers each in the generation of its own message, and
+    sends the pulses in the generation of the last upload of tags, G1 before any. The numbered
+    versions must be named, because their ground stations say nothing before they have heard
+    their own number.
+    `version`: number told with G2, 4 to 7.
+    `experimental`: whether layouts may be used that were inferred and never seen.
+    `clock_s`: monotonic time [s].
+    Raises `ConfigError`: G2 without `experimental`.
     """
 
     def __init__(
@@ -137,11 +127,8 @@ class Exchange:
     ) -> Command | Answer | None:
         """Handle a payload of a ground station.
 
-        Returns
-        -------
-        Command, Answer or None
-            A command for the supervisor; or the answer to a payload that is none; or None for
-            what needs no answer.
+        Returns: a command for the supervisor; or the answer to a payload that is none; or None
+        for what needs no answer.
         """
         try:
             message = CodedTag.decode(payload) if coded_tag else decode(payload)

@@ -52,19 +52,11 @@ log = get_logger()
 class Gate:
     """The drone's side.
 
-    Parameters
-    ----------
-    commanders : tuple of int
-        System ids that may command; empty: all.
-    key_file : str, optional
-        With a key only sealed commands are taken, unless that is not required.
-    key_required : bool
-        False: unsealed commands are taken, too; a sealed one comes from who has the key.
-
-    Raises
-    ------
-    ConfigError
-        The key cannot be read.
+    `commanders`: system ids that may command; empty: all.
+    `key_file`: with a key only sealed commands are taken, unless that is not required.
+    `key_required`: False: unsealed commands are taken, too; a sealed one comes from who has the
+    key.
+    Raises `ConfigError`: the key cannot be read.
     """
 
     def __init__(
@@ -170,12 +162,8 @@ class Gate:
 class Sealer:
     """The ground's side: seals what it sends.
 
-    Parameters
-    ----------
-    key : Key
-        The shared secret.
-    own : (int, int)
-        Our system and component id.
+    `key`: the shared secret.
+    `own`: our system and component id.
     """
 
     def __init__(self, key: Key, own: Place) -> None:
@@ -218,12 +206,8 @@ class Sealer:
         Of several announced sessions the one asked least often comes first: replayed ones
         do not hold up the drone's.
 
-        Parameters
-        ----------
-        links : int
-            Links that carry signs of life in turn, each as often as a single one.
-        files : bool
-            Files are being asked for.
+        `links`: links that carry signs of life in turn, each as often as a single one.
+        `files`: files are being asked for.
         """
         now_s, due = monotonic_s(), []
         if self._session is not None and now_s - self._alive_s >= ALIVE_S / links:

@@ -28,16 +28,10 @@ Limits = Mapping[str, tuple[float, float]]
 class Layout:
     """Encoder and decoder of one link message.
 
-    Parameters
-    ----------
-    what : str
-        The message with its article, for errors.
-    fields : str
-        See the module's text.
-    limits : mapping of str to (float, float)
-        Least and greatest value of a field, or number of items of a list.
-    **fixed : int
-        Fields that always have this value; a message with another is refused.
+    `what`: the message with its article, for errors.
+    `fields`: see the module's text.
+    `limits`: least and greatest value of a field, or number of items of a list.
+    `**fixed`: fields that always have this value; a message with another is refused.
     """
 
     def __init__(
@@ -66,10 +60,7 @@ class Layout:
     def pack(self, record: object = None, **changed: Any) -> bytes:
         """Write a record's fields, those given by name in place of its own.
 
-        Raises
-        ------
-        TunnelError
-            A value does not fit into its field.
+        Raises `TunnelError`: a value does not fit into its field.
         """
 
         def value(name: str) -> Any:
@@ -102,10 +93,7 @@ class Layout:
     def unpack(self, payload: bytes) -> MutableMapping[str, Any]:
         """Read the fields that are not fixed, by name.
 
-        Raises
-        ------
-        TunnelError
-            Wrong length, or a value that is not finite or outside its limits.
+        Raises `TunnelError`: wrong length, or a value that is not finite or outside its limits.
         """
         if len(payload) < self.size:
             self._refuse(f"has {len(payload)} bytes, not {self.size} or more", payload)

@@ -96,10 +96,7 @@ class MotionState:
 def encode_request(request: MotionRequest) -> bytes:
     """Write what is asked for.
 
-    Raises
-    ------
-    UsageError
-        It has too many places, or they are too far apart.
+    Raises `UsageError`: it has too many places, or they are too far apart.
     """
     kept = request.keep_out
     places = (*request.places, *(place for one in kept for place in one.places))
@@ -271,10 +268,7 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
 def cut_text(text: str, tail: str = "") -> str:
     """A text that fits with its tail; what is cut ends with a whole word and an ellipsis.
 
-    Parameters
-    ----------
-    text, tail : str
-        The tail is what must be read: it is left out of no text.
+    `text`, `tail`: the tail is what must be read: it is left out of no text.
     """
     most = MAX_TEXT - len(tail.encode())
     if len(text.encode()) <= most:

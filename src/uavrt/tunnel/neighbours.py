@@ -41,10 +41,7 @@ Place = tuple[float, float]
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
     """Write what a drone reports of itself, with as many tags as fit.
 
-    Raises
-    ------
-    TunnelError
-        A place is none, or a leg leads farther than 7 km.
+    Raises `TunnelError`: a place is none, or a leg leads farther than 7 km.
     """
     here = course.place
     latitude, longitude = here

@@ -169,14 +169,9 @@ class _Done:
 class ReliableSender(Generic[T]):
     """Which pulse goes next.
 
-    Parameters
-    ----------
-    encode : callable
-        Payload of a pulse; called at each sending, for the generation may have changed.
-    inside : callable, optional
-        Payload of what is inside a pulse besides, None where nothing is.
-    inside_type : int
-        Payload type of that.
+    `encode`: payload of a pulse; called at each sending, for the generation may have changed.
+    `inside`: payload of what is inside a pulse besides, None where nothing is.
+    `inside_type`: payload type of that.
     """
 
     def __init__(
@@ -271,16 +266,9 @@ class ReliableSender(Generic[T]):
     def refill(self, store: int, items: Iterable[tuple[ItemKey, T]], *, more: bool) -> None:
         """Add pulses from disk that a store does not have.
 
-        Parameters
-        ----------
-        store : int
-            The store, or `PLAIN`.
-        items : iterable of (key, pulse)
-            At most `CAPACITY` less what is here.
-        more : bool
-            Whether there are others on disk.
-
-        What came to the disk since `reading` is asked for again, whatever `more` is.
+        `store`: the store, or `PLAIN`.
+        `items`: at most `CAPACITY` less what is here.
+        `more`: whether there are others on disk.
         """
         for key, item in items:
             if key not in self._entries:

@@ -38,16 +38,9 @@ class RequestCache:
     ) -> bytes | bool:
         """Look a request up, and keep it if it is new.
 
-        Returns
-        -------
-        bytes or bool
-            The acknowledgement to give again; True for a repetition that is still being worked
-            on; False for a new request.
-
-        Raises
-        ------
-        TunnelError
-            The id was used for something else.
+        Returns: the acknowledgement to give again; True for a repetition that is still being
+        worked on; False for a new request.
+        Raises `TunnelError`: the id was used for something else.
         """
         if request_id == 0:
             return False  # never kept

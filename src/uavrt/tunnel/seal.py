@@ -55,10 +55,7 @@ class Key:
 def read_key(path: str | Path) -> Key:
     """Read a key: at least 32 hexadecimal digits in a file that only its owner may read.
 
-    Raises
-    ------
-    ConfigError
-        There is none, or others may read it.
+    Raises `ConfigError`: there is none, or others may read it.
     """
     return Key(read_key_file(path, "key file", least=LEAST_KEY, most=MOST_KEY))
 
@@ -88,10 +85,7 @@ def seal(
 def session_of(payload: bytes, key: Key, drone: Place) -> tuple[Session, int, int]:
     """Read an announcement: session, newest counter accepted in it, nonce returned (0: none).
 
-    Raises
-    ------
-    TunnelError
-        It is none, or made with another key.
+    Raises `TunnelError`: it is none, or made with another key.
     """
     head, mac = payload[:-8], payload[-8:]
     sizes = {_VERSION: _SESSION.size, _VERSION_ECHO: _SESSION.size + _NONCE.size}
@@ -117,10 +111,7 @@ def proven_answer(
 ) -> bytes:
     """Turn an answer of type 60011 back into one of type 60006.
 
-    Raises
-    ------
-    TunnelError
-        It answers none of these requests, or is forged.
+    Raises `TunnelError`: it answers none of these requests, or is forged.
     """
     first = payload[0] if payload else 0
     for request_id in request_ids:
@@ -168,12 +159,8 @@ def parameter_of(inside: bytes) -> tuple[str, float]:
 class SealKeeper:
     """Opens sealed payloads that are authentic, new, and meant for this drone and session.
 
-    Parameters
-    ----------
-    key : Key
-        The shared secret.
-    session : int, optional
-        Number of the session; drawn at random unless given.
+    `key`: the shared secret.
+    `session`: number of the session; drawn at random unless given.
     """
 
     def __init__(self, key: Key, session: int | None = None) -> None:
@@ -196,10 +183,8 @@ class SealKeeper:
     def open(self, payload: bytes, sender: Place, drone: Place) -> tuple[int, bytes]:
         """Get what is inside, and its kind.
 
-        Raises
-        ------
-        TunnelError
-            Forged, repeated, damaged, or for another drone or session; the text says which.
+        Raises `TunnelError`: forged, repeated, damaged, or for another drone or session; the
+        text says which.
         """
         if len(payload) < SEALED_SIZE:
             raise TunnelError("a sealed message has at least 20 bytes", payload)

@@ -93,10 +93,7 @@ def command_name(number: int) -> str:
 def command_of(number: int, payload: bytes) -> CommandId:
     """Get the command of a number that came by a wire.
 
-    Raises
-    ------
-    TunnelError
-        There is none.
+    Raises `TunnelError`: there is none.
     """
     try:
         return CommandId(number)
@@ -107,10 +104,8 @@ def command_of(number: int, payload: bytes) -> CommandId:
 def pack(layout: struct.Struct, *values: object) -> bytes:
     """Pack values, zeros in the pads.
 
-    Raises
-    ------
-    TunnelError
-        A value does not fit its field; the caller should not have let it come here.
+    Raises `TunnelError`: a value does not fit its field; the caller should not have let it come
+    here.
     """
     try:
         return layout.pack(*values)
@@ -121,10 +116,7 @@ def pack(layout: struct.Struct, *values: object) -> bytes:
 def unpack(layout: struct.Struct, payload: bytes, command: CommandId) -> tuple[Any, ...]:
     """Unpack a payload of exactly the layout's length and the given command.
 
-    Raises
-    ------
-    TunnelError
-        Another length or another command.
+    Raises `TunnelError`: another length or another command.
     """
     if len(payload) != layout.size:
         check(payload, command, layout.size)

@@ -93,10 +93,7 @@ Feature = tuple[list[Point], dict[str, Any]]
 def write_geopackage(survey: Survey, path: Path) -> None:
     """Write a file that does not exist yet.
 
-    Raises
-    ------
-    sqlite3.Error
-        It cannot be written.
+    Raises `sqlite3.Error`: it cannot be written.
     """
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(f"PRAGMA application_id = {APPLICATION_ID}")

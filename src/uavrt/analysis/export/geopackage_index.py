@@ -26,14 +26,9 @@ def add_index(
 ) -> None:
     """Index a layer whose features, in the order of their fid from 1, have these boxes.
 
-    Parameters
-    ----------
-    database : sqlite3.Connection
-        The GeoPackage.
-    table : str
-        The layer; its geometry is ``geom``, its key ``fid``.
-    boxes : sequence of (west, east, south, north)
-        In degrees.
+    `database`: the GeoPackage.
+    `table`: the layer; its geometry is ``geom``, its key ``fid``.
+    `boxes`: in degrees.
     """
     tree = f"rtree_{table}_geom"
     database.execute(f"CREATE VIRTUAL TABLE {tree} USING rtree(id, minx, maxx, miny, maxy)")

@@ -33,12 +33,8 @@ _GEO_KEYS = (
 def geotiff_bytes(grid: PositionGrid, description: str) -> bytes:
     """Encode a heat map.
 
-    Parameters
-    ----------
-    grid : PositionGrid
-        The map; its northern axis may run either way.
-    description : str
-        What it is.
+    `grid`: the map; its northern axis may run either way.
+    `description`: what it is.
     """
     rising = grid.north_m[-1] >= grid.north_m[0]
     pixels = np.asarray(grid.probability, "<f4")

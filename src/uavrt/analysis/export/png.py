@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     """Encode a picture.
 
-    Parameters
-    ----------
-    pixels : (rows, columns, 4) uint8 array
-        Red, green, blue, opacity; the first row is the top.
+    `pixels`: red, green, blue, opacity; the first row is the top.
     """
     rows, columns, _ = pixels.shape
     header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
@@ -42,10 +39,7 @@ def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
 def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Color a probability: yellow to dark red, clear where there is next to none.
 
-    Parameters
-    ----------
-    probability : (rows, columns) float64 array
-        Of each cell; the first row is the top.
+    `probability`: of each cell; the first row is the top.
     """
     peak = float(probability.max())
     share = probability / peak if peak > 0.0 else np.zeros_like(probability)
@@ -78,10 +72,7 @@ def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
 def chance(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Color a probability on a scale from 0 to 1: dark blue to yellow, clear where unknown.
 
-    Parameters
-    ----------
-    probability : (rows, columns) array
-        The first row is the top; NaN is unknown.
+    `probability`: the first row is the top; NaN is unknown.
     """
     known = np.isfinite(probability)
     share = np.where(known, probability, 0.0)

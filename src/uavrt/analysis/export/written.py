@@ -47,33 +47,17 @@ def export_survey(
 ) -> list[Path]:
     """Write a survey in each format asked for; files of the same name are replaced.
 
-    Parameters
-    ----------
-    survey : Survey
-        What to write.
-    directory : Path
-        Made if need be.
-    formats : sequence of str
-        ``csv`` (pulses, track, positions; ways of tags that moved and marks where there are
-        any), ``uavrt`` (the original's bearings.csv,
-        positions.csv and TagTracker's pulse CSV), ``geojson``, ``kmz``, ``kml`` (without
-        pictures), ``gpx``,
-        ``geopackage``, ``movebank``, ``geotiff`` (one heat map for each tag with one; of a
-        survey with a monopole the strength, and that of each layer of heights), ``motus``
-        (bursts and beeps as a SensorGnome and find_tags write them, where there are any).
-        None: all.
-
-    Returns
-    -------
-    list of Path
-        What was written.
-
-    Raises
-    ------
-    RecordingError
-        A file cannot be written.
-    UsageError
-        It is a log without any pulse: there is nothing to write.
+    `survey`: what to write.
+    `directory`: made if need be.
+    `formats`: ``csv`` (pulses, track, positions; ways of tags that moved and marks where there
+    are any), ``uavrt`` (the original's bearings.csv, positions.csv and TagTracker's pulse CSV),
+    ``geojson``, ``kmz``, ``kml`` (without pictures), ``gpx``, ``geopackage``, ``movebank``,
+    ``geotiff`` (one heat map for each tag with one; of a survey with a monopole the strength,
+    and that of each layer of heights), ``motus`` (bursts and beeps as a SensorGnome and
+    find_tags write them, where there are any). None: all.
+    Returns: what was written.
+    Raises `RecordingError`: a file cannot be written.
+    Raises `UsageError`: it is a log without any pulse: there is nothing to write.
     """
     if survey.kind != "flight" and not survey.pulse_poses:
         raise UsageError(

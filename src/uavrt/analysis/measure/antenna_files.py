@@ -24,12 +24,8 @@ _WIDEST_GAP_DEG = 45.0
 def antenna_named(text: str) -> str:
     """Name of a known pattern; the pattern of a file is made known by the file's name.
 
-    Raises
-    ------
-    FormatError
-        It is a file, but no pattern.
-    UsageError
-        It is neither a known name nor a file, or the file has a name of ours.
+    Raises `FormatError`: it is a file, but no pattern.
+    Raises `UsageError`: it is neither a known name nor a file, or the file has a name of ours.
     """
     if text in PATTERNS:
         return text
@@ -47,10 +43,8 @@ def antenna_named(text: str) -> str:
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
     """Read a pattern; its name is the file's.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, a line is not an angle with a gain, or angles are missing.
+    Raises `FormatError`: the file cannot be read, a line is not an angle with a gain, or angles
+    are missing.
     """
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
@@ -106,10 +100,7 @@ def _on_grid(
 def write_antenna(pattern: AntennaPattern, path: Path, remark: str) -> None:
     """Write a pattern as `read_antenna` reads it.
 
-    Raises
-    ------
-    RecordingError
-        The file cannot be written.
+    Raises `RecordingError`: the file cannot be written.
     """
     lines = [f"# {remark}", "angle_deg,gain_db" + (",across_db" if pattern.h_plane_db else "")]
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)

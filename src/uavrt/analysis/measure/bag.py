@@ -72,21 +72,12 @@ def export_bag(
     A recording that is played must not command a drone that listens: what a drone obeys is
     under `RECORDED` unless `as_sent`. Pulses seen in hindsight are under `HINDSIGHT`.
 
-    Parameters
-    ----------
-    flight_directory : path
-        A flight directory.
-    target : Path
-        Directory to make.
-    as_sent : bool
-        Orders have the names of the live topics.
-
-    Raises
-    ------
-    FormatError
-        There is no flight, or it is damaged.
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed, or `target` cannot be made.
+    `flight_directory`: a flight directory.
+    `target`: directory to make.
+    `as_sent`: orders have the names of the live topics.
+    Raises `FormatError`: there is no flight, or it is damaged.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed, or `target` cannot be
+    made.
     """
     flight = read_flight(flight_directory)
     _, integrated = read_integrated(flight_directory)
@@ -126,15 +117,8 @@ def export_bag(
 def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
     """Write messages in order of time into one MCAP file.
 
-    Returns
-    -------
-    str, Counter
-        rosbag2's description of the file, which is also inside it; messages on each topic.
-
-    Raises
-    ------
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed.
+    Returns: rosbag2's description of the file, which is also inside it; messages on each topic.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     """
     with needs_extra("analysis", "MCAP"):
         from mcap.writer import CompressionType, Writer

@@ -39,22 +39,13 @@ def plan_channels(
 ) -> FrontEnd:
     """Set up the filters.
 
-    Parameters
-    ----------
-    source : SampleSource
-        The band.
-    channels : sequence of int
-        The original's numbers, 1 the centre; negative for the second port too; none: all.
-    mode : {"default", "compatible"}
-        The original's bank (3750 S/s), or twice oversampled without aliases (7500 S/s).
-
-    Raises
-    ------
-    ConfigError
-        A channel that this band does not have, or in the compatible mode a rate from which the
-        original's hundred channels cannot be made.
-    TunerError
-        In the default mode, a channel beyond the clean span.
+    `source`: the band.
+    `channels`: the original's numbers, 1 the centre; negative for the second port too; none:
+    all.
+    `mode`: the original's bank (3750 S/s), or twice oversampled without aliases (7500 S/s).
+    Raises `ConfigError`: a channel that this band does not have, or in the compatible mode a
+    rate from which the original's hundred channels cannot be made.
+    Raises `TunerError`: in the default mode, a channel beyond the clean span.
     """
     rate_hz, center_hz = source.sample_rate_hz, source.center_frequency_hz
     whole = FrontEnd(
@@ -84,10 +75,7 @@ def plan_channels(
 def _check_as_the_original(front_end: FrontEnd) -> None:
     """Refuse what listeners would take for the original's channels and is not.
 
-    Raises
-    ------
-    ConfigError
-        Other than 100 channels of 3750 samples a second.
+    Raises `ConfigError`: other than 100 channels of 3750 samples a second.
     """
     plan = front_end.plan
     count, rate_hz = plan.channel_count, plan.channel_rate_hz
@@ -106,10 +94,7 @@ def ports_of(
 ) -> dict[int, list[int]]:
     """Get the ports of each channel in use.
 
-    Raises
-    ------
-    ConfigError
-        A second port is asked of the thesis's plan, which has none.
+    Raises `ConfigError`: a second port is asked of the thesis's plan, which has none.
     """
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
@@ -138,23 +123,14 @@ def channelize(
 ) -> ChannelizeSummary:
     """Send channels until the source ends or it is told to stop.
 
-    Parameters
-    ----------
-    source : SampleSource
-        The band; the caller closes it.
-    front_end : FrontEnd
-        From `plan_channels`.
-    sender : ChannelDatagramSender
-        Where to send; the caller closes it.
-    speed : float
-        A file is played at so many times real time, since a listener's buffer loses what
-        comes faster than it reads; 0 for no limit. A live band is never ahead of time.
-    pause : callable
-        Waits so many seconds (`time.sleep`).
-    should_stop : callable
-        Asked at least four times a second.
-    summary : ChannelizeSummary, optional
-        Filled while running.
+    `source`: the band; the caller closes it.
+    `front_end`: from `plan_channels`.
+    `sender`: where to send; the caller closes it.
+    `speed`: a file is played at so many times real time, since a listener's buffer loses what
+    comes faster than it reads; 0 for no limit. A live band is never ahead of time.
+    `pause`: waits so many seconds (`time.sleep`).
+    `should_stop`: asked at least four times a second.
+    `summary`: filled while running.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

@@ -114,12 +114,8 @@ def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
 class BurstPulses:
     """Finds the starts of a coded tag's pulses in the stream of a channel.
 
-    Parameters
-    ----------
-    frequency_hz : float
-        Where short pulses were seen.
-    rate_hz : float
-        Rate of the channel.
+    `frequency_hz`: where short pulses were seen.
+    `rate_hz`: rate of the channel.
     """
 
     def __init__(self, frequency_hz: float, rate_hz: float) -> None:

@@ -47,14 +47,9 @@ def measure_pulses(
 ) -> MeasuredTag:
     """Turn a tag's pulses into numbers with uncertainties.
 
-    Parameters
-    ----------
-    beats : sequence of FoundBeat
-        Its beats, by bursts.
-    windows : sequence of PulseWindow
-        Samples about its bursts, in order of time; at least `beats.FEWEST`.
-    frequency_hz : float
-        Where the first pass saw it; what the windows' offsets refer to.
+    `beats`: its beats, by bursts.
+    `windows`: samples about its bursts, in order of time; at least `beats.FEWEST`.
+    `frequency_hz`: where the first pass saw it; what the windows' offsets refer to.
     """
     fits = [
         fit_pulse(

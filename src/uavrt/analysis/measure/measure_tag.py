@@ -85,26 +85,14 @@ def measure_tags(
 ) -> Measurement:
     """Find and measure all tags in a recording.
 
-    Parameters
-    ----------
-    open_source : callable
-        Opens the recording; called twice.
-    frequency_hz : float, optional
-        Where to search; None: in the whole band.
-    window_hz : float
-        Half-width of the search about it.
-    on_progress : callable, optional
-        Takes the part that is done, 0 to 1.
-    on_fault : callable, optional
-        Takes, once, what keeps the recording from being read to its end; what was read until
-        then is measured. Without it that is raised.
-
-    Raises
-    ------
-    UsageError
-        No tag was found.
-    UavrtError
-        The recording cannot be read.
+    `open_source`: opens the recording; called twice.
+    `frequency_hz`: where to search; None: in the whole band.
+    `window_hz`: half-width of the search about it.
+    `on_progress`: takes the part that is done, 0 to 1.
+    `on_fault`: takes, once, what keeps the recording from being read to its end; what was read
+    until then is measured. Without it that is raised.
+    Raises `UsageError`: no tag was found.
+    Raises `UavrtError`: the recording cannot be read.
     """
     if not window_hz > 0.0:
         raise ConfigError(f"a window of {window_hz} Hz", remedy="Give --window in hertz")

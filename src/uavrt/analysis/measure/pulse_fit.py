@@ -47,14 +47,11 @@ def fit_pulse(
 ) -> FittedPulse:
     """Measure the strongest pulse in some samples.
 
-    Parameters
-    ----------
-    samples : (n,) complex64 array
-        Around one pulse: it lies in their middle half, noise alone in the outer quarters.
-    sample_rate_hz : float
-        Their rate.
-    frequency_hz : float
-        About the carrier's frequency; to within a fifth of a pulse's bandwidth or so.
+    `samples`: around one pulse: it lies in their middle half, noise alone in the outer
+    quarters.
+    `sample_rate_hz`: their rate.
+    `frequency_hz`: about the carrier's frequency; to within a fifth of a pulse's bandwidth or
+    so.
     """
     shortest = max(2, round(SHORTEST_S * sample_rate_hz))
     longest = min(samples.size, round(LONGEST_S * sample_rate_hz))

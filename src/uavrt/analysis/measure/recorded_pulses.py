@@ -40,33 +40,19 @@ def _coded_detector() -> "type[CodedDetector]":
 class DetectionChain:
     """Blocks of a radio in, pulses of all tags out.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-        What to look for; at least one.
-    sample_rate_hz, center_frequency_hz : float
-        Of the blocks that will come.
-    frequency_window_hz : float
-        Half-width of the search around each tag's nominal frequency; more than the channel
-        holds means the whole channel.
-    operating_modes : mapping of int to OperatingMode, optional
-        For each tag's number; without one the soft lock.
-    excluded_hz : sequence of (float, float)
-        Absolute stretches in which no pulse is reported, bounds included.
-    on_channel : callable, optional
-        Takes each block of a channel before the detectors do; its samples are numbers.
-    on_band : callable, optional
-        Takes each block of the radio, and the same at the rate of the tags' band, if all of
-        its samples are numbers.
-
-    Raises
-    ------
-    ConfigError
-        No tags, or a window that is not one.
-    TunerError
-        Tags outside the span of these samples; all of them are listed.
-    UsageError
-        No channels can be made at this sample rate.
+    `tags`: what to look for; at least one.
+    `sample_rate_hz`, `center_frequency_hz`: of the blocks that will come.
+    `frequency_window_hz`: half-width of the search around each tag's nominal frequency; more
+    than the channel holds means the whole channel.
+    `operating_modes`: for each tag's number; without one the soft lock.
+    `excluded_hz`: absolute stretches in which no pulse is reported, bounds included.
+    `on_channel`: takes each block of a channel before the detectors do; its samples are
+    numbers.
+    `on_band`: takes each block of the radio, and the same at the rate of the tags' band, if all
+    of its samples are numbers.
+    Raises `ConfigError`: no tags, or a window that is not one.
+    Raises `TunerError`: tags outside the span of these samples; all of them are listed.
+    Raises `UsageError`: no channels can be made at this sample rate.
     """
 
     def __init__(
@@ -299,31 +285,18 @@ def detect(
 ) -> DetectionSummary:
     """Find the pulses of tags in all samples of a source.
 
-    Parameters
-    ----------
-    source : SampleSource
-        A recording or a live stream; the caller closes it.
-    tags : sequence of Tag
-        What to look for.
-    write : callable
-        Takes pulses as soon as they are found.
-    frequency_window_hz : float
-        Half-width of the search around each tag's nominal frequency.
-    operating_modes, excluded_hz, on_channel, on_band
-        As of `DetectionChain`.
-    should_stop : callable
-        Asked at least twice a second; True ends the run in good order.
-    on_progress : callable, optional
-        Takes the samples done and their total after each block.
-    on_reports : callable, optional
-        Takes what was searched in vain, maybe nothing; called at least twice a second.
-    summary : DetectionSummary, optional
-        Filled while running, so that it is there also after an error.
-
-    Raises
-    ------
-    UavrtError
-        The source failed, or the tags do not fit it. Pulses found before were written.
+    `source`: a recording or a live stream; the caller closes it.
+    `tags`: what to look for.
+    `write`: takes pulses as soon as they are found.
+    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
+    `operating_modes`, `excluded_hz`, `on_channel`, `on_band`: as of `DetectionChain`.
+    `should_stop`: asked at least twice a second; True ends the run in good order.
+    `on_progress`: takes the samples done and their total after each block.
+    `on_reports`: takes what was searched in vain, maybe nothing; called at least twice a
+    second.
+    `summary`: filled while running, so that it is there also after an error.
+    Raises `UavrtError`: the source failed, or the tags do not fit it. Pulses found before were
+    written.
     """
     summary = DetectionSummary() if summary is None else summary
     chain = DetectionChain(

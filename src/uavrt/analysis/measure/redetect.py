@@ -31,23 +31,12 @@ from uavrt.recording.layout import new_flight_directory
 class FlightWriter:
     """Writes pulses found again, with the poses of the flight in which they were received.
 
-    Parameters
-    ----------
-    flight : Flight
-        The flight whose recording is searched.
-    source : SampleSource
-        The recording, for its rate and frequency.
-    tags : sequence of Tag
-        What is searched.
-    directory : Path, optional
-        Where to write; None: a new directory beside the flight's.
-    searched : DetectionSettings
-        Window and operating mode of the search, for the new flight's settings.
-
-    Raises
-    ------
-    RecordingError
-        The place cannot be written, or already holds a flight.
+    `flight`: the flight whose recording is searched.
+    `source`: the recording, for its rate and frequency.
+    `tags`: what is searched.
+    `directory`: where to write; None: a new directory beside the flight's.
+    `searched`: window and operating mode of the search, for the new flight's settings.
+    Raises `RecordingError`: the place cannot be written, or already holds a flight.
     """
 
     def __init__(
@@ -102,10 +91,7 @@ class FlightWriter:
     def close(self) -> None:
         """Complete the directory.
 
-        Raises
-        ------
-        RecordingError
-            The disk is full.
+        Raises `RecordingError`: the disk is full.
         """
         self._recorder.close()
 
@@ -131,17 +117,9 @@ class FlightWriter:
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
     """Give pulses the antenna's poses in the flight in which they were received.
 
-    Parameters
-    ----------
-    flight : Flight
-        With the vehicle's poses, and how the antenna sits on it.
-    pulses : sequence of Pulse
-        The pulses.
-
-    Returns
-    -------
-    tuple of PulsePose
-        In order of time and tag; without a pose outside of the flight.
+    `flight`: with the vehicle's poses, and how the antenna sits on it.
+    `pulses`: the pulses.
+    Returns: in order of time and tag; without a pose outside of the flight.
     """
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)

@@ -143,15 +143,8 @@ def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
 
     An area around a pole reaches up to it: its longitudes go once round the earth.
 
-    Parameters
-    ----------
-    ring : sequence of point
-        Closed: the last is the first.
-
-    Returns
-    -------
-    list of list of point
-        Closed rings, turning as the given one; longitudes in [-180, 180].
+    `ring`: closed: the last is the first.
+    Returns: closed rings, turning as the given one; longitudes in [-180, 180].
     """
     run_on = [ring[0]]
     for longitude, latitude in ring[1:]:

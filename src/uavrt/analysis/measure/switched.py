@@ -74,10 +74,8 @@ class SwitchedArray:
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
     """Read from a SigMF recording which antennas it was received with.
 
-    Raises
-    ------
-    FormatError
-        It is no SigMF recording, or does not say so, or says something impossible.
+    Raises `FormatError`: it is no SigMF recording, or does not say so, or says something
+    impossible.
     """
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
@@ -118,21 +116,11 @@ def switched_bearings(
 ) -> list[TagBearing]:
     """One bearing for each tag and each place at which it was heard.
 
-    Parameters
-    ----------
-    recording : path
-        The SigMF recording that the pulses were found in.
-    pulse_poses : sequence of PulsePose
-        They, with the antenna's pose; those without one are passed over.
-    offset_deg : float
-        Antenna clockwise from the heading that the pulses carry.
-
-    Raises
-    ------
-    FormatError
-        The recording cannot be read or does not describe its antennas.
-    UsageError
-        No pulse has a pose, or none lies in the recording.
+    `recording`: the SigMF recording that the pulses were found in.
+    `pulse_poses`: they, with the antenna's pose; those without one are passed over.
+    `offset_deg`: antenna clockwise from the heading that the pulses carry.
+    Raises `FormatError`: the recording cannot be read or does not describe its antennas.
+    Raises `UsageError`: no pulse has a pose, or none lies in the recording.
     """
     array = read_switched_array(recording)
     placed = sorted(

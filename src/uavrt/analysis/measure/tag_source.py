@@ -41,12 +41,9 @@ class TagSource:
 def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
     """Read TagInfo.txt, tags.toml, or the original's detectorConfig.txt.
 
-    Raises
-    ------
-    TagFileError, ConfigError
-        A tag file has faults, or cannot be read.
-    FormatError
-        A detectorConfig.txt has faults, or names no operating mode that exists.
+    Raises `TagFileError`, `ConfigError`: a tag file has faults, or cannot be read.
+    Raises `FormatError`: a detectorConfig.txt has faults, or names no operating mode that
+    exists.
     """
     if not _is_detector_config(Path(path)):
         return TagSource(tags=read_tags(path))

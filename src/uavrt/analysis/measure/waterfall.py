@@ -30,12 +30,8 @@ _MOST_OFF: Final = 0.75
 class MaximumHold:
     """The maxima of a row of values, ever coarser as it grows.
 
-    Parameters
-    ----------
-    rows : int
-        Values at each instant.
-    columns : int
-        How many instants, or stretches of instants, are kept; even.
+    `rows`: values at each instant.
+    `columns`: how many instants, or stretches of instants, are kept; even.
     """
 
     def __init__(self, rows: int, columns: int) -> None:
@@ -51,11 +47,7 @@ class MaximumHold:
     def put(self, first: int, frames: NDArray[np.float32]) -> None:
         """Add consecutive frames.
 
-        Parameters
-        ----------
-        first : int
-            Number of the first; frames that never come stay zero.
-        frames : (n, rows) float32 array
+        `first`: number of the first; frames that never come stay zero.
         """
         if not len(frames):
             return
@@ -72,16 +64,10 @@ class MaximumHold:
 class Waterfall:
     """Spectrogram about one tag's frequency, and the strongest level at each instant.
 
-    Parameters
-    ----------
-    offset_hz : float
-        The tag's frequency relative to the channel's centre.
-    half_width_hz : float
-        What to show on either side of it, as far as the channel goes.
-    sample_rate_hz : float
-        Of the channel.
-    pulse_width_s : float
-        Sets the window: one and a half pulses of a Hann window see all of a pulse.
+    `offset_hz`: the tag's frequency relative to the channel's centre.
+    `half_width_hz`: what to show on either side of it, as far as the channel goes.
+    `sample_rate_hz`: of the channel.
+    `pulse_width_s`: sets the window: one and a half pulses of a Hann window see all of a pulse.
     """
 
     def __init__(

@@ -33,10 +33,7 @@ _LINE = 0.0155
 def pdf_document(survey: Survey) -> bytes:
     """Write all pages; needs matplotlib.
 
-    Raises
-    ------
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     """
     with styled():
         from matplotlib.backends.backend_pdf import PdfPages

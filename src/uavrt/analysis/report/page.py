@@ -42,10 +42,7 @@ th { font-weight: 600; color: var(--soft); }
 def html_page(survey: Survey) -> str:
     """Write the whole page; needs matplotlib.
 
-    Raises
-    ------
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     """
     with styled():
         body = [

@@ -46,10 +46,7 @@ _POINTS_PER_IN = 72.0
 def styled() -> Any:
     """Make a context in which figures are drawn and saved.
 
-    Raises
-    ------
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     """
     with needs_extra("analysis", "a report"):
         import matplotlib as mpl

@@ -15,19 +15,10 @@ if TYPE_CHECKING:
 def write_report(survey: Survey, html: Path | None, pdf: Path | None) -> list[Path]:
     """Write the report.
 
-    Parameters
-    ----------
-    survey : Survey
-        What it is about.
-    html, pdf : Path, optional
-        Where to; None leaves that form out.
-
-    Raises
-    ------
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed.
-    RecordingError
-        A file cannot be written.
+    `survey`: what it is about.
+    `html`, `pdf`: where to; None leaves that form out.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
+    Raises `RecordingError`: a file cannot be written.
     """
     written = []
     if html is not None:

@@ -80,16 +80,10 @@ def attach_poses(
     What the log says was landed or disarmed is at height 0, wherever its barometer had drifted
     to: so turns are told from what was carried.
 
-    Parameters
-    ----------
-    pulse_poses : sequence of PulsePose
-        The pulses; poses that they have are replaced.
-    track : VehicleTrack
-        The vehicle's way.
-    offset_s : float
-        Added to the track's times.
-    antenna : AntennaSettings, optional
-        How the antenna sits on the vehicle.
+    `pulse_poses`: the pulses; poses that they have are replaced.
+    `track`: the vehicle's way.
+    `offset_s`: added to the track's times.
+    `antenna`: how the antenna sits on the vehicle.
     """
     ring = PoseRing(antenna, capacity=max(1, len(track.attitudes), len(track.positions)))
     shifted = track.shifted(ns_from_s(offset_s))
@@ -113,10 +107,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 def demand_placed(attached: Sequence[PulsePose], offset_s: float) -> int:
     """Count the pulses that have a pose now; a track of another time places hardly any.
 
-    Raises
-    ------
-    UsageError
-        They are fewer than a quarter.
+    Raises `UsageError`: they are fewer than a quarter.
     """
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
@@ -139,12 +130,9 @@ def estimate_offset(
     distance, with each tag's place free. A lone turn at a constant rate does not tell offset
     from bearing; starts, stops and several turns do.
 
-    Raises
-    ------
-    UsageError
-        The logs have too little in common (the track covers less than a quarter of the pulses,
-        or fewer than 12), or two offsets explain it nearly as well, or what
-        is left open moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
+    Raises `UsageError`: the logs have too little in common (the track covers less than a
+    quarter of the pulses, or fewer than 12), or two offsets explain it nearly as well, or what
+    is left open moves the headings of a turn by more than `MOST_HEADING_SIGMA_DEG`.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError("the track is empty", remedy="Give another log")
@@ -386,10 +374,7 @@ class _Common:
     def demand_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
         """Find how many pulses the track can cover; offsets with far fewer are none.
 
-        Raises
-        ------
-        UsageError
-            They are too few to tell an offset from chance.
+        Raises `UsageError`: they are too few to tell an offset from chance.
         """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)

@@ -59,10 +59,7 @@ _Row = dict[str, float]
 def read_dataflash(path: Path) -> VehicleTrack:
     """Read a DataFlash log.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or holds no time, no attitude or no place.
+    Raises `FormatError`: it cannot be read, or holds no time, no attitude or no place.
     """
     try:
         content = read_file(path, TRACK)

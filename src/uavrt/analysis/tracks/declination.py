@@ -20,12 +20,8 @@ def declination_deg(
     It changes by 0.01° over a kilometre or a month: places are rounded to 0.01°, heights to a
     kilometre, times to a day.
 
-    Raises
-    ------
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed.
-    FormatError
-        No model holds at that date.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
+    Raises `FormatError`: no model holds at that date.
     """
     return _declination_deg(
         round(latitude_deg, 2),

@@ -24,22 +24,11 @@ def flight_of_track(
 ) -> Flight:
     """Make a flight of a track: its poses are those of the antenna, five a second.
 
-    Parameters
-    ----------
-    track : VehicleTrack
-    tags : sequence of Tag
-        That were looked for.
-    name : str
-        Of the flight, for messages.
-    offset_s : float
-        Added to the track's times: by so much the samples' clock is ahead.
-    yaw_offset_deg : float
-        Antenna's boresight clockwise from the vehicle's nose.
-
-    Raises
-    ------
-    UsageError
-        The track has no poses.
+    `tags`: that were looked for.
+    `name`: of the flight, for messages.
+    `offset_s`: added to the track's times: by so much the samples' clock is ahead.
+    `yaw_offset_deg`: antenna's boresight clockwise from the vehicle's nose.
+    Raises `UsageError`: the track has no poses.
     """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError(f"{name} is an empty track", remedy="Give another log")

@@ -41,10 +41,7 @@ _DAY_NS = 86_400_000_000_000
 def read_nmea(path: Path) -> VehicleTrack:
     """Read NMEA sentences; damaged ones are passed over.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or no sentence in it gives date and place.
+    Raises `FormatError`: the file cannot be read, or no sentence in it gives date and place.
     """
     day_ns: int | None = None
     time_ns: int | None = None
@@ -104,10 +101,7 @@ def _eastward(angle: str, direction: str) -> float:
 def read_gpx(path: Path) -> VehicleTrack:
     """Read the tracks of a GPX file.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, is no GPX, or its points have no times.
+    Raises `FormatError`: the file cannot be read, is no GPX, or its points have no times.
     """
     text = "\n".join(read_lines(path))
     places: list[PositionSample] = []

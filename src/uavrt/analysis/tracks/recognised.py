@@ -15,12 +15,8 @@ from uavrt.foreign import require_plain_file
 def read_track(path: Path) -> VehicleTrack:
     """Read a track of any kind that is known; the content tells which.
 
-    Raises
-    ------
-    FormatError
-        It is none, or has no attitude or no place.
-    UsageError
-        A package that it needs is not installed.
+    Raises `FormatError`: it is none, or has no attitude or no place.
+    Raises `UsageError`: a package that it needs is not installed.
     """
     try:
         require_plain_file(path)

@@ -17,10 +17,7 @@ FIRST_COLUMN = b"time_ns,latitude_deg"
 def read_simulated(path: Path) -> VehicleTrack:
     """Read poses from a CSV file.
 
-    Raises
-    ------
-    FormatError
-        The file cannot be read, or a line of it holds something else.
+    Raises `FormatError`: the file cannot be read, or a line of it holds something else.
     """
     turns: list[AttitudeSample] = []
     places: list[PositionSample] = []

@@ -94,10 +94,7 @@ class _Log:
 def read_tlog(path: Path) -> VehicleTrack:
     """Read a telemetry log.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or holds no frame.
+    Raises `FormatError`: it cannot be read, or holds no frame.
     """
     try:
         content = read_file(path, TRACK)

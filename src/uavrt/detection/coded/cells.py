@@ -30,14 +30,8 @@ _LEAST_RISE = 0.85
 class Cells:
     """Makes and keeps the cells of one channel.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-    pulse_width_s : float
-    low_hz, high_hz : float
-        Band that is searched, relative to the channel's centre.
-    kept_s, recent_s : float
-        How long cells are kept as bytes, and as they are.
+    `low_hz`, `high_hz`: band that is searched, relative to the channel's centre.
+    `kept_s`, `recent_s`: how long cells are kept as bytes, and as they are.
     """
 
     def __init__(
@@ -94,15 +88,8 @@ class Cells:
     def push(self, samples: NDArray[np.complex64]) -> int:
         """Make the columns that some samples complete.
 
-        Parameters
-        ----------
-        samples : ndarray of complex64, shape (n,)
-            From the first sample of column `end` on.
-
-        Returns
-        -------
-        int
-            How many columns came.
+        `samples` (n,): from the first sample of column `end` on.
+        Returns: how many columns came.
         """
         count = (len(samples) - self.length) // self.hop + 1
         if count <= 0:

@@ -34,14 +34,10 @@ _MARGIN = 6
 class Look:
     """What several bursts are, looked at closely.
 
-    Attributes
-    ----------
-    begins : ndarray of float, shape (bursts,)
-        Columns at which the bursts begin.
-    columns : ndarray of float, shape (bursts, pulses)
-        Of the pulses.
-    energies : ndarray of float, shape (bursts, pulses)
-        In noise energies; what is hidden has the usual of noise, what lies beyond the cells 0.
+    `begins` (bursts,): columns at which the bursts begin.
+    `columns` (bursts, pulses): of the pulses.
+    `energies` (bursts, pulses): in noise energies; what is hidden has the usual of noise, what
+    lies beyond the cells 0.
     """
 
     begins: NDArray[np.float64]
@@ -60,17 +56,9 @@ def look(
 ) -> Look:
     """Find where between the cells a sum is largest.
 
-    Parameters
-    ----------
-    cells : Cells
-    tag : Tag
-    row : int
-    part : float
-        Of the tolerance by which the gaps together are stretched.
-    begins : ndarray of float, shape (bursts,)
-        Columns at which the bursts begin.
-    most : float
-        That a pulse counts [noise energies].
+    `part`: of the tolerance by which the gaps together are stretched.
+    `begins` (bursts,): columns at which the bursts begin.
+    `most`: that a pulse counts [noise energies].
     """
     starts_s = np.concatenate(((0.0,), np.cumsum(tag.gaps_s)))
     parts = 1.0 + GAP_TOLERANCE_S * (part + np.array(_STRETCHES)) / starts_s[-1]

@@ -51,23 +51,12 @@ _LEAST_ENERGY = 0.25
 class CodedDetector:
     """Finds the bursts of coded tags in the samples of a channel.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-        Coded tags of this channel.
-    sample_rate_hz : float
-        Rate of the channel's samples.
-    center_frequency_hz : float
-        Frequency of the channel's centre, absolute.
-    frequency_window_hz : float
-        Half-width of the search around the tags' nominal frequencies.
-    false_per_hour : float
-        Identities that noise may make, of each code.
-
-    Raises
-    ------
-    ConfigError
-        A tag lies outside the channel, or a number makes no sense.
+    `tags`: coded tags of this channel.
+    `sample_rate_hz`: rate of the channel's samples.
+    `center_frequency_hz`: frequency of the channel's centre, absolute.
+    `frequency_window_hz`: half-width of the search around the tags' nominal frequencies.
+    `false_per_hour`: identities that noise may make, of each code.
+    Raises `ConfigError`: a tag lies outside the channel, or a number makes no sense.
     """
 
     def __init__(

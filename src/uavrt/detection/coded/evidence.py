@@ -47,12 +47,8 @@ class Evidence:
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
     """Log likelihood ratio from which a burst is the listed code's.
 
-    Parameters
-    ----------
-    foreign_per_hour : float
-        Bursts that no listed code explains.
-    false_per_hour : float
-        Identities that they may make, of each code.
+    `foreign_per_hour`: bursts that no listed code explains.
+    `false_per_hour`: identities that they may make, of each code.
     """
     return math.log(_ALIGNMENTS * foreign_per_hour / false_per_hour)
 
@@ -66,16 +62,10 @@ def evidence(
 ) -> Evidence:
     """Weigh the listed code against noise and against codes that are not listed.
 
-    Parameters
-    ----------
-    energies : ndarray of float, shape (n, places)
-        Sums over the bursts, in noise energies.
-    usable : ndarray of bool, shape (n, places)
-        Places that say something: not hit by another burst.
-    foreign_per_hour : float
-        Bursts that no listed code explains.
-    bursts : int
-        Summed at each place.
+    `energies` (n, places): sums over the bursts, in noise energies.
+    `usable` (n, places): places that say something: not hit by another burst.
+    `foreign_per_hour`: bursts that no listed code explains.
+    `bursts`: summed at each place.
     """
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
@@ -116,11 +106,8 @@ def evidence(
 def evidence_in_step(alone: NDArray[np.float64], usable: NDArray[np.bool_]) -> float:
     """Log likelihood ratio of bursts in step to one unlisted code's, which are in step, too.
 
-    Parameters
-    ----------
-    alone : ndarray of float, shape (bursts, places)
-        As in `Evidence`.
-    usable : ndarray of bool, shape (bursts, places)
+    `alone` (bursts, places): as in `Evidence`.
+    `usable`: shape (bursts, places).
     """
     places = alone.sum(axis=0)[usable.any(axis=0)]
     return float(places.min()) - (len(places) - 1) * math.log(_COINCIDENCE)
@@ -131,14 +118,9 @@ def evidence_of_sums(
 ) -> NDArray[np.float64]:
     """Log likelihood ratio of bursts, which only together are found, to unlisted codes.
 
-    Parameters
-    ----------
-    energies : ndarray of float, shape (n, bursts, places)
-        In noise energies.
-    foreign_per_hour : float
-        Bursts that no listed code explains.
-    in_step : float
-        Chance that an unlisted tag's interval is the listed one.
+    `energies` (n, bursts, places): in noise energies.
+    `foreign_per_hour`: bursts that no listed code explains.
+    `in_step`: chance that an unlisted tag's interval is the listed one.
     """
     # One unlisted tag is in step by chance, or the pulses of several are.
     by_one, by_several = (

@@ -39,22 +39,12 @@ _AWAY = 10
 class Found:
     """Several bursts of a code, together larger than noise.
 
-    Attributes
-    ----------
-    tag : Tag
-    row : int
-    columns : ndarray of int, shape (bursts, pulses)
-        Of the pulses.
-    energies : ndarray of float, shape (bursts, pulses)
-        In noise energies.
-    score : float
-        Sum of amplitudes over its least.
-    total : float
-        Sum of energies.
-    interval : float
-        Columns from burst to burst.
-    rivals : tuple of int
-        Ids of tags that may have sent them as well.
+    `columns` (bursts, pulses): of the pulses.
+    `energies` (bursts, pulses): in noise energies.
+    `score`: sum of amplitudes over its least.
+    `total`: sum of energies.
+    `interval`: columns from burst to burst.
+    `rivals`: ids of tags that may have sent them as well.
     """
 
     tag: Tag
@@ -114,16 +104,9 @@ class Waiting:
 class Folds:
     """Seeds of the codes with as many pulses as each other, and what becomes of them.
 
-    Parameters
-    ----------
-    book : CodeBook
-    cells : Cells
-    kept_s : float
-        How long cells are kept.
-    bandwidth_hz : float
-        That is searched.
-    false_per_hour : float
-        Identities that noise may make, of each code.
+    `kept_s`: how long cells are kept.
+    `bandwidth_hz`: that is searched.
+    `false_per_hour`: identities that noise may make, of each code.
     """
 
     def __init__(
@@ -170,14 +153,9 @@ class Folds:
     def complete(self, whole: int, *, foreign_per_hour: float, last: bool) -> list[Found]:
         """Sum about the seeds all of whose later bursts have come.
 
-        Parameters
-        ----------
-        whole : int
-            Columns before which a burst is complete.
-        foreign_per_hour : float
-            Bursts on the channel that no listed code explains.
-        last : bool
-            Nothing comes any more.
+        `whole`: columns before which a burst is complete.
+        `foreign_per_hour`: bursts on the channel that no listed code explains.
+        `last`: nothing comes any more.
         """
         hits: list[Found] = []
         for bursts, waiting in self._waiting.items():

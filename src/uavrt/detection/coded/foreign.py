@@ -26,13 +26,8 @@ _ROWS = 2
 class Foreign:
     """Counts bursts that no listed code explains.
 
-    Parameters
-    ----------
-    cells : Cells
-    span : int
-        Columns of the longest listed burst.
-    guard : int
-        Columns to either side of a pulse's that are its own.
+    `span`: columns of the longest listed burst.
+    `guard`: columns to either side of a pulse's that are its own.
     """
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
@@ -52,12 +47,8 @@ class Foreign:
     def note(self, explained: Sequence[Burst], upto: int) -> None:
         """Find the foreign pulses among the recent cells, and count their bursts.
 
-        Parameters
-        ----------
-        explained : sequence of Burst
-            Of listed codes.
-        upto : int
-            Column before which foreign bursts are counted.
+        `explained`: of listed codes.
+        `upto`: column before which foreign bursts are counted.
         """
         cells = self._cells
         loudest = cells.recent.max(axis=0)

@@ -41,24 +41,13 @@ def in_step(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
     """Look for bursts whole burst intervals before and after one.
 
-    Parameters
-    ----------
-    at_s : float
-    others_s : ndarray of float, shape (n,)
-        Times of the other bursts.
-    tag : Tag
-        Whose interval it is.
-    timing_s : float
-        By which a time may be off.
-    most : int
-        Intervals to either side.
-
-    Returns
-    -------
-    expected_s, gains : ndarray of float, shape (2 most,)
-        The places in time, and log odds that a burst found there is the tag's; 0: none found.
-    which : ndarray of int, shape (2 most,)
-        The nearest of the others to each place.
+    `others_s` (n,): times of the other bursts.
+    `tag`: whose interval it is.
+    `timing_s`: by which a time may be off.
+    `most`: intervals to either side.
+    Returns: `expected_s, gains` (2 most,): the places in time, and log odds that a burst found
+    there is the tag's; 0: none found.
+    Returns: `which` (2 most,): the nearest of the others to each place.
     """
     steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]
@@ -82,21 +71,10 @@ def likeliest(
 ) -> list[int]:
     """Say which of several tags sent a burst, by their intervals.
 
-    Parameters
-    ----------
-    at_s : float
-    tags : sequence of Tag
-    others_s : sequence of ndarray of float
-        Times of the other bursts that each of the tags may have sent.
-    heard_s : tuple of float
-        Begin and end of the time that was searched.
-    timing_s : float
-        By which a time may be off.
-
-    Returns
-    -------
-    list of int
-        Places among the tags, the likeliest first; more than one if that is open.
+    `others_s`: times of the other bursts that each of the tags may have sent.
+    `heard_s`: begin and end of the time that was searched.
+    `timing_s`: by which a time may be off.
+    Returns: places among the tags, the likeliest first; more than one if that is open.
     """
     scores = []
     for tag, times_s in zip(tags, others_s, strict=True):

@@ -61,22 +61,12 @@ _SATURATED = 12.0
 class Burst:
     """A burst that one code claims.
 
-    Attributes
-    ----------
-    book : CodeBook
-    code, row, stretch : int
-    column : int
-        Of the first pulse, nearly.
-    offsets : ndarray of int, shape (pulses,)
-        Columns of the pulses from there, by the code.
-    columns : ndarray of int, shape (pulses,)
-        Where the pulses' cells are largest.
-    energies : ndarray of float, shape (pulses,)
-        In noise energies.
-    good : ndarray of bool, shape (pulses,)
-        Pulses that count: alone on air, and like the others.
-    likelihood : float
-        Log, over noise.
+    `column`: of the first pulse, nearly.
+    `offsets` (pulses,): columns of the pulses from there, by the code.
+    `columns` (pulses,): where the pulses' cells are largest.
+    `energies` (pulses,): in noise energies.
+    `good` (pulses,): pulses that count: alone on air, and like the others.
+    `likelihood`: log, over noise.
     """
 
     book: CodeBook
@@ -296,13 +286,8 @@ def weigh(
 ) -> list[Burst]:
     """Keep the bursts of equally many pulses whose good ones suffice, and note their scores.
 
-    Parameters
-    ----------
-    bursts : list of Burst
-    limits : dict of int to float
-        Least sum by the number of pulses.
-    foreign_per_hour : float
-        Bursts on the channel that no listed code explains.
+    `limits`: least sum by the number of pulses.
+    `foreign_per_hour`: bursts on the channel that no listed code explains.
     """
     if not bursts:
         return []
@@ -344,12 +329,7 @@ def could_be(energies: NDArray[np.float32], limits: dict[int, float]) -> NDArray
 
 
 class OnAir:
-    """Bursts that were accepted: what lies within their pulses is theirs.
-
-    Parameters
-    ----------
-    cells : Cells
-    """
+    """Bursts that were accepted: what lies within their pulses is theirs."""
 
     def __init__(self, cells: Cells) -> None:
         self.guard = cells.pulse + round(_GUARD_S / cells.column_s)
@@ -369,11 +349,7 @@ class OnAir:
 class Covered:
     """Which pulses of claims lie on those of bursts on air, and what that leaves of them.
 
-    Parameters
-    ----------
-    claims : list of Burst
-    guard : int
-        Columns to either side of a pulse's that are its own.
+    `guard`: columns to either side of a pulse's that are its own.
     """
 
     def __init__(self, claims: list[Burst], guard: int) -> None:

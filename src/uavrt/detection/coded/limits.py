@@ -43,17 +43,10 @@ def sum_limit(
 ) -> float:
     """Least sum that is this tag.
 
-    Parameters
-    ----------
-    tag : Tag
-    bandwidth_hz : float
-        That is searched.
-    bursts : int
-        Summed.
-    pulses : int
-        Cells in the sum.
-    false_per_hour : float
-        Identities that noise may make.
+    `bandwidth_hz`: that is searched.
+    `bursts`: summed.
+    `pulses`: cells in the sum.
+    `false_per_hour`: identities that noise may make.
     """
     share = _SHARES.get(bursts, 1.0 - sum(_SHARES.values()))
     tests = tests_per_hour(tag, bandwidth_hz=bandwidth_hz, bursts=bursts)
@@ -73,12 +66,8 @@ def amplitude_limit(
 def rayleigh_limit(count: int, chance: float) -> float:
     """Sum of amplitudes of so many cells of noise that is reached with a chance.
 
-    Parameters
-    ----------
-    count : int
-        Cells, whose energies are exponential with mean 1.
-    chance : float
-        At most 0.1.
+    `count`: cells, whose energies are exponential with mean 1.
+    `chance`: at most 0.1.
     """
     low, high = 0.02, 8.0
     for _ in range(50):

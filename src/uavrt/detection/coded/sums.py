@@ -28,15 +28,10 @@ FIELDS = 5
 class CodeBook:
     """Codes with as many pulses in a burst, in columns of cells.
 
-    Attributes
-    ----------
-    tags : tuple of Tag
-    offsets : ndarray of int32, shape (codes, stretches, pulses)
-        Columns of the pulses from the first.
-    fine : ndarray of int32, shape (codes, stretches, 3, pulses)
-        The same a little shorter, as it is, and a little longer.
-    intervals : ndarray of float32, shape (codes,)
-        Columns from burst to burst.
+    `offsets` (codes, stretches, pulses): columns of the pulses from the first.
+    `fine` (codes, stretches, 3, pulses): the same a little shorter, as it is, and a little
+    longer.
+    `intervals` (codes,): columns from burst to burst.
     """
 
     tags: tuple[Tag, ...]
@@ -75,21 +70,10 @@ def find_seeds(
 ) -> NDArray[np.int32]:
     """Find the sums of bursts that reach a level.
 
-    Parameters
-    ----------
-    cells : Cells
-    book : CodeBook
-    first, count : int
-        Columns at which bursts begin.
-    clip : int
-        Most that a cell counts.
-    level : int
-        In steps of the kept cells, as `clip`.
-
-    Returns
-    -------
-    ndarray of int32, shape (seeds, 5)
-        Code, row, stretch, column, sum.
+    `first`, `count`: columns at which bursts begin.
+    `clip`: most that a cell counts.
+    `level`: in steps of the kept cells, as `clip`.
+    Returns: (seeds, 5) code, row, stretch, column, sum.
     """
     at = first - cells.base
     if at < APART:
@@ -150,23 +134,12 @@ def fold(
 ) -> NDArray[np.int32]:
     """Sum the bursts about seeds at the burst interval.
 
-    Parameters
-    ----------
-    cells : Cells
-    book : CodeBook
-    seeds : ndarray of int32, shape (n, 5)
-    bursts : int
-        In a row, of which the seed is one.
-    reach : float
-        Columns by which the interval may be off.
-    steps : int
-        Intervals tried on either side.
-    clip : int
-
-    Returns
-    -------
-    ndarray of int32, shape (n, 3)
-        Sum, which of the intervals (from -steps), place of the first burst (0: the seed).
+    `seeds`: shape (n, 5).
+    `bursts`: in a row, of which the seed is one.
+    `reach`: columns by which the interval may be off.
+    `steps`: intervals tried on either side.
+    Returns: (n, 3) sum, which of the intervals (from -steps), place of the first burst (0: the
+    seed).
     """
     own = np.ascontiguousarray(seeds, np.int32).copy()
     own[:, 3] -= cells.base

@@ -17,15 +17,9 @@ _TIMING_S = 1e-3
 class BurstTrack:
     """A tag that was identified.
 
-    Attributes
-    ----------
-    tag : Tag
-    time_ns : int
-        Start of its newest burst.
-    row : int
-        Frequency, as a row of the cells.
-    interval_s, error_s : float
-        From burst to burst, and how far that may be off.
+    `time_ns`: start of its newest burst.
+    `row`: frequency, as a row of the cells.
+    `interval_s`, `error_s`: from burst to burst, and how far that may be off.
     """
 
     tag: Tag
@@ -56,12 +50,7 @@ class BurstTrack:
 
 
 class Tracks:
-    """All tags of a channel that were identified.
-
-    Parameters
-    ----------
-    tags : sequence of Tag
-    """
+    """All tags of a channel that were identified."""
 
     def __init__(self, tags: Sequence[Tag]) -> None:
         self.tags = {tag.tag_id: tag for tag in tags}

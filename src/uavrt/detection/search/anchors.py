@@ -182,14 +182,8 @@ class AnchorSearch(RateSearch):
     ) -> list[Candidate]:
         """Make candidates of the hypotheses in `part`, all this search's.
 
-        Parameters
-        ----------
-        tested : _Tested
-        part : slice
-        least : float
-            Sum that makes a candidate.
-        shorter : int
-            Columns by which the intervals looked at were shorter.
+        `least`: sum that makes a candidate.
+        `shorter`: columns by which the intervals looked at were shorter.
         """
         best, level = tested.best[part], tested.level[part]
         cells, power = tested.cells[part], tested.power[part]
@@ -214,13 +208,8 @@ class AnchorSearch(RateSearch):
     ) -> list[Candidate]:
         """Make candidates of the anchors that the compiled kernel found above threshold.
 
-        Parameters
-        ----------
-        due : _Due
-        hits : list of (int, float, float, int)
-            Which of these, the best sum and the strength in noise powers, and the interval.
-        shorter : int
-            Columns by which the intervals looked at were shorter.
+        `hits`: which of these, the best sum and the strength in noise powers, and the interval.
+        `shorter`: columns by which the intervals looked at were shorter.
         """
         hits = sorted(hits, key=lambda hit: -hit[2])[:_CANDIDATES_AT_ONCE]
         which, score, strength, interval = zip(*hits, strict=True)
@@ -290,19 +279,11 @@ def search_together(
 ) -> list[list[Candidate]]:
     """Add new columns of several searches; test every hypothesis that they complete.
 
-    Parameters
-    ----------
-    searches : sequence of AnchorSearch
-        Of equal rows, K, reach and number of intervals, with as many columns `fresh` after
-        these; their rings in one memory.
-    power : ndarray of float32, shape (searches, rows, columns)
-        At most a piece of columns.
-    noise : ndarray of float32, shape (searches, rows)
-
-    Returns
-    -------
-    list of list of Candidate
-        For each search, best first.
+    `searches`: of equal rows, K, reach and number of intervals, with as many columns `fresh`
+    after these; their rings in one memory.
+    `power` (searches, rows, columns): at most a piece of columns.
+    `noise`: shape (searches, rows).
+    Returns: for each search, best first.
     """
     if kernels() is not None:
         return [

@@ -49,14 +49,7 @@ def gate(k: int) -> float:
 
 
 class Evidence:
-    """Weighs the candidates of one detector.
-
-    Parameters
-    ----------
-    tag : Tag
-    grid : Grid
-    refiner : Refiner
-    """
+    """Weighs the candidates of one detector."""
 
     def __init__(self, tag: Tag, *, grid: Grid, refiner: Refiner) -> None:
         self._tag = tag
@@ -79,12 +72,8 @@ class Evidence:
     ) -> bool:
         """Whether a candidate is likelier than what noise makes as often as is allowed.
 
-        Parameters
-        ----------
-        candidate : Candidate
-        search : RateSearch
-            That found it.
-        noise : ndarray of float32, shape (rows,)
+        `search`: that found it.
+        `noise`: shape (rows,).
         """
         share = gate(search.k)
         if share == 1.0 or candidate.score >= _SURE_SCORE:
@@ -123,22 +112,12 @@ class Evidence:
     ) -> float:
         """Logarithm of the likelihood ratio around a candidate.
 
-        Parameters
-        ----------
-        starts : ndarray of float64, shape (K,)
-            Index of the first sample of each pulse. What the samples do not hold speaks neither
-            for a pulse nor against it.
-        offset_hz : float
-        level : float or ndarray of float64, shape (K,)
-            Noise power of a sample, at all pulses or each.
-        strength : float
-            ENR (not in dB) of a pulse, were there one.
-
-        Returns
-        -------
-        float
-            Of a density over the lattice's middle and its ends, in pulse widths, and over
-            frequency, in bins.
+        `starts` (K,): index of the first sample of each pulse. What the samples do not hold
+        speaks neither for a pulse nor against it.
+        `level` (K,): noise power of a sample, at all pulses or each.
+        `strength`: ENR (not in dB) of a pulse, were there one.
+        Returns: of a density over the lattice's middle and its ends, in pulse widths, and over
+        frequency, in bins.
         """
         side, step = self._side, self._step
         window, table = self._grid.window, _ratios(round(strength, 2))

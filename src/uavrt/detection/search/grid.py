@@ -37,33 +37,22 @@ _KERNEL_WINDOW = 254
 class Grid:
     """Windows and rows of one tag's spectrogram.
 
-    Attributes
-    ----------
-    sample_rate_hz : float
-        Rate of the channel's samples.
-    window, hop : int
-        Length of a window and step between two, in the channel's samples.
-    decimation : int
-        Channel samples for each sample of the narrow band that the search works on.
-    reach : int
-        Channel samples that the band's filter looks to each side.
-    offsets_hz : ndarray of float64, shape (rows,)
-        Row frequencies relative to the centre of the channel.
-    filter : ndarray of complex64, shape (samples, outputs), or None
-        Several outputs of the narrow band's filter as one matrix product.
-    length : int
-        Narrow-band samples of a window.
-    matrix : ndarray of complex64, shape (length, rows), or None
-        The transform, scaled so that the output noise power is the channel's per sample.
-    halves : pair of ndarray of float32, or None
-        Instead of the matrix, where rows lie symmetrically around the tag and the narrow band
-        was shifted to put the tag at zero: `half_transforms`.
-    turn_hz : float
-        What the narrow band is shifted down by after the filter.
-    pairs : pair of ndarray, or None
-        The filter for the compiled kernel: real and imaginary parts of its taps, each twice
-        (float32, shape (2, 2 × taps), filled up to a multiple of eight taps), and how outputs
-        of one row are turned against the first (complex64).
+    `sample_rate_hz`: rate of the channel's samples.
+    `window`, `hop`: length of a window and step between two, in the channel's samples.
+    `decimation`: channel samples for each sample of the narrow band that the search works on.
+    `reach`: channel samples that the band's filter looks to each side.
+    `offsets_hz` (rows,): row frequencies relative to the centre of the channel.
+    `filter` (samples, outputs): several outputs of the narrow band's filter as one matrix
+    product.
+    `length`: narrow-band samples of a window.
+    `matrix` (length, rows): the transform, scaled so that the output noise power is the
+    channel's per sample.
+    `halves`: instead of the matrix, where rows lie symmetrically around the tag and the narrow
+    band was shifted to put the tag at zero: `half_transforms`.
+    `turn_hz`: what the narrow band is shifted down by after the filter.
+    `pairs`: the filter for the compiled kernel: real and imaginary parts of its taps, each
+    twice (float32, shape (2, 2 × taps), filled up to a multiple of eight taps), and how outputs
+    of one row are turned against the first (complex64).
     """
 
     sample_rate_hz: float
@@ -100,17 +89,11 @@ class Grid:
     def power(self, samples: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Power of every cell.
 
-        Parameters
-        ----------
-        samples : ndarray of complex64, shape (n,)
-            Contiguous samples of the narrow band (of the channel without decimation).
-
-        Returns
-        -------
-        ndarray of float32, shape (columns, rows)
-            Squared magnitude of the matched filter; in noise its mean is the noise power of
-            one channel sample, for a pulse it is that times ENR + 1. A row's columns lie side
-            by side in memory: it is the transpose of what is computed.
+        `samples` (n,): contiguous samples of the narrow band (of the channel without
+        decimation).
+        Returns: (columns, rows) squared magnitude of the matched filter; in noise its mean is
+        the noise power of one channel sample, for a pulse it is that times ENR + 1. A row's
+        columns lie side by side in memory: it is the transpose of what is computed.
         """
         hop = self.hop // self.decimation
         count = max(0, (len(samples) - self.length) // hop + 1)
@@ -194,12 +177,7 @@ class Grid:
 
 
 class Spectrogram:
-    """Columns of a stream of channel samples, each once.
-
-    Parameters
-    ----------
-    grid : Grid
-    """
+    """Columns of a stream of channel samples, each once."""
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
@@ -287,16 +265,10 @@ def make_grid(
 ) -> Grid:
     """Lay the grid around one tag.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Rate of the channel's samples.
-    pulse_width_s : float
-        Length of a pulse.
-    offset_hz : float
-        Middle of the search relative to the centre of the channel.
-    half_width_hz : float
-        Half-width of the search; infinite or large: the whole channel.
+    `sample_rate_hz`: rate of the channel's samples.
+    `pulse_width_s`: length of a pulse.
+    `offset_hz`: middle of the search relative to the centre of the channel.
+    `half_width_hz`: half-width of the search; infinite or large: the whole channel.
     """
     nyquist_hz = sample_rate_hz / 2.0
     samples = pulse_width_s * sample_rate_hz
@@ -371,18 +343,10 @@ def half_transforms(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cosines and sines of the rows from the tag's frequency up, shared by all tags.
 
-    Parameters
-    ----------
-    length : int
-        Samples of a window; rows are 1 / (`ROWS_PER_BIN` × length) of the rate apart.
-    rows : int
-    scale : float
-
-    Returns
-    -------
-    cosines : ndarray of float32, shape (rows, length - length // 2)
-        For the pairs of samples from the middle outwards; an odd window's middle comes last.
-    sines : ndarray of float32, shape (rows, length // 2)
+    `length`: samples of a window; rows are 1 / (`ROWS_PER_BIN` × length) of the rate apart.
+    Returns: `cosines` (rows, length - length // 2): for the pairs of samples from the middle
+    outwards; an odd window's middle comes last.
+    Returns: shape (rows, length // 2).
     """
     half = length // 2
     away = np.arange(half) + (1.0 if length % 2 else 0.5)
@@ -429,16 +393,10 @@ def _windows(
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
     """Maximum over ± `reach` columns, for columns where all of these exist.
 
-    Parameters
-    ----------
-    power : ndarray of float32, shape (columns, rows)
-    reach : int
-        Columns looked at on each side.
-
-    Returns
-    -------
-    ndarray of float32, shape (columns - 2 * reach, rows)
-        By doubling: the work grows with the logarithm of `reach`.
+    `power`: shape (columns, rows).
+    `reach`: columns looked at on each side.
+    Returns: (columns - 2 * reach, rows) by doubling: the work grows with the logarithm of
+    `reach`.
     """
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous

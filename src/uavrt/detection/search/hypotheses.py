@@ -71,23 +71,16 @@ class RateSearch(ABC):
     What all searches have; `uavrt.detection.search.anchors.AnchorSearch` and
     `uavrt.detection.search.long_groups.LongSearch` are the two ways to do it.
 
-    Parameters
-    ----------
-    rows : int
-        Rows of the grid.
-    hop_s : float
-        Time between two columns.
-    interval_s, uncertainty_s, jitter_s : float
-        The tag's interval, the bound of its constant error and of each pulse's own.
-    k : int
-        Pulses summed.
-    threshold : float
-        Of the sum, in noise powers.
-    rate : int
-        Number of the rate, from 1.
-    first_threshold, first_columns : float, int
-        Threshold while fewer columns than these have been seen. In the first decision interval
-        few groups can have begun; it may spend its false alarms on these.
+    `rows`: rows of the grid.
+    `hop_s`: time between two columns.
+    `interval_s`, `uncertainty_s`, `jitter_s`: the tag's interval, the bound of its constant
+    error and of each pulse's own.
+    `k`: pulses summed.
+    `threshold`: of the sum, in noise powers.
+    `rate`: number of the rate, from 1.
+    `first_threshold`, `first_columns`: threshold while fewer columns than these have been seen.
+    In the first decision interval few groups can have begun; it may spend its false alarms on
+    these.
     """
 
     def __init__(
@@ -163,17 +156,9 @@ class RateSearch(ABC):
     def push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
         """Add new columns and test every hypothesis that they complete.
 
-        Parameters
-        ----------
-        power : ndarray of float32, shape (columns, rows)
-            Power of the cells, in the input's units.
-        noise : ndarray of float32, shape (rows,)
-            Noise power of each row, in the same units.
-
-        Returns
-        -------
-        list of Candidate
-            Best first; several may be of the same pulses.
+        `power` (columns, rows): power of the cells, in the input's units.
+        `noise` (rows,): noise power of each row, in the same units.
+        Returns: best first; several may be of the same pulses.
         """
         found: list[Candidate] = []
         for first in range(0, len(power), self.piece):

@@ -18,11 +18,7 @@ class KnownPulses:
 
     Of a tag that is heard they explain nearly all that is found.
 
-    Parameters
-    ----------
-    grid : Grid
-    pulses : list of Measured
-        At least one.
+    `pulses`: at least one.
     """
 
     def __init__(self, grid: Grid, pulses: list[Measured]) -> None:

@@ -99,15 +99,10 @@ class _Levels:
 class Leveller:
     """Follows the level that the rows of one search share.
 
-    Parameters
-    ----------
-    rows : int
-    keep : int
-        Columns whose levels are kept.
-    steepness : float
-        Threshold of the search over K: how much faster than a cell's error false alarms grow.
-    circular : bool
-        Whether the last row is the first's neighbour.
+    `keep`: columns whose levels are kept.
+    `steepness`: threshold of the search over K: how much faster than a cell's error false
+    alarms grow.
+    `circular`: whether the last row is the first's neighbour.
     """
 
     def __init__(
@@ -165,15 +160,10 @@ class Leveller:
     ) -> None:
         """Divide new columns by their level, in place.
 
-        Parameters
-        ----------
-        power : ndarray of float32, shape (rows, columns)
-        noise : ndarray of float32, shape (rows,)
-            Noise of each row at a level of one.
-        first : int
-            Number of the first column.
-        whole : ndarray of bool, shape (columns,), optional
-            Columns without lost samples; None: all.
+        `power`: shape (rows, columns).
+        `noise` (rows,): noise of each row at a level of one.
+        `first`: number of the first column.
+        `whole` (columns,): columns without lost samples; None: all.
         """
         level_together([self], power[np.newaxis], [noise], [first], [whole])
 
@@ -413,13 +403,9 @@ def _longest(
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
     """Mean over the longest stretch back from each slot that agrees with all shorter ones.
 
-    Returns
-    -------
-    mean : ndarray, shape (slots,)
-    begin : ndarray, shape (slots,)
-        Its first slot; it ends with the slot itself.
-    least : ndarray, shape (slots,)
-        What the loudest of the stretches that agree is, less its error.
+    Returns: shape (slots,).
+    Returns: `begin` (slots,): its first slot; it ends with the slot itself.
+    Returns: `least` (slots,): what the loudest of the stretches that agree is, less its error.
     """
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)
@@ -469,19 +455,10 @@ def _segments(
     The split that is likeliest comes first: of means of exponentials over two sides, against
     one over both, the logarithm of the likelihood grows by the sum of cells × ln(mean).
 
-    Parameters
-    ----------
-    ratio : ndarray, shape (bands, slots)
-        Mean of each band over the common level.
-    n : ndarray, shape (slots,)
-        Slots that each is a mean of.
-    circular : bool
-        Whether the last band is the first's neighbour.
-
-    Returns
-    -------
-    ndarray of float32, shape (bands, slots)
-        Mean of the segment that each band is in.
+    `ratio` (bands, slots): mean of each band over the common level.
+    `n` (slots,): slots that each is a mean of.
+    `circular`: whether the last band is the first's neighbour.
+    Returns: (bands, slots) mean of the segment that each band is in.
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))
@@ -524,14 +501,8 @@ def level_together(
 ) -> None:
     """Do as `Leveller.level` for several searches.
 
-    Parameters
-    ----------
-    levellers : sequence of Leveller
-    power : ndarray of float32, shape (searches, rows, columns)
-        Divided in place.
-    noise : sequence of ndarray of float32, shape (rows,)
-    first : sequence of int
-    whole : sequence of ndarray of bool or None
+    `power` (searches, rows, columns): divided in place.
+    `noise`: shape (rows,).
     """
     if not power.shape[2]:
         return

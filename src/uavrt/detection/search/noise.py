@@ -57,10 +57,8 @@ def _truncated(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Fixed-point step of the truncated mean, and the share of the cells that were kept.
 
-    Parameters
-    ----------
-    power : ndarray of float32, shape (..., columns, rows)
-    noise : ndarray of float32, shape (..., rows)
+    `power`: shape (..., columns, rows).
+    `noise`: shape (..., rows).
     """
     kept = (power < (np.float32(TRUNCATION) * noise)[..., np.newaxis, :]).astype(np.float32)
     columns = power.shape[-2]
@@ -88,17 +86,10 @@ def _beside_an_edge(
     times the false alarms asked for. Where one side is flat and the row belongs to it that side
     alone counts; on the slope itself the nearest rows, and what they do not know is added.
 
-    Parameters
-    ----------
-    noise : ndarray of float32, shape (rows,)
-    around : ndarray of intp, shape (steep, 2 × reach + 1)
-        The rows on both sides of each.
-    error : float
-        Relative standard deviation of a single row.
-
-    Returns
-    -------
-    ndarray of float32, shape (steep,)
+    `noise`: shape (rows,).
+    `around` (steep, 2 × reach + 1): the rows on both sides of each.
+    `error`: relative standard deviation of a single row.
+    Returns: shape (steep,).
     """
     windows = noise[around]
     reach = windows.shape[1] // 2
@@ -118,14 +109,9 @@ def _beside_an_edge(
 class RowNoise:
     """Noise power of each row, followed over time.
 
-    Parameters
-    ----------
-    column_s : float
-        Time between two columns.
-    independent_per_s : float
-        Independent cells a row has in a second: one over the pulse width.
-    circular : bool
-        Whether the last row is the first's neighbour.
+    `column_s`: time between two columns.
+    `independent_per_s`: independent cells a row has in a second: one over the pulse width.
+    `circular`: whether the last row is the first's neighbour.
     """
 
     def __init__(self, *, column_s: float, independent_per_s: float, circular: bool) -> None:
@@ -165,9 +151,7 @@ class RowNoise:
     def start(self, power: NDArray[np.float32]) -> None:
         """Make the first estimate from all the columns at hand.
 
-        Parameters
-        ----------
-        power : ndarray of float32, shape (columns, rows)
+        `power`: shape (columns, rows).
         """
         noise = medians(power) / np.float32(math.log(2.0))
         noise = np.maximum(noise, np.float32(1e-30))
@@ -182,11 +166,7 @@ class RowNoise:
     def take_over(self, other: "RowNoise", level: NDArray[np.float32]) -> None:
         """Continue where another estimate, of more rows, stands.
 
-        Parameters
-        ----------
-        other : RowNoise
-        level : ndarray of float32, shape (rows,)
-            Its level at the rows of this one.
+        `level` (rows,): its level at the rows of this one.
         """
         self._long, self._level = level, level.copy()
         self._exceeding = np.full_like(level, math.exp(-TRUNCATION))
@@ -302,12 +282,8 @@ class RowNoise:
 def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
     """Follow the noises of several bands of equal rows, as `RowNoise.update` each.
 
-    Parameters
-    ----------
-    noises : sequence of RowNoise
-        All started.
-    power : ndarray of float32, shape (noises, columns, rows)
-        New columns, at least one.
+    `noises`: all started.
+    `power` (noises, columns, rows): new columns, at least one.
     """
     long = np.stack([noise._long for noise in noises if noise._long is not None])
     exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])

@@ -40,16 +40,11 @@ and columns by which its interval is shorter than the tag's."""
 class NullLattices:
     """Counts the groups of one search that lie on lattices of no tag.
 
-    Parameters
-    ----------
-    lows : ndarray of intp, shape (places, k - 1)
-        Columns from an anchor in each place to the stretches where the other pulses may lie.
-    interval : float
-        Of the tag, in columns.
-    expected_per_column : float
-        Groups of white noise at `LEVEL` of the threshold, on one lattice.
-    threshold, limit : float
-        Of a sum and of a cell in it, in noise powers.
+    `lows` (places, k - 1): columns from an anchor in each place to the stretches where the
+    other pulses may lie.
+    `interval`: of the tag, in columns.
+    `expected_per_column`: groups of white noise at `LEVEL` of the threshold, on one lattice.
+    `threshold`, `limit`: of a sum and of a cell in it, in noise powers.
     """
 
     def __init__(

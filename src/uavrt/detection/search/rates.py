@@ -27,12 +27,7 @@ _LONG_FROM_K = 9
 def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[RateSearch]:
     """One search for each of the tag's rates.
 
-    Parameters
-    ----------
-    tag : Tag
-    grid : Grid
-    frequency_window_hz : float
-        Half-width of the search, maybe infinite.
+    `frequency_window_hz`: half-width of the search, maybe infinite.
     """
     bandwidth = min(2.0 * frequency_window_hz, grid.sample_rate_hz)
     searches: list[RateSearch] = []

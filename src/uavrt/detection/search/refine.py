@@ -70,11 +70,7 @@ def timing_error_s(width_s: float, power: float) -> float:
 class Refiner:
     """Local search around expected pulses.
 
-    Parameters
-    ----------
-    grid : Grid
-    buffer : SampleBuffer
-        The samples; only what it still keeps can be refined.
+    `buffer`: the samples; only what it still keeps can be refined.
     """
 
     def __init__(self, grid: Grid, buffer: SampleBuffer) -> None:
@@ -193,19 +189,11 @@ class Refiner:
     ) -> Measured | None:
         """Find a pulse in whose middle samples are missing: its phase breaks there.
 
-        Parameters
-        ----------
-        start : float
-            Expected index of its first sample.
-        half_width, offset_hz, half_band_hz, noise, spread
-            As of `search`.
-
-        Returns
-        -------
-        Measured or None
-            With the frequency asked for, as a broken pulse does not tell it, and with what the
-            freedom of the phase gives to noise taken off its power. None when the samples are
-            not there.
+        `start`: expected index of its first sample.
+        `half_width`, `offset_hz`, `half_band_hz`, `noise`, `spread`: as of `search`.
+        Returns: with the frequency asked for, as a broken pulse does not tell it, and with what
+        the freedom of the phase gives to noise taken off its power. None when the samples are
+        not there.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -397,12 +385,8 @@ class Refiner:
     def is_impulse(self, pulse: Measured, floor: float) -> bool:
         """Whether the energy lies in a quarter of the window or in many rows: no pulse.
 
-        Parameters
-        ----------
-        pulse : Measured
-        floor : float
-            Mean power of a sample without pulses, as it is now: where it was more beside the
-            pulse, that counts.
+        `floor`: mean power of a sample without pulses, as it is now: where it was more beside
+        the pulse, that counts.
         """
         if not self._looks_like_impulse(pulse, floor):
             return False

@@ -53,18 +53,9 @@ def push_together(
 ) -> NDArray[np.float32]:
     """Take channel samples of each, from index `needed` on.
 
-    Parameters
-    ----------
-    spectrograms : sequence of Spectrogram
-        Their grids have the same `halves`; as many samples are carried in each.
-    stretches : sequence of ndarray of complex64
-        All of one length, for at least one column.
-    workspace : Workspace
-
-    Returns
-    -------
-    ndarray of float32, shape (spectrograms, rows, columns)
-        The new columns' power, in the workspace.
+    `spectrograms`: their grids have the same `halves`; as many samples are carried in each.
+    `stretches`: all of one length, for at least one column.
+    Returns: (spectrograms, rows, columns) the new columns' power, in the workspace.
     """
     grid = spectrograms[0].grid
     count = columns_ahead(spectrograms[0], len(stretches[0]))

@@ -114,17 +114,10 @@ def effective_hypotheses(
 ) -> float:
     """Effective number of independent hypotheses in a searched volume.
 
-    Parameters
-    ----------
-    k : int
-        Pulses summed.
-    bandwidth_hz, time_s : float
-        Volume for the anchor.
-    pulse_width_s : float
-    uncertainty_s : float
-        Bound of the interval's error.
-    reach_s : float
-        Reach of the maximum over jitter.
+    `k`: pulses summed.
+    `bandwidth_hz`, `time_s`: volume for the anchor.
+    `uncertainty_s`: bound of the interval's error.
+    `reach_s`: reach of the maximum over jitter.
     """
     cells = max(1.0, (bandwidth_hz + 1.0 / pulse_width_s) * time_s)
     width_s = pulse_width_s / 2.0 + reach_s
@@ -149,16 +142,10 @@ def threshold(
 ) -> float:
     """Threshold of the sum, in noise powers.
 
-    Parameters
-    ----------
-    k : int
-        Pulses summed.
-    hypotheses : float
-        From `effective_hypotheses`.
-    spread : float
-        From `spread`.
-    expected_false : float
-        Expected number of false groups among these hypotheses.
+    `k`: pulses summed.
+    `hypotheses`: from `effective_hypotheses`.
+    `spread`: from `spread`.
+    `expected_false`: expected number of false groups among these hypotheses.
     """
     low, high = 0.1, 400.0
     for _ in range(50):

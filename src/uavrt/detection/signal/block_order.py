@@ -38,14 +38,7 @@ class LongestBlock:
 
 
 class Intake:
-    """Puts the blocks of one detector into its buffer.
-
-    Parameters
-    ----------
-    tag : Tag
-    sample_rate_hz : float
-    counters : Counters
-    """
+    """Puts the blocks of one detector into its buffer."""
 
     def __init__(self, tag: Tag, *, sample_rate_hz: float, counters: Counters) -> None:
         longest = max(tag.pulse_intervals_s) + tag.interval_uncertainty_s
@@ -77,18 +70,10 @@ class Intake:
     ) -> Literal["taken", "refused", "later", "earlier"]:
         """Put a block in its place.
 
-        Parameters
-        ----------
-        samples : ndarray of complex64, shape (n,)
-        time_ns : int
-            Time of the first.
-        after : int
-            Index from which on a hole can still be filled.
-
-        Returns
-        -------
-        str
-            ``later``, ``earlier``: not taken, for it begins another stream.
+        `samples`: shape (n,).
+        `time_ns`: time of the first.
+        `after`: index from which on a hole can still be filled.
+        Returns: ``later``, ``earlier``: not taken, for it begins another stream.
         """
         buffer, counters = self.buffer, self._counters
         if not buffer.empty:

@@ -53,12 +53,7 @@ class _Line:
 
 
 class LineCanceller:
-    """Finds and subtracts the carriers of a channel.
-
-    Parameters
-    ----------
-    sample_rate_hz : float
-    """
+    """Finds and subtracts the carriers of a channel."""
 
     def __init__(self, sample_rate_hz: float) -> None:
         self._rate = sample_rate_hz
@@ -156,12 +151,8 @@ class LineCanceller:
     def subtract(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
         """Take the carriers out of new samples, in place.
 
-        Parameters
-        ----------
-        before : ndarray of complex64
-            What is kept of the samples before.
-        samples : ndarray of complex64, shape (n,)
-            The samples that follow those of the last call.
+        `before`: what is kept of the samples before.
+        `samples` (n,): the samples that follow those of the last call.
         """
         if not self._held:
             self._past = None
@@ -201,20 +192,10 @@ def _polynomials(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Polynomials of an amplitude, and what fits them to the means of blocks.
 
-    Parameters
-    ----------
-    length : int
-        Samples.
-    block : int
-        Samples of a block; what is too few for one lies before the first.
-    degree : int
-
-    Returns
-    -------
-    fine : ndarray of float64, shape (length, degree + 1)
-        Legendre's, over all samples.
-    solve : ndarray of float64, shape (degree + 1, length // block)
-        Least squares.
+    `length`: samples.
+    `block`: samples of a block; what is too few for one lies before the first.
+    Returns: `fine` (length, degree + 1): legendre's, over all samples.
+    Returns: `solve` (degree + 1, length // block): least squares.
     """
     n = np.arange(length) - length / 2.0
     fine = np.asarray(np.polynomial.legendre.legvander(2.0 * n / length, degree), np.float64)

@@ -24,21 +24,11 @@ def in_channel_hz(
 ) -> float:
     """Place a track's frequency in the channel.
 
-    Parameters
-    ----------
-    offset_hz : float
-        Relative to the channel's centre, maybe beyond its edges.
-    nominal_hz : float
-        Where the tag should be.
-    sample_rate_hz : float
-    margin_hz : float
-        Leave it where it is unless it is so far beyond an edge.
-
-    Returns
-    -------
-    float
-        Of the frequencies that look alike the one in (-Fs/2, Fs/2], or one less than 500 Hz
-        from the nominal, be it across an edge.
+    `offset_hz`: relative to the channel's centre, maybe beyond its edges.
+    `nominal_hz`: where the tag should be.
+    `margin_hz`: leave it where it is unless it is so far beyond an edge.
+    Returns: of the frequencies that look alike the one in (-Fs/2, Fs/2], or one less than 500
+    Hz from the nominal, be it across an edge.
     """
     miss_hz = apart_hz(offset_hz, nominal_hz, sample_rate_hz)
     if abs(miss_hz) < USUAL_ERROR_HZ:

@@ -20,11 +20,7 @@ _RECEIVED = 0.5
 class Occupancy:
     """Counts the instants, one pulse long, in which a frequency is usable.
 
-    Parameters
-    ----------
-    sample_rate_hz, pulse_width_s : float
-    offset_hz : float
-        The tag's frequency relative to the channel's centre.
+    `offset_hz`: the tag's frequency relative to the channel's centre.
     """
 
     def __init__(

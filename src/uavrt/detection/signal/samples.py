@@ -54,13 +54,8 @@ class Counters:
 class SampleBuffer:
     """A sliding stretch of samples, addressed by their index since the start.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-    keep : int
-        Samples to keep behind the newest.
-    tolerance_s : float
-        Deviations of a block's time below this are a slow clock, not a loss.
+    `keep`: samples to keep behind the newest.
+    `tolerance_s`: deviations of a block's time below this are a slow clock, not a loss.
     """
 
     def __init__(self, *, sample_rate_hz: float, keep: int, tolerance_s: float) -> None:
@@ -218,18 +213,10 @@ class SampleBuffer:
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
         """Get the factor on the power of each window that makes up for its lost samples.
 
-        Parameters
-        ----------
-        first : ndarray
-            Indices of their first samples.
-        window : int
-            Length of each window [samples].
-
-        Returns
-        -------
-        ndarray of float64, or None
-            One over the share that was received; 0 where it is below `LEAST_RECEIVED`. None:
-            all samples of all windows were received.
+        `first`: indices of their first samples.
+        `window`: length of each window [samples].
+        Returns: one over the share that was received; 0 where it is below `LEAST_RECEIVED`.
+        None: all samples of all windows were received.
         """
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None
@@ -288,21 +275,11 @@ def blank_impulses(
     as the middle, however strong the pulse; impulses of up to two flanks fail it
     (1 ms impulses made a false group in every segment).
 
-    Parameters
-    ----------
-    samples : ndarray of complex64
-        The stretch with at least ``flank + short`` samples around [first, last).
-    floor : float
-        Median power of a sample.
-    short, flank : int
-        Lengths in samples.
-    first, last : int
-        Where to blank.
-
-    Returns
-    -------
-    list of (int, int)
-        Stretches blanked, first and end.
+    `samples`: the stretch with at least ``flank + short`` samples around [first, last).
+    `floor`: median power of a sample.
+    `short`, `flank`: lengths in samples.
+    `first`, `last`: where to blank.
+    Returns: stretches blanked, first and end.
     """
     if not len(samples):
         return []

@@ -22,13 +22,8 @@ _MEDIAN = math.log(2.0)
 class Cleaner:
     """Cleans the samples of one stream, stretch by stretch.
 
-    Parameters
-    ----------
-    sample_rate_hz, pulse_width_s : float
-    counters : Counters
-    band_hz : (float, float), optional
-        Offset from the channel's centre and half-width of the band that is searched: the noise
-        is made white and steady there before impulses are looked for.
+    `band_hz`: offset from the channel's centre and half-width of the band that is searched: the
+    noise is made white and steady there before impulses are looked for.
     """
 
     def __init__(
@@ -98,12 +93,7 @@ class Cleaner:
     def clean(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
         """Clean the samples of indices [first, last).
 
-        Parameters
-        ----------
-        buffer : SampleBuffer
-        first, last : int
-        renew : bool
-            Measure the floor again.
+        `renew`: measure the floor again.
         """
         ready = min(buffer.end, last + self.margin)
         buffer.examine(ready)

@@ -41,11 +41,7 @@ _AVERAGE = 0.2
 class SparkLimiter:
     """Makes noise steady that comes in bursts shorter than a pulse.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-    offset_hz, half_width_hz : float
-        The band that is searched, relative to the channel's centre.
+    `offset_hz`, `half_width_hz`: the band that is searched, relative to the channel's centre.
     """
 
     def __init__(

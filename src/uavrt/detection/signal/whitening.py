@@ -48,12 +48,8 @@ _FEWEST = 12
 class Whitener:
     """Follows the noise density of a channel and filters the samples to make it flat.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-    offset_hz, half_width_hz : float
-        The band that is searched, relative to the channel's centre. Its lowest density is what
-        all higher densities are brought down to.
+    `offset_hz`, `half_width_hz`: the band that is searched, relative to the channel's centre.
+    Its lowest density is what all higher densities are brought down to.
     """
 
     def __init__(
@@ -82,10 +78,7 @@ class Whitener:
     def learn(self, samples: NDArray[np.complex64]) -> None:
         """Follow the density with new samples, and make the filter for them.
 
-        Parameters
-        ----------
-        samples : ndarray of complex64, shape (n,)
-            Without carriers, not filtered; lost samples are zero.
+        `samples` (n,): without carriers, not filtered; lost samples are zero.
         """
         self._steps += 1
         rests = self._taps is None and self._seen_s > _YOUNG_S

@@ -57,15 +57,8 @@ def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
 def best_sharing(able: Sequence[Mapping[int, float]]) -> list[int | None]:
     """Give trains to tags so that the sum of their worths is largest.
 
-    Parameters
-    ----------
-    able : sequence of mapping of int to float
-        What each train is worth to each tag that it may be, positive.
-
-    Returns
-    -------
-    list of int or None
-        Tag of each train; None: it has none.
+    `able`: what each train is worth to each tag that it may be, positive.
+    Returns: tag of each train; None: it has none.
     """
     made = _Sharing(able)
     for start in range(len(able)):
@@ -141,17 +134,9 @@ def losses(
 ) -> list[dict[int, float]]:
     """Describe how much worse the best sharing is in which a train is a certain tag's.
 
-    Parameters
-    ----------
-    able : sequence of mapping of int to float
-        As for `best_sharing`.
-    chosen : sequence of int or None
-        What that gave.
-
-    Returns
-    -------
-    list of dict of int to float
-        For each train and each tag that it may be; 0 for its own.
+    `able`: as for `best_sharing`.
+    `chosen`: what that gave.
+    Returns: for each train and each tag that it may be; 0 for its own.
     """
     owner = {to: at for at, to in enumerate(chosen) if to is not None}
     back = _ways(able, chosen, owner)

@@ -31,16 +31,9 @@ _KNOWN_SHARE = 0.5
 class Bounds:
     """Bounds of one tag's groups and tracks.
 
-    Attributes
-    ----------
-    tag : Tag
-    home_hz : float
-        Middle of the search, relative to the channel's centre.
-    half_width_hz : float
-        Of the search; at or above half the sample rate: the whole channel.
-    sample_rate_hz : float
-    excluded_hz : tuple of (float, float)
-        Stretches in which nothing is the tag, relative to the channel's centre.
+    `home_hz`: middle of the search, relative to the channel's centre.
+    `half_width_hz`: of the search; at or above half the sample rate: the whole channel.
+    `excluded_hz`: stretches in which nothing is the tag, relative to the channel's centre.
     """
 
     tag: Tag
@@ -59,11 +52,7 @@ class Bounds:
     def refusal(self, places: list[tuple[int, Measured]], rate: int) -> str | None:
         """Why the measured pulses of a group are not the tag's, or None.
 
-        Parameters
-        ----------
-        places : list of (int, Measured)
-            Places among the K, in order of time.
-        rate : int
+        `places`: places among the K, in order of time.
         """
         floor = least_real([pulse.power for _, pulse in places])
         real = [pair for pair in places if pair[1].power >= floor]

@@ -48,13 +48,7 @@ _Cells = tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]
 
 
 class Bursts:
-    """Recent bursts in one band.
-
-    Parameters
-    ----------
-    grid : Grid
-    pulse_width_s : float
-    """
+    """Recent bursts in one band."""
 
     def __init__(self, grid: Grid, pulse_width_s: float) -> None:
         self._grid = grid
@@ -98,15 +92,10 @@ class Bursts:
     ) -> None:
         """Bring the statistics up to date.
 
-        Parameters
-        ----------
-        fresh : (sequence of int, sequence of int, sequence of float)
-            Columns, rows and powers of the anchors that the search still holds.
-        noise : ndarray of float32, shape (rows,)
-        now_column, begin_column : int
-            The newest that was searched, and the first of the stream.
-        known : sequence of Known
-            Pulses of tags that are sure: no bursts.
+        `fresh`: columns, rows and powers of the anchors that the search still holds.
+        `noise`: shape (rows,).
+        `now_column`, `begin_column`: the newest that was searched, and the first of the stream.
+        `known`: pulses of tags that are sure: no bursts.
         """
         self._now_s = now_column * self._column_s
         begin_s = begin_column * self._column_s
@@ -139,11 +128,7 @@ class Bursts:
     def around(self, track: Track, found: Measured) -> OnAir:
         """What else is on air around a track's place.
 
-        Parameters
-        ----------
-        track : Track
-        found : Measured
-            The strongest at that place. One's own pulses, there and before, are no bursts.
+        `found`: the strongest at that place. One's own pulses, there and before, are no bursts.
         """
         time_s, row, power = self._kept
         if not len(time_s):

@@ -49,12 +49,8 @@ def log_begin(per_s: float) -> float:
 def log_doubt(allowed: float, decision_s: float) -> float:
     """Log odds below which more groups like a track's are by chance than are allowed.
 
-    Parameters
-    ----------
-    allowed : float
-        Expected number in a decision interval.
-    decision_s : float
-        Length of that interval.
+    `allowed`: expected number in a decision interval.
+    `decision_s`: length of that interval.
     """
     return -math.log(max(1.0, allowed * _PERIOD_S / (_CONFIRMED_FALSELY * decision_s)))
 
@@ -70,17 +66,11 @@ def log_odds(
 ) -> float:
     """Log-likelihood ratio of what was found at a place: a tag's pulse to a burst.
 
-    Parameters
-    ----------
-    on_air : OnAir
-    width_s : float
-        Of a pulse.
-    late_s, spread_s : float
-        How much later than expected, and the standard deviation that a tag's pulse has.
-    beside_hz : float
-        How far from the track's frequency.
-    above_db : float
-        How far above the power of the track's last pulses.
+    `width_s`: of a pulse.
+    `late_s`, `spread_s`: how much later than expected, and the standard deviation that a tag's
+    pulse has.
+    `beside_hz`: how far from the track's frequency.
+    `above_db`: how far above the power of the track's last pulses.
     """
     seen = _seen(on_air, width_s)
     likely = math.exp(

@@ -17,23 +17,12 @@ def by_chance(
     Either two lattices drift past each other slowly: at any phase, with a difference of their
     intervals anywhere within what is not known of it. Or the pulses meet one by one.
 
-    Parameters
-    ----------
-    together : int
-        Pulses that came together, at least two.
-    pulses : int
-        Consecutive pulses of the tag of which they are.
-    near_s : float
-        Pulses no further apart come together.
-    interval_s : float
-        Of the other transmitter.
-    uncertainty_s : float
-        Of the difference of the two intervals.
-
-    Returns
-    -------
-    float
-        Of this many or more.
+    `together`: pulses that came together, at least two.
+    `pulses`: consecutive pulses of the tag of which they are.
+    `near_s`: pulses no further apart come together.
+    `interval_s`: of the other transmitter.
+    `uncertainty_s`: of the difference of the two intervals.
+    Returns: of this many or more.
     """
     window_s = min(2.0 * near_s, interval_s)
     single = window_s / interval_s

@@ -28,15 +28,7 @@ def _quiet(_track: Track, _found: Measured) -> OnAir:
 
 
 class Follower:
-    """Follows the tracks of one detector.
-
-    Parameters
-    ----------
-    bounds : Bounds
-    grid : Grid
-    buffer : SampleBuffer
-    refiner : Refiner
-    """
+    """Follows the tracks of one detector."""
 
     def __init__(
         self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
@@ -99,15 +91,9 @@ class Follower:
 
         Whether the clock was set or samples are missing, nobody can tell.
 
-        Parameters
-        ----------
-        tracks : list of Track
-            Changed in place; their seconds are those after the jump, from its first sample.
-
-        Returns
-        -------
-        tuple of Track
-            They must be confirmed anew: were samples missing, they find nothing and end.
+        `tracks`: changed in place; their seconds are those after the jump, from its first
+        sample.
+        Returns: they must be confirmed anew: were samples missing, they find nothing and end.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)
@@ -241,19 +227,10 @@ class Follower:
     ) -> Slot | None:
         """Look before and after a burst for the pulse that is weaker than it.
 
-        Parameters
-        ----------
-        track : Track
-        burst : Slot
-            The strongest of the place, likelier something else's.
-        start, half : float
-            Where the pulse is expected, and how far beside it may lie [samples].
-        noise : ndarray of float32, shape (rows,)
-
-        Returns
-        -------
-        Slot or None
-            The likeliest; None where nothing is likelier the tag's than a burst.
+        `burst`: the strongest of the place, likelier something else's.
+        `start`, `half`: where the pulse is expected, and how far beside it may lie [samples].
+        `noise`: shape (rows,).
+        Returns: the likeliest; None where nothing is likelier the tag's than a burst.
         """
         at, window = burst.measured.start, self._grid.window
         best: Slot | None = None

@@ -102,18 +102,9 @@ def mark_ghosts(
 ) -> list[tuple[H, Track]]:
     """Mark the tracks that are ghosts of others, and unmark those that are none any more.
 
-    Parameters
-    ----------
-    hearers : iterable of PulseDetector
-        All detectors of a receiver.
-    receiver : Receiver
-    carriers_hz : sequence of float, optional
-        Absolute frequencies of strong steady carriers in the receiver's band.
-
-    Returns
-    -------
-    list of (Hearer, Track)
-        Tracks that were not marked before.
+    `hearers`: all detectors of a receiver.
+    `carriers_hz`: absolute frequencies of strong steady carriers in the receiver's band.
+    Returns: tracks that were not marked before.
     """
     heard = [
         _listen(hearer, track, slots)

@@ -24,14 +24,7 @@ more than it gains by noise."""
 
 
 class Intervals:
-    """Compares the intervals of one detector's long groups with others.
-
-    Parameters
-    ----------
-    bounds : Bounds
-    grid : Grid
-    refiner : Refiner
-    """
+    """Compares the intervals of one detector's long groups with others."""
 
     def __init__(self, bounds: Bounds, *, grid: Grid, refiner: Refiner) -> None:
         self._bounds = bounds
@@ -43,17 +36,9 @@ class Intervals:
     ) -> NDArray[np.bool_]:
         """Which places of a candidate have the pulses of a train with another interval.
 
-        Parameters
-        ----------
-        candidate : Candidate
-        search : RateSearch
-            That found it.
-        noise : ndarray of float32, shape (rows,)
-
-        Returns
-        -------
-        ndarray of bool, shape (K,)
-            None of them where no other interval is better than the declared.
+        `search`: that found it.
+        `noise`: shape (rows,).
+        Returns: (K,) None of them where no other interval is better than the declared.
         """
         hop = self._grid.hop
         places = np.arange(search.k)

@@ -47,15 +47,7 @@ low; what is further away is refused as a side lobe."""
 
 
 class Judge:
-    """Judges the candidates of one detector.
-
-    Parameters
-    ----------
-    bounds : Bounds
-    grid : Grid
-    buffer : SampleBuffer
-    refiner : Refiner
-    """
+    """Judges the candidates of one detector."""
 
     def __init__(
         self, bounds: Bounds, *, grid: Grid, buffer: SampleBuffer, refiner: Refiner
@@ -155,24 +147,13 @@ class Judge:
         says so of more than one pulse in four, or of one that carries the group, speaks of the
         group.
 
-        Parameters
-        ----------
-        places : list of (int, Measured)
-            A group above the threshold: places among the K, in order of time.
-        search : RateSearch
-            That found it.
-        candidate : Candidate
-            What was measured.
-        noise : ndarray of float32, shape (rows,)
-        floor : float
-            Mean power of a sample without pulses.
-
-        Returns
-        -------
-        own : list of (int, Measured)
-            The pulses that are the tag's.
-        reason : str or None
-            Why the group is no tag.
+        `places`: a group above the threshold: places among the K, in order of time.
+        `search`: that found it.
+        `candidate`: what was measured.
+        `noise`: shape (rows,).
+        `floor`: mean power of a sample without pulses.
+        Returns: `own`: the pulses that are the tag's.
+        Returns: `reason`: why the group is no tag.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:

@@ -29,13 +29,8 @@ def strongest_first(tracks: list[Track]) -> list[Track]:
 def stronger_beside(track: Track, tracks: list[Track], *, sample_rate_hz: float) -> list[Track]:
     """Tracks that may hide a track's pulses: stronger, and at another frequency.
 
-    Parameters
-    ----------
-    track : Track
-    tracks : list of Track
-        All that are followed.
-    sample_rate_hz : float
-        Frequencies are compared around this circle.
+    `tracks`: all that are followed.
+    `sample_rate_hz`: frequencies are compared around this circle.
     """
     if len(tracks) < 2:
         return []

@@ -23,12 +23,7 @@ _ACTIVE_INTERVALS = 5.0
 class Reporter:
     """Makes the records of one detector.
 
-    Parameters
-    ----------
-    tag : Tag
-    center_frequency_hz : float
-        Of the channel, absolute.
-    counters : Counters
+    `center_frequency_hz`: of the channel, absolute.
     """
 
     def __init__(

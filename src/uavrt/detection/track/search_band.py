@@ -45,14 +45,8 @@ second to second, all over the channel, and 1.6 times the false groups asked for
 class SearchBand:
     """The search of one stream in one band.
 
-    Parameters
-    ----------
-    grid : Grid
-    buffer : SampleBuffer
-    bounds : Bounds
-        Half-width of the band, and what in it is not searched.
-    batch_s : float
-        Samples come in pieces of at most so much [s].
+    `bounds`: half-width of the band, and what in it is not searched.
+    `batch_s`: samples come in pieces of at most so much [s].
     """
 
     def __init__(
@@ -124,16 +118,8 @@ class SearchBand:
     ) -> list[tuple[RateSearch, list[Candidate]]] | None:
         """Transform and search the clean samples up to an index.
 
-        Parameters
-        ----------
-        upto : int
-        last : bool
-            Nothing follows: test what only silence would complete.
-
-        Returns
-        -------
-        list of (RateSearch, list of Candidate), or None
-            Best candidates first; None while the noise is not known.
+        `last`: nothing follows: test what only silence would complete.
+        Returns: best candidates first; None while the noise is not known.
         """
         power = self._columns(self._spectrogram, upto, last=last)
         was_ready = self._noise.ready
@@ -192,10 +178,7 @@ class SearchBand:
     def bursts(self, known: Sequence[Known]) -> Bursts:
         """What else is on air, up to the present.
 
-        Parameters
-        ----------
-        known : sequence of Known
-            Pulses of tags that are sure: no bursts.
+        `known`: pulses of tags that are sure: no bursts.
         """
         search = self._searches[0]
         self._bursts.look(
@@ -313,11 +296,8 @@ class SearchBand:
     def _weigh(self, power: NDArray[np.float32], begin: int) -> None:
         """Scale columns with lost samples to the noise of complete ones, in place.
 
-        Parameters
-        ----------
-        power : ndarray of float32, shape (columns, rows)
-        begin : int
-            Number of the first column.
+        `power`: shape (columns, rows).
+        `begin`: number of the first column.
         """
         weights = self._weights(begin, len(power)) if self._buffer.lost else None
         if weights is not None:
@@ -351,12 +331,7 @@ def advance_together(
 ) -> list[list[tuple[RateSearch, list[Candidate]]]]:
     """Do as `SearchBand.advance` for bands that have the same `company`.
 
-    Parameters
-    ----------
-    bands : sequence of SearchBand
-    uptos : sequence of int
-        For each.
-    workspace : Workspace
+    `uptos`: for each.
     """
     power = push_together(
         [band._spectrogram for band in bands],

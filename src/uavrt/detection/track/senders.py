@@ -98,16 +98,9 @@ def part(one: Tag, two: Tag) -> "Parting":
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
     """Find the small ratio at which the intervals of two tags may be, by their bounds.
 
-    Parameters
-    ----------
-    one, two : Tag
-        In any order.
-
-    Returns
-    -------
-    tuple of int or None
-        Of the longer interval to the shorter one: 2 to 1, 3 to 1 or 3 to 2. The pulses that
-        both have are each as good for the one as for the other.
+    `one`, `two`: in any order.
+    Returns: of the longer interval to the shorter one: 2 to 1, 3 to 1 or 3 to 2. The pulses
+    that both have are each as good for the one as for the other.
     """
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
@@ -154,10 +147,7 @@ class _Learnt:
 class Senders(Generic[H]):
     """Shares out trains among the tags of detectors with overlapping bands.
 
-    Parameters
-    ----------
-    hearers : sequence of Hearer
-        The detectors; their order says nothing.
+    `hearers`: the detectors; their order says nothing.
     """
 
     def __init__(self, hearers: Sequence[H]) -> None:
@@ -224,17 +214,9 @@ class Senders(Generic[H]):
         One strong pulse and the best noise an interval before and after it make a group of any
         tag, and a strong pulse that the lattice of such a group happens upon would confirm it.
 
-        Parameters
-        ----------
-        trains : list of Train
-            All; the tracks are taken out of them.
-        given : list of (Train, int, tuple of int, bool)
-            Those shared out, as `_share_out` gives them.
-
-        Returns
-        -------
-        bool
-            Whether there were any.
+        `trains`: all; the tracks are taken out of them.
+        `given`: those shared out, as `_share_out` gives them.
+        Returns: whether there were any.
         """
         dropped: set[int] = set()
         unsettled = [
@@ -308,17 +290,9 @@ class Senders(Generic[H]):
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Get the pulses of confirmed trains lately heard at some frequencies.
 
-        Parameters
-        ----------
-        wanted : callable
-            Says which of some absolute frequencies are meant.
-
-        Returns
-        -------
-        ndarray of int64, shape (n,)
-            Their times [ns].
-        ndarray of float64, shape (n, 2)
-            Absolute frequency and power of each.
+        `wanted`: says which of some absolute frequencies are meant.
+        Returns: (n,) their times [ns].
+        Returns: (n, 2) absolute frequency and power of each.
         """
         some = wanted(self._heard_how[:, 0])
         return self._heard_ns[some], self._heard_how[some]
@@ -402,11 +376,7 @@ class Senders(Generic[H]):
     def _give_tentative(self, train: Train[H], owned: dict[int, bool]) -> None:
         """Give a train that is not certain yet to the likeliest tag that has none.
 
-        Parameters
-        ----------
-        train : Train[H]
-        owned : dict of int to bool
-            Tags that have a train, and whether it is certainly theirs.
+        `owned`: tags that have a train, and whether it is certainly theirs.
         """
         likely = {h.tag.tag_id: self._likelihood(train, h) for h, _ in train.tracks}
         free = {i: v for i, v in likely.items() if i not in owned and v > -math.inf}

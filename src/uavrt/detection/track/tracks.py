@@ -172,12 +172,8 @@ class Track:
     ) -> None:
         """Start from a detected group.
 
-        Parameters
-        ----------
-        pulses : list of (place, time_s, time_ns, Measured)
-            In order of time; places count intervals from 0.
-        around : callable
-            Tells what else is on air around a track's place.
+        `pulses`: in order of time; places count intervals from 0.
+        `around`: tells what else is on air around a track's place.
         """
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
@@ -223,13 +219,8 @@ class Track:
     def go_on_from(self, slot: Slot, *, interval_s: float, share: float) -> None:
         """Continue from a pulse of a known transmitter, with another interval.
 
-        Parameters
-        ----------
-        slot : Slot
-            Of the track that heard it, which reports it.
-        interval_s : float
-        share : float
-            Of the tag's uncertainty that the interval has.
+        `slot`: of the track that heard it, which reports it.
+        `share`: of the tag's uncertainty that the interval has.
         """
         self.interval_s = interval_s
         self._know_little(slot.measured.power, share)
@@ -246,13 +237,8 @@ class Track:
     ) -> None:
         """Take the new pulses of a group that was found without this track's help.
 
-        Parameters
-        ----------
-        pulses : list of (place, time_s, time_ns, Measured)
-        base : int
-            Place in the lattice of the group's place 0.
-        around : callable
-            Tells what else is on air around a track's place.
+        `base`: place in the lattice of the group's place 0.
+        `around`: tells what else is on air around a track's place.
         """
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])

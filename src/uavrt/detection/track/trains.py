@@ -141,14 +141,6 @@ def put_together(hearers: Iterable[H]) -> list[Train[H]]:
 
     A fast tag's track comes before those of twice and three times its interval that have its
     pulses by turns: they have none in common, and are one train only by way of it.
-
-    Parameters
-    ----------
-    hearers : iterable of Hearer
-
-    Returns
-    -------
-    list of Train
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}
@@ -179,16 +171,8 @@ def made_of_others(trains: Sequence[Train[H]], *, near_ns: float) -> list[Train[
     A lattice may have its places where other trains have theirs: one of 1254 ms has every
     second pulse of one of 1881 ms, and now and then one of a third.
 
-    Parameters
-    ----------
-    trains : sequence of Train
-    near_ns : float
-        Pulses closer than this are the same.
-
-    Returns
-    -------
-    list of Train
-        Those that explain less than the confirmed trains of whose pulses they are made.
+    `near_ns`: pulses closer than this are the same.
+    Returns: those that explain less than the confirmed trains of whose pulses they are made.
     """
     found: list[Train[H]] = []
     confirmed = sorted(

@@ -45,10 +45,7 @@ def log_evidence(power: float, strength: float) -> float:
 def set_up_rivals(track: Track) -> None:
     """Let the other rate begin at each pulse heard at which no rival has begun yet.
 
-    Parameters
-    ----------
-    track : Track
-        Confirmed; changed in place.
+    `track`: confirmed; changed in place.
     """
     since_s = max((rival.settled_s for rival in track.rivals), default=-math.inf)
     since_s = max(since_s, track.settled_s) + track.tag.pulse_width_s
@@ -77,15 +74,9 @@ def lags(track: Track, rival: Track) -> bool:
 def settle_rivalry(track: Track) -> Track | None:
     """Decide between the rates where one leads; both have been looked at to the same time.
 
-    Parameters
-    ----------
-    track : Track
-        Changed in place: drops the rivals that it beats and knows until when it is certain.
-
-    Returns
-    -------
-    Track or None
-        The rival that the track must become.
+    `track`: changed in place: drops the rivals that it beats and knows until when it is
+    certain.
+    Returns: the rival that the track must become.
     """
     upto_s = track.time_s + _margin_s(track)
     enr = strength(track)
@@ -120,12 +111,9 @@ def _dispute(track: Track, winner: Track, starts_s: list[float]) -> None:
     That it has is certain, but a peak of noise where one rate alone has a place can make
     another pulse than the true one the likelier.
 
-    Parameters
-    ----------
-    track, winner : Track
-        What has been followed so far, and what it becomes; their slots are changed.
-    starts_s : list of float
-        All pulses that may have been the last before the switch.
+    `track`, `winner`: what has been followed so far, and what it becomes; their slots are
+    changed.
+    `starts_s`: all pulses that may have been the last before the switch.
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
@@ -164,16 +152,8 @@ def evidence(slots: Iterable[Slot], enr: float) -> float:
 
     The largest of V cells stands for the mean of their likelihoods: hence the logarithm of V.
 
-    Parameters
-    ----------
-    slots : iterable of Slot
-    enr : float
-        ENR that the pulses have.
-
-    Returns
-    -------
-    float
-        Log-likelihood ratio to noise in all of them.
+    `enr`: ENR that the pulses have.
+    Returns: log-likelihood ratio to noise in all of them.
     """
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots

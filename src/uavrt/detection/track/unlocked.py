@@ -32,20 +32,9 @@ def joined(
 ) -> Track | None:
     """Put a group to the one that it goes on with, if there is one.
 
-    Parameters
-    ----------
-    tracks : list of Track
-        The groups so far.
-    pulses : list of FoundPulse
-        A group that reached the threshold.
-    rate : int
-    sample_rate_hz : float
-    around : callable
-        Tells what else is on air around a track's place.
-
-    Returns
-    -------
-    Track or None
+    `tracks`: the groups so far.
+    `pulses`: a group that reached the threshold.
+    `around`: tells what else is on air around a track's place.
     """
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:

@@ -47,10 +47,7 @@ class Download:
 class Downloads:
     """One download at a time, for one session.
 
-    Parameters
-    ----------
-    session : HeldSession
-        Whose link is used.
+    `session`: whose link is used.
     """
 
     def __init__(self, session: HeldSession) -> None:
@@ -96,19 +93,10 @@ class Downloads:
     def start(self, flight_id: str, *, everything: bool = False) -> Download:
         """Begin to fetch a flight; progress is told to all listeners.
 
-        Parameters
-        ----------
-        flight_id : str
-            Its name on the drone.
-        everything : bool
-            Its recorded samples as well.
-
-        Raises
-        ------
-        UsageError
-            Not the name of a flight, or that of one on this same computer.
-        LinkError
-            Another one is under way.
+        `flight_id`: its name on the drone.
+        `everything`: its recorded samples as well.
+        Raises `UsageError`: not the name of a flight, or that of one on this same computer.
+        Raises `LinkError`: another one is under way.
         """
         if not flight_id.startswith(FLIGHT_PREFIX) or Path(flight_id).name != flight_id:
             raise UsageError(f"there is no flight {flight_id[:80]!r} on the drone")

@@ -34,14 +34,9 @@ class DroneFiles:
             for entry in (await client.tree("/")).files:
                 await fetch_file(client, entry, Path(entry.path.lstrip("/")))
 
-    Parameters
-    ----------
-    now_ns : callable
-        Time now.
-    system_id, component_id : int
-        Our own numbers, different from the ground station's.
-    signing_key : SigningKey, optional
-        What frames are signed with, see `uavrt.mavlink.signing`.
+    `now_ns`: time now.
+    `system_id`, `component_id`: our own numbers, different from the ground station's.
+    `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`.
     """
 
     def __init__(

@@ -74,16 +74,10 @@ class RemoteTree:
 class FileClient:
     """One conversation with the drone's file server.
 
-    Parameters
-    ----------
-    send : callable
-        Sends a request's 251 bytes.
-    now_ns : callable
-        Time now.
-    session : int
-        Ours; any number serves.
-    unanswered : callable
-        Called when nothing has come for a while; there may be another link.
+    `send`: sends a request's 251 bytes.
+    `now_ns`: time now.
+    `session`: ours; any number serves.
+    `unanswered`: called when nothing has come for a while; there may be another link.
     """
 
     def __init__(
@@ -314,14 +308,9 @@ class FileClient:
 class _Pace:
     """Aborts a transfer that makes no progress.
 
-    Parameters
-    ----------
-    least : int
-        What must come within `STALL_NS`.
-    what : str
-        Of what, for the error.
-    start : int
-        What is here already.
+    `least`: what must come within `STALL_NS`.
+    `what`: of what, for the error.
+    `start`: what is here already.
     """
 
     def __init__(self, least: int, what: str, start: int = 0) -> None:
@@ -347,19 +336,10 @@ def _soon(wait_ns: int) -> float:
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
     """Refuse a flight that is too large, for what it can be or for the disk here.
 
-    Parameters
-    ----------
-    entries : iterable of RemoteEntry
-        What is to be fetched.
-    place : Path
-        Where to.
-    samples : bool
-        Recorded samples are among it, which may have any size.
-
-    Raises
-    ------
-    RecordingError
-        It is too large.
+    `entries`: what is to be fetched.
+    `place`: where to.
+    `samples`: recorded samples are among it, which may have any size.
+    Raises `RecordingError`: it is too large.
     """
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
@@ -395,12 +375,8 @@ async def fetch_file(
     name that is here and is no earlier state of this one stays; the new one is then
     ``NAME.other-1``.
 
-    Raises
-    ------
-    LinkError
-        The drone does not answer, refuses, or does not get on.
-    RecordingError
-        The file cannot be written, is too large, or is wrong twice.
+    Raises `LinkError`: the drone does not answer, refuses, or does not get on.
+    Raises `RecordingError`: the file cannot be written, is too large, or is wrong twice.
     """
     alike = [there for there in (place, *others(place)) if _size(there) == entry.size]
     if alike:

@@ -14,10 +14,7 @@ it was: that is the drone's clock."""
 class ClockSkew:
     """Estimates the offset from the promptest of several pulses.
 
-    Attributes
-    ----------
-    skew_ns : int or None
-        How far the drone's clock is behind ours; None before it is judged.
+    `skew_ns`: how far the drone's clock is behind ours; None before it is judged.
     """
 
     def __init__(self) -> None:

@@ -19,10 +19,7 @@ NUMBERED_FROM = 2**31
 class Writing:
     """Writes commands; those of G2 get a request id each, never 0.
 
-    Parameters
-    ----------
-    generation : {"G0", "G1", "G2v1", "G2"}
-        What the drone speaks. Commands of G2v1 are those of G1.
+    `generation`: what the drone speaks. Commands of G2v1 are those of G1.
     """
 
     def __init__(self, generation: Generation) -> None:

@@ -21,15 +21,10 @@ REMEMBERED = 500_000
 class Receipts:
     """Which pulses are known, and when to acknowledge them.
 
-    Parameters
-    ----------
-    store : int
-        Number of the store, 1 to 2**32 - 1; a new one for an empty store.
-    known : iterable of int
-        Hashes of the payloads in the store.
-    keep : callable
-        Gets the hash of each payload that is new in the store, and what to call when it is
-        kept: then the payload is acknowledged.
+    `store`: number of the store, 1 to 2**32 - 1; a new one for an empty store.
+    `known`: hashes of the payloads in the store.
+    `keep`: gets the hash of each payload that is new in the store, and what to call when it is
+    kept: then the payload is acknowledged.
     """
 
     def __init__(

@@ -80,39 +80,26 @@ class GroundLink:
         async for event in link.events():
             ...
 
-    Parameters
-    ----------
-    clock_ns : callable
-        Time now [ns].
-    on_event : callable, optional
-        Called at once with each event; without it they wait for `events`.
-    generation : {"G0", "G1", "G2v1", "G2"}
-        Wire format; G1 unless the drone runs the thesis's software, or the original's numbered
-        versions.
-    system_id, component_id : int
-        Our own numbers; 254/190, or 255/190 with `as_gcs`.
-    as_gcs : bool
-        Be seen as a ground station of type GCS, as the original's drone side insists on.
-    ack_wait_s : float
-        How long to wait for each acknowledgement before the command is sent again.
-    on_frame : callable, optional
-        Called with every frame of the link, the autopilot's and the radio's too.
-    receipts : Receipts, optional
-        What the station holds already, from `uavrt.ground.link.stored_pulses.open_receipts`;
-        without it the drone sends all of its flight.
-    progress : callable, optional
-        How many pulses `on_event` has taken, and the durable ones of these: they are
-        acknowledged, and nothing for which `on_event` raises `RecordingError`. Without it a
-        pulse is acknowledged when `on_event` returns.
-    key : Key, optional
-        What commands and receipts are sealed with, see `uavrt.tunnel.seal`.
-    signing_key : SigningKey, optional
-        What frames are signed with, see `uavrt.mavlink.signing`; then unsigned frames are taken
-        from the autopilot only.
-    identity : VehicleIdentity, optional
-        Which vehicle is served; without it the first that is heard, for as long as this lives.
-    links : Links, optional
-        Links that are shared with others, who serve other vehicles on them.
+    `clock_ns`: time now [ns].
+    `on_event`: called at once with each event; without it they wait for `events`.
+    `generation`: wire format; G1 unless the drone runs the thesis's software, or the original's
+    numbered versions.
+    `system_id`, `component_id`: our own numbers; 254/190, or 255/190 with `as_gcs`.
+    `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on.
+    `ack_wait_s`: how long to wait for each acknowledgement before the command is sent again.
+    `on_frame`: called with every frame of the link, the autopilot's and the radio's too.
+    `receipts`: what the station holds already, from
+    `uavrt.ground.link.stored_pulses.open_receipts`; without it the drone sends all of its
+    flight.
+    `progress`: how many pulses `on_event` has taken, and the durable ones of these: they are
+    acknowledged, and nothing for which `on_event` raises `RecordingError`. Without it a pulse
+    is acknowledged when `on_event` returns.
+    `key`: what commands and receipts are sealed with, see `uavrt.tunnel.seal`.
+    `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`; then unsigned
+    frames are taken from the autopilot only.
+    `identity`: which vehicle is served; without it the first that is heard, for as long as this
+    lives.
+    `links`: links that are shared with others, who serve other vehicles on them.
     """
 
     def __init__(
@@ -273,19 +260,10 @@ class GroundLink:
     ) -> None:
         """Send the tag list, each message acknowledged.
 
-        Parameters
-        ----------
-        tags : sequence of Tag
-            All the tags; they replace those on the drone.
-        progress : callable, optional
-            Called with the messages acknowledged so far and their whole number.
-
-        Raises
-        ------
-        CommandRefused
-            The drone refused; the text is its reason.
-        LinkError
-            It did not answer.
+        `tags`: all the tags; they replace those on the drone.
+        `progress`: called with the messages acknowledged so far and their whole number.
+        Raises `CommandRefused`: the drone refused; the text is its reason.
+        Raises `LinkError`: it did not answer.
         """
         payloads = self._writing.upload(tags)
         coded = [False, *(tag.coded for tag in tags), False]
@@ -309,12 +287,8 @@ class GroundLink:
     async def correct_tag(self, tag: Tag) -> str:
         """Replace a tag that is being searched; return the drone's message.
 
-        Raises
-        ------
-        CommandRefused
-            The drone refused; the text is its reason.
-        LinkError
-            It did not answer.
+        Raises `CommandRefused`: the drone refused; the text is its reason.
+        Raises `LinkError`: it did not answer.
         """
         answer = await self.command(self._writing.correction(tag))
         self.protocol.tags[tag.tag_id] = tag
@@ -413,19 +387,10 @@ class GroundLink:
         confirmation is not: its nonce holds once, and what is on the way longer than a second
         is not confirmed. A stop waits for nothing else that is under way.
 
-        Parameters
-        ----------
-        payload : bytes
-            By `uavrt.tunnel.motion`.
-        request_id : int
-            The number in it.
-
-        Raises
-        ------
-        CommandRefused
-            The drone refused; the text is its reason.
-        LinkError
-            It did not answer.
+        `payload`: by `uavrt.tunnel.motion`.
+        `request_id`: the number in it.
+        Raises `CommandRefused`: the drone refused; the text is its reason.
+        Raises `LinkError`: it did not answer.
         """
 
         def send(_attempt: int) -> None:

@@ -24,14 +24,9 @@ QUIET_S = 0.5
 class DroneParameters:
     """Lists and sets the drone's parameters.
 
-    Parameters
-    ----------
-    protocol : GroundProtocol
-        Knows the drone, and seals.
-    send : callable
-        Sends a message.
-    answer_wait_s : float
-        How long to wait for each answer.
+    `protocol`: knows the drone, and seals.
+    `send`: sends a message.
+    `answer_wait_s`: how long to wait for each answer.
     """
 
     def __init__(
@@ -71,10 +66,7 @@ class DroneParameters:
     async def list_all(self) -> dict[str, float]:
         """Get every parameter's value.
 
-        Raises
-        ------
-        LinkError
-            The drone does not answer.
+        Raises `LinkError`: the drone does not answer.
         """
         drone = self._drone()
         await self._learn_encoding(drone)
@@ -93,12 +85,8 @@ class DroneParameters:
     async def set(self, name: str, value: float) -> float:
         """Set a parameter; return the value in force then.
 
-        Raises
-        ------
-        CommandRefused
-            The drone kept another value; its text says why.
-        LinkError
-            It did not answer.
+        Raises `CommandRefused`: the drone kept another value; its text says why.
+        Raises `LinkError`: it did not answer.
         """
         drone = self._drone()
         await self._learn_encoding(drone)

@@ -48,10 +48,7 @@ class Offered:
 class Flying:
     """The motions of one session.
 
-    Parameters
-    ----------
-    session : HeldSession
-        Whose link and vehicle they use.
+    `session`: whose link and vehicle they use.
     """
 
     def __init__(self, session: HeldSession) -> None:
@@ -150,10 +147,8 @@ class Flying:
     async def confirm(self, wish: Any, page: str | None) -> dict[str, Any]:
         """Confirm the offer that this page sees: from now on it moves.
 
-        Raises
-        ------
-        CommandRefused, LinkError
-            There is no such offer any more, or the drone refuses.
+        Raises `CommandRefused`, `LinkError`: there is no such offer any more, or the drone
+        refuses.
         """
         number = wish.get("order_id") if isinstance(wish, dict) else None
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
@@ -177,10 +172,8 @@ class Flying:
         The way is checked by `call`, outside of the event loop: an outline of 1000 corners
         takes seconds.
 
-        Raises
-        ------
-        CommandRefused, LinkError, UavrtError
-            The vehicle does not take it, flies a mission or does not answer; or it is none.
+        Raises `CommandRefused`, `LinkError`, `UavrtError`: the vehicle does not take it, flies
+        a mission or does not answer; or it is none.
         """
         order = Order.of(_request(wish))
         await call(survey_items, order)  # what is none is refused without a link, too
@@ -198,10 +191,7 @@ class Flying:
     async def stop(self) -> dict[str, Any]:
         """Let the drone stand and be out.
 
-        Raises
-        ------
-        CommandRefused, LinkError
-            The drone did not take it: then a pilot has to.
+        Raises `CommandRefused`, `LinkError`: the drone did not take it: then a pilot has to.
         """
         self._offered = None
         self._session.note(5, "taken back by the operator")

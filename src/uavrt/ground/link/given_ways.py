@@ -85,10 +85,7 @@ class GivenWays:
         A drone asks for each way once it was told of another. Were it told nothing when that
         one has landed or is silent, or the station has begun anew, it would get none any more.
 
-        Parameters
-        ----------
-        flying : collection of int
-            Vehicles that fly by commands, as far as is heard.
+        `flying`: vehicles that fly by commands, as far as is heard.
         """
         known = set(self._members)
         together = known | set(flying)

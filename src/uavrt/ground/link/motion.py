@@ -27,19 +27,10 @@ def motion_request(
 ) -> MotionRequest:
     """Write down what is asked for.
 
-    Parameters
-    ----------
-    action : str
-        One of `MotionAction`.
-    places : sequence of (float, float)
-        Latitude and longitude [deg] of a goal, or of an outline's corners.
-    **values
-        Further fields of `MotionRequest`.
-
-    Raises
-    ------
-    UsageError
-        There is no such motion.
+    `action`: one of `MotionAction`.
+    `places`: latitude and longitude [deg] of a goal, or of an outline's corners.
+    `**values`: further fields of `MotionRequest`.
+    Raises `UsageError`: there is no such motion.
     """
     if action not in MOTION_ACTIONS:
         raise UsageError(f"{action[:40]!r} is no motion")

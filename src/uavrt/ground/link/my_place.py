@@ -25,10 +25,7 @@ SILENCE_S = 10.0
 class MyPlace:
     """The place of this computer, while something tells it.
 
-    Parameters
-    ----------
-    clock_s : callable, optional
-        Seconds of a clock that never steps.
+    `clock_s`: seconds of a clock that never steps.
     """
 
     def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:

@@ -33,12 +33,8 @@ Listener = Callable[[Frame, int], None]
 class Links:
     """The open links of a ground station.
 
-    Parameters
-    ----------
-    own : (int, int)
-        System and component id.
-    signing : Signing, optional
-        Signs what leaves, with a link id for each link.
+    `own`: system and component id.
+    `signing`: signs what leaves, with a link id for each link.
     """
 
     def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
@@ -70,12 +66,8 @@ class Links:
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
         """Open all; return the tasks that go on trying where that was not possible.
 
-        Raises
-        ------
-        ConfigError
-            An address is none.
-        LinkError
-            None could be opened.
+        Raises `ConfigError`: an address is none.
+        Raises `LinkError`: None could be opened.
         """
         self._links = [None] * len(addresses)
         self._writers = [self._writer(number) for number in range(len(addresses))]
@@ -128,18 +120,11 @@ class Links:
 class Ways:
     """The links to one drone.
 
-    Parameters
-    ----------
-    own : (int, int)
-        System and component id.
-    receive : callable
-        Gets each frame and the number of its link.
-    clock_ns : callable
-        Time now [ns].
-    signing : Signing, optional
-        Signs what leaves, with a link id for each link.
-    links : Links, optional
-        Those that are shared with others; without it they are this one's alone.
+    `own`: system and component id.
+    `receive`: gets each frame and the number of its link.
+    `clock_ns`: time now [ns].
+    `signing`: signs what leaves, with a link id for each link.
+    `links`: those that are shared with others; without it they are this one's alone.
     """
 
     def __init__(

@@ -117,21 +117,13 @@ GroundEvent = (
 class GroundProtocol:
     """Decodes and counts what the ground receives; no I/O.
 
-    Parameters
-    ----------
-    system_id, component_id : int
-        Our own numbers.
-    receipts : Receipts, optional
-        What to acknowledge; None for a station that does not.
-    sealer : Sealer, optional
-        Seals what is sent.
-    generation : {"G0", "G1", "G2v1", "G2"}
-        What the drone speaks.
-    as_gcs : bool
-        Be seen as a ground station of type GCS, as the original's drone side insists on (with
-        255/190); the autopilot then takes us for the operator's own.
-    identity : VehicleIdentity, optional
-        Which vehicle is served; without it the first that is heard.
+    `system_id`, `component_id`: our own numbers.
+    `receipts`: what to acknowledge; None for a station that does not.
+    `sealer`: seals what is sent.
+    `generation`: what the drone speaks.
+    `as_gcs`: be seen as a ground station of type GCS, as the original's drone side insists on
+    (with 255/190); the autopilot then takes us for the operator's own.
+    `identity`: which vehicle is served; without it the first that is heard.
     """
 
     def __init__(

@@ -67,12 +67,8 @@ class RadioLevels:
 class VehicleWatch:
     """Reads the autopilot's frames on the ground link.
 
-    Parameters
-    ----------
-    own : Peer
-        Our own numbers.
-    identity : VehicleIdentity, optional
-        Which vehicle is served; until that is known the first autopilot is watched.
+    `own`: our own numbers.
+    `identity`: which vehicle is served; until that is known the first autopilot is watched.
     """
 
     def __init__(self, own: Peer, identity: VehicleIdentity | None = None) -> None:

@@ -23,12 +23,8 @@ many times one after the other, is two."""
 class VehicleIdentity:
     """The vehicle that we serve, and the others heard.
 
-    Parameters
-    ----------
-    system_id : int, optional
-        Its number; None takes the first that is heard.
-    uid : str, optional
-        Its autopilot's unique number, hexadecimal; None takes the first that is told.
+    `system_id`: its number; None takes the first that is heard.
+    `uid`: its autopilot's unique number, hexadecimal; None takes the first that is told.
     """
 
     def __init__(self, system_id: int | None = None, uid: str | None = None) -> None:

@@ -54,14 +54,9 @@ class _Autopilot:
 class VehicleMissions:
     """Uploads and downloads, one at a time.
 
-    Parameters
-    ----------
-    own : Peer
-        Our own numbers.
-    send : callable
-        Sends a message.
-    system_id : callable
-        Of the vehicle that is served; None while that is not known.
+    `own`: our own numbers.
+    `send`: sends a message.
+    `system_id`: of the vehicle that is served; None while that is not known.
     """
 
     def __init__(
@@ -117,12 +112,9 @@ class VehicleMissions:
 
         The way is checked by `call`, which calls a function outside of the event loop.
 
-        Raises
-        ------
-        PlanError
-            It does not; or it is no survey that can be a mission.
-        CommandRefused, FormatError, LinkError
-            As of `upload` and `fence`; or the vehicle tells of no home.
+        Raises `PlanError`: it does not; or it is no survey that can be a mission.
+        Raises `CommandRefused`, `FormatError`, `LinkError`: as of `upload` and `fence`; or the
+        vehicle tells of no home.
         """
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
@@ -135,12 +127,8 @@ class VehicleMissions:
     async def home(self) -> tuple[float, float]:
         """Ask the vehicle for its home.
 
-        Raises
-        ------
-        CommandRefused
-            It tells of none, or is not known.
-        LinkError
-            It is not heard.
+        Raises `CommandRefused`: it tells of none, or is not known.
+        Raises `LinkError`: it is not heard.
         """
         self._homes.clear()
         asks = round(HOME_WITHIN_S / ASKS_EVERY_S)
@@ -159,12 +147,9 @@ class VehicleMissions:
     async def upload(self, items: Sequence[MissionItem]) -> Uploaded:
         """Give the vehicle a mission in place of its own, and read it back.
 
-        Raises
-        ------
-        CommandRefused
-            It flies a mission, is not known, does not take this one or holds another then.
-        LinkError
-            It does not answer.
+        Raises `CommandRefused`: it flies a mission, is not known, does not take this one or
+        holds another then.
+        Raises `LinkError`: it does not answer.
         """
         async with self._busy:
             peer, manners = self._vehicle()
@@ -192,14 +177,9 @@ class VehicleMissions:
     async def fence(self) -> VehicleFence:
         """Read the vehicle's fence.
 
-        Raises
-        ------
-        CommandRefused
-            It tells of none, or is not known.
-        FormatError
-            What it tells is no fence.
-        LinkError
-            It does not answer.
+        Raises `CommandRefused`: it tells of none, or is not known.
+        Raises `FormatError`: what it tells is no fence.
+        Raises `LinkError`: it does not answer.
         """
         async with self._busy:
             peer, _ = self._vehicle()

@@ -65,10 +65,7 @@ class AntennaChoice:
     def read_as(self) -> ReadAs:
         """For the estimator.
 
-        Raises
-        ------
-        FormatError
-            There is no such elevation file.
+        Raises `FormatError`: there is no such elevation file.
         """
         return ReadAs(
             antenna=self.pattern,

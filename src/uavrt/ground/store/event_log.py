@@ -29,12 +29,8 @@ class _Line(msgspec.Struct, frozen=True):
 class EventLog:
     """Lines in memory and, one JSON object each, in a file.
 
-    Parameters
-    ----------
-    path : Path
-        The file; lines of earlier runs are read from it.
-    disk : Disk, optional
-        Where the file is written.
+    `path`: the file; lines of earlier runs are read from it.
+    `disk`: where the file is written.
     """
 
     def __init__(self, path: Path, disk: Disk = at_once) -> None:

@@ -66,21 +66,13 @@ class FlightKeeper:
     Nothing here waits for the disk: `commit` hands over what was taken, and `progress` says
     how much of it is durable.
 
-    Parameters
-    ----------
-    directory : Path
-        Where flights are made.
-    clock : Clock
-        The ground's clock.
-    disk : Disk, optional
-        Where the writing is done; without one `commit` does it before it returns.
-    also : callable, optional
-        Called where the writing is done, with each pulse and content of a burst before its
-        flight is committed. A `RecordingError` has it called again, and the flight waits.
-    on_written : callable, optional
-        Called after each write, whether the disk took it or not.
-    begun : set of Path, optional
-        Flights that were begun, also by other keepers; the disk may not have them yet.
+    `directory`: where flights are made.
+    `clock`: the ground's clock.
+    `disk`: where the writing is done; without one `commit` does it before it returns.
+    `also`: called where the writing is done, with each pulse and content of a burst before its
+    flight is committed. A `RecordingError` has it called again, and the flight waits.
+    `on_written`: called after each write, whether the disk took it or not.
+    `begun`: flights that were begun, also by other keepers; the disk may not have them yet.
     """
 
     def __init__(
@@ -155,12 +147,8 @@ class FlightKeeper:
     def begin(self, tags: Iterable[Tag], flown: Path | None = None) -> str:
         """Begin a flight; gives its name.
 
-        Parameters
-        ----------
-        tags : iterable of Tag
-            That are searched for.
-        flown : Path, optional
-            The drone's own recording of it in the same directory: ours is a copy of that.
+        `tags`: that are searched for.
+        `flown`: the drone's own recording of it in the same directory: ours is a copy of that.
         """
         self.close()
         now_ns = self._clock.now_ns()
@@ -255,10 +243,7 @@ class FlightKeeper:
     def add_pulse(self, item: PulsePose) -> bool:
         """Add a pulse; False when it was here before.
 
-        Raises
-        ------
-        RecordingError
-            It was not taken: too many wait for the disk.
+        Raises `RecordingError`: it was not taken: too many wait for the disk.
         """
         key = item.pulse.key
         if key in self._keys:
@@ -272,10 +257,8 @@ class FlightKeeper:
     def put_inside(self, burst: BurstInside) -> bool:
         """Add its content to a burst of this flight; False if the burst is of another flight.
 
-        Raises
-        ------
-        RecordingError
-            The content was not stored: its burst has not come yet, or the disk is too slow.
+        Raises `RecordingError`: the content was not stored: its burst has not come yet, or the
+        disk is too slow.
         """
         if burst.key in self._keys:
             self._store(burst)

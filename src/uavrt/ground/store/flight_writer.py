@@ -31,12 +31,9 @@ class Written:
 class FlightWriter:
     """The flight in progress, and those before it that the disk has not taken whole.
 
-    Parameters
-    ----------
-    also : callable
-        Called with each pulse and content of a burst before its flight is committed: what a
-        flight has is not received again after a kill. For a `RecordingError` it is called again
-        later, and the flight waits.
+    `also`: called with each pulse and content of a burst before its flight is committed: what a
+    flight has is not received again after a kill. For a `RecordingError` it is called again
+    later, and the flight waits.
     """
 
     def __init__(self, also: Callable[[Stored], object]) -> None:

@@ -171,10 +171,8 @@ class Columns:
 class FlightLibrary:
     """Flights below one directory.
 
-    Parameters
-    ----------
-    directory : Path
-        Where this ground station records, and where flights of a drone may be copied to.
+    `directory`: where this ground station records, and where flights of a drone may be copied
+    to.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -292,12 +290,8 @@ class FlightLibrary:
 
         Flights that do not name their vehicle count for each.
 
-        Parameters
-        ----------
-        system_id : int, optional
-            Of the vehicle; None: all flights count.
-        but : str, optional
-            The flight that goes on.
+        `system_id`: of the vehicle; None: all flights count.
+        `but`: the flight that goes on.
         """
         flights = (
             flight
@@ -327,12 +321,8 @@ class FlightLibrary:
     def star(self, flight_id: str, starred: bool) -> None:
         """Mark a flight and its copies as never to be removed, or take the mark away.
 
-        Raises
-        ------
-        UsageError
-            There is no such flight.
-        RecordingError
-            The disk does not take it.
+        Raises `UsageError`: there is no such flight.
+        Raises `RecordingError`: the disk does not take it.
         """
         self.path(flight_id)
         flown = flown_name(flight_id)

@@ -63,10 +63,7 @@ class _Kept(msgspec.Struct, frozen=True):
 class KnownFlights:
     """Summaries with the state of the files that they are of.
 
-    Parameters
-    ----------
-    path : Path
-        Where they are kept.
+    `path`: where they are kept.
     """
 
     def __init__(self, path: Path) -> None:

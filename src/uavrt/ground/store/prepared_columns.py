@@ -25,10 +25,7 @@ Stamp = tuple[int, int]
 class PreparedColumns:
     """Keeps the pulses and poses of flights as arrays.
 
-    Parameters
-    ----------
-    directory : Path
-        Where; it is made when the first flight is kept.
+    `directory`: where; it is made when the first flight is kept.
     """
 
     def __init__(self, directory: Path) -> None:

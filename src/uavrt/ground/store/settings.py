@@ -79,10 +79,7 @@ class GroundSettings:
     def changed(self, values: object) -> "GroundSettings":
         """Apply changes of the page.
 
-        Raises
-        ------
-        UsageError
-            A value is wrong; the text names it.
+        Raises `UsageError`: a value is wrong; the text names it.
         """
         if not isinstance(values, dict):
             raise UsageError("settings must be an object")
@@ -95,20 +92,11 @@ class GroundSettings:
 class GroundStore:
     """The directory's small files: settings, tags, the current flight.
 
-    Parameters
-    ----------
-    directory : Path
-        Made when it is not there. Flights, maps and reports of all vehicles are in it.
-    system_id : int, optional
-        Of a vehicle that is served besides the first: its small files are in
-        ``vehicles/NUMBER``.
-    first : GroundStore, optional
-        The station's, whose disk thread writes these files, too.
-
-    Raises
-    ------
-    ConfigError
-        It cannot be written.
+    `directory`: made when it is not there. Flights, maps and reports of all vehicles are in it.
+    `system_id`: of a vehicle that is served besides the first: its small files are in
+    ``vehicles/NUMBER``.
+    `first`: the station's, whose disk thread writes these files, too.
+    Raises `ConfigError`: it cannot be written.
     """
 
     def __init__(
@@ -162,10 +150,7 @@ class GroundStore:
     def of_vehicle(self, system_id: int) -> "GroundStore":
         """Get the store of a further vehicle; at first with these settings and tags.
 
-        Raises
-        ------
-        ConfigError
-            It cannot be written.
+        Raises `ConfigError`: it cannot be written.
         """
         known = (self.directory / "vehicles" / str(system_id)).exists()
         store = GroundStore(self.directory, system_id, self)

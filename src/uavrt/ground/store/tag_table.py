@@ -83,15 +83,8 @@ class FieldFault:
 def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
     """Check typed rows.
 
-    Returns
-    -------
-    tags, faults
-        The tags; none of them when there is any fault.
-
-    Raises
-    ------
-    UsageError
-        It is no table at all: not a list of objects, or too long.
+    Returns: the tags; none of them when there is any fault.
+    Raises `UsageError`: it is no table at all: not a list of objects, or too long.
     """
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise UsageError("tags must be a list of rows")
@@ -140,16 +133,9 @@ def _code_cells(tag: Tag) -> Row:
 def import_rows(files: Mapping[str, str]) -> list[Row]:
     """Read rows from files: ``TagInfo.txt``, ``tags.toml``, CSV, TagTracker's databases.
 
-    Parameters
-    ----------
-    files : mapping of str to str
-        Text of each file by its name. TagTracker keeps tags and makers in two files, which
-        go together.
-
-    Raises
-    ------
-    UsageError
-        A file cannot be read; the text says which line and why.
+    `files`: text of each file by its name. TagTracker keeps tags and makers in two files, which
+    go together.
+    Raises `UsageError`: a file cannot be read; the text says which line and why.
     """
     tables = {name: read_csv(text) for name, text in files.items()}
     makers = {
@@ -195,10 +181,7 @@ def _own_row(cells: Mapping[str, str]) -> Row:
 def export_text(tags: Sequence[Tag], name: str) -> str:
     """Write tags as ``tags.toml``, ``TagInfo.txt`` or ``tags.csv``.
 
-    Raises
-    ------
-    UsageError
-        There is no such format, or it cannot hold these tags.
+    Raises `UsageError`: there is no such format, or it cannot hold these tags.
     """
     if name == "tags.toml":
         return format_tags_toml(tags)

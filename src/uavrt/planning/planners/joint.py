@@ -18,12 +18,8 @@ _Floats = NDArray[np.float64]
 class ConservationBots:
     """Eight headings; each moves for a whole cycle, or for a third and then turns.
 
-    Parameters
-    ----------
-    cycle_s : float
-        Of a joint action: 10 s and 20 s of turning.
-    measurements : int
-        Drawn for each reward.
+    `cycle_s`: of a joint action: 10 s and 20 s of turning.
+    `measurements`: drawn for each reward.
     """
 
     def __init__(self, *, cycle_s: float = 30.0, measurements: int = 20) -> None:

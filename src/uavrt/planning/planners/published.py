@@ -20,16 +20,10 @@ class Renyi:
     ends of its steps are drawn and their divergences averaged. A step begun is flown by half
     at least: else a drone that turns for longer than a cycle would turn to and fro for ever.
 
-    Parameters
-    ----------
-    alpha : float
-        Order of the divergence.
-    actions : int
-        Headings.
-    kept : int
-        Of them, those with the greatest gain.
-    steps : int
-        How many ahead it looks; each is as long as a cycle flies.
+    `alpha`: order of the divergence.
+    `actions`: headings.
+    `kept`: of them, those with the greatest gain.
+    `steps`: how many ahead it looks; each is as long as a cycle flies.
     """
 
     def __init__(
@@ -112,12 +106,8 @@ class Shannon:
 
     Where the drone can hover it turns at each point, as Cliff's did for each bearing.
 
-    Parameters
-    ----------
-    spacing_m : float, optional
-        Between grid points; None: as far as a cycle flies.
-    rotation_s : float
-        Of each turn; 0: single pulses on the way instead.
+    `spacing_m`: between grid points; None: as far as a cycle flies.
+    `rotation_s`: of each turn; 0: single pulses on the way instead.
     """
 
     def __init__(self, *, spacing_m: float | None = None, rotation_s: float = 0.0) -> None:

@@ -16,10 +16,7 @@ _NEAR_M = 1.0
 class Lawnmower:
     """Parallel lines over the area, to and fro, again and again.
 
-    Parameters
-    ----------
-    spacing_m : float, optional
-        Between lines; None: a tenth of the root of the area.
+    `spacing_m`: between lines; None: a tenth of the root of the area.
     """
 
     def __init__(self, spacing_m: float | None = None) -> None:
@@ -62,12 +59,8 @@ class Lawnmower:
 class RotationPoints:
     """A turn in place at each point of a grid, as pilots fly rotations today.
 
-    Parameters
-    ----------
-    spacing_m : float, optional
-        Between points; None: a third of the root of the area.
-    duration_s : float
-        Of a turn.
+    `spacing_m`: between points; None: a third of the root of the area.
+    `duration_s`: of a turn.
     """
 
     def __init__(self, spacing_m: float | None = None, duration_s: float = 20.0) -> None:

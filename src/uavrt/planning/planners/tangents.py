@@ -34,10 +34,7 @@ def tangents(
 class LavaPilot:
     """The tag with the smallest cloud first; of three ways the one that disturbs least.
 
-    Parameters
-    ----------
-    circle_m : float
-        Radius that it aims at where no rule of keeping away is given.
+    `circle_m`: radius that it aims at where no rule of keeping away is given.
     """
 
     def __init__(self, circle_m: float = 0.0) -> None:

@@ -55,13 +55,8 @@ def checked(
 ) -> Ways:
     """Look which ways the area and the rule of keeping away allow.
 
-    Parameters
-    ----------
-    situation : Situation
-    east_m, north_m : (ways,) arrays
-        Their ends.
-    stays_s : float
-        At the end, of which the same is asked.
+    `east_m`, `north_m`: their ends.
+    `stays_s`: at the end, of which the same is asked.
     """
     state = situation.state
     here = (state.east_m, state.north_m)

@@ -23,23 +23,12 @@ writes is kept until it has done so, and a slow flash drive takes 5 MB a second.
 def save_flights(flights: list[Path], target: Path, step: Step, wanted: Wanted) -> None:
     """Copy flights; what is there already with the same size is left.
 
-    Parameters
-    ----------
-    flights : list of Path
-        Their directories.
-    target : Path
-        Directory on the drive.
-    step : callable
-        Gets how many are done, of how many, and what comes now.
-    wanted : callable
-        Asked again and again; the work is broken off when it says no.
-
-    Raises
-    ------
-    OSError
-        The drive cannot be written.
-    RecordingError
-        It is not wanted any more; what was copied whole stays there.
+    `flights`: their directories.
+    `target`: directory on the drive.
+    `step`: gets how many are done, of how many, and what comes now.
+    `wanted`: asked again and again; the work is broken off when it says no.
+    Raises `OSError`: the drive cannot be written.
+    Raises `RecordingError`: it is not wanted any more; what was copied whole stays there.
     """
     for done, flight in enumerate(flights):
         step(done, len(flights), flight.name)

@@ -20,12 +20,8 @@ log = get_logger()
 class DiskGuard:
     """Watches the free space where flights are kept.
 
-    Parameters
-    ----------
-    directory : Path
-        Where flight directories are made.
-    settings : RecordingSettings
-        The limit, and whether old flights may be removed.
+    `directory`: where flight directories are made.
+    `settings`: the limit, and whether old flights may be removed.
     """
 
     def __init__(self, directory: Path, settings: RecordingSettings) -> None:

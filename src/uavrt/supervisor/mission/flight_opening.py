@@ -27,20 +27,10 @@ def share_tags(
     may show a ghost of each other, the mirror before multiples, as long as no worker has more
     than its part of the tags, or 16.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-    workers : int
-        At most.
-    window_hz : float
-        Half-width of the search around each tag.
-    receiver : Receiver, optional
-        What makes the ghosts.
-
-    Returns
-    -------
-    tuple of tuple of Tag
-        At least one, which may be empty when there are no tags; else none is.
+    `workers`: at most.
+    `window_hz`: half-width of the search around each tag.
+    `receiver`: what makes the ghosts.
+    Returns: at least one, which may be empty when there are no tags; else none is.
     """
     together = tags_by_band(tags, window_hz)
     if receiver is not None and workers > 1:
@@ -83,10 +73,7 @@ def new_flight(
 ) -> FlightInfo:
     """Make the flight's directory; with `capture_s` it is a raw capture.
 
-    Raises
-    ------
-    RecordingError
-        The directory cannot be made.
+    Raises `RecordingError`: the directory cannot be made.
     """
     start_ns = clock.now_ns()
     return FlightInfo(

@@ -31,10 +31,7 @@ def removable(flights: Sequence[Path]) -> list[Path]:
 class SecondStep:
     """Tells the second step of a request from the first and its repetitions.
 
-    Parameters
-    ----------
-    clock_s : callable
-        Monotonic time [s].
+    `clock_s`: monotonic time [s].
     """
 
     def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:

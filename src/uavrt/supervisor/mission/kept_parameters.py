@@ -30,12 +30,8 @@ class KeptValue(msgspec.Struct, frozen=True):
 class KeptParameters:
     """The file and its contents.
 
-    Parameters
-    ----------
-    directory : Path
-        Where flight directories are made.
-    settings : Settings
-        As the settings file says.
+    `directory`: where flight directories are made.
+    `settings`: as the settings file says.
     """
 
     def __init__(self, directory: Path, settings: Settings) -> None:

@@ -38,16 +38,10 @@ _ESCAPED = re.compile(r"\\([0-7]{3})")
 class Operations:
     """Runs one operation at a time.
 
-    Parameters
-    ----------
-    settings : RecordingSettings
-        Where flights are, and where they are copied to.
-    publish : callable
-        Gets each step.
-    tell : callable
-        Sends a text (severity, text) to the operator.
-    clock_s : callable
-        Monotonic time [s].
+    `settings`: where flights are, and where they are copied to.
+    `publish`: gets each step.
+    `tell`: sends a text (severity, text) to the operator.
+    `clock_s`: monotonic time [s].
     """
 
     def __init__(
@@ -81,17 +75,10 @@ class Operations:
     def begin(self, name: CommandName, source: str = "") -> str:
         """Begin to save or clean; return what to answer.
 
-        Parameters
-        ----------
-        name : {"save_logs", "clean_logs"}
-            Which.
-        source : str
-            Who asks: to clean needs two steps of the same one.
-
-        Raises
-        ------
-        UavrtError
-            Another one goes on, there is nowhere to save to, or it was the first step only.
+        `name`: which.
+        `source`: who asks: to clean needs two steps of the same one.
+        Raises `UavrtError`: another one goes on, there is nowhere to save to, or it was the
+        first step only.
         """
         self.check_free()
         root = Path(self._settings.directory)
@@ -161,10 +148,7 @@ def words(name: CommandName) -> str:
 def save_directory(settings: RecordingSettings) -> Path:
     """Get where flights are copied to: as set, or the only drive that is plugged in.
 
-    Raises
-    ------
-    RecordingError
-        There is none, or several.
+    Raises `RecordingError`: there is none, or several.
     """
     if settings.save_directory is not None:
         path = Path(settings.save_directory)

@@ -21,10 +21,7 @@ _SLOWEST = 3.0
 class FlightProgress:
     """Watches one flight after the other.
 
-    Parameters
-    ----------
-    publish : callable
-        Gets each step.
+    `publish`: gets each step.
     """
 
     def __init__(self, publish: Callable[[Operation], None]) -> None:

@@ -27,10 +27,7 @@ class RadioQuestion:
     Ask it where children are looked after, so that nobody takes it for an orphan, and wait for
     its answer in a thread.
 
-    Raises
-    ------
-    OSError
-        The system has no room for another process.
+    Raises `OSError`: the system has no room for another process.
     """
 
     def __init__(self, settings: RadioSettings) -> None:

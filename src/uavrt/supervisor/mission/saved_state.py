@@ -39,10 +39,7 @@ class SavedState:
 class StateStore(KeptFile[SavedState]):
     """The state file in the flights' directory, and the lock that allows one supervisor there.
 
-    Parameters
-    ----------
-    directory : Path
-        Where flight directories are made.
+    `directory`: where flight directories are made.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -55,10 +52,7 @@ class StateStore(KeptFile[SavedState]):
 
         The kernel gives the lock back when this process ends, however it ends.
 
-        Raises
-        ------
-        ConfigError
-            Another one does.
+        Raises `ConfigError`: another one does.
         """
         import fcntl  # not where Windows runs the page, which reads the state
 

@@ -52,10 +52,8 @@ class Tuning:
 def ask_tuner(question: TuningQuestion, launcher: Launcher | None = None) -> Tuning:
     """Get the radio frequency that serves all the tags.
 
-    Raises
-    ------
-    TunerError
-        There is none, the search cannot be done, or there was no answer; the text says why.
+    Raises `TunerError`: there is none, the search cannot be done, or there was no answer; the
+    text says why.
     """
     try:
         answer = msgspec.json.decode(_answer(question, launcher or Launcher()), type=Tuning)

@@ -22,14 +22,9 @@ OWN_SOURCES = ("capture", "command line")
 class Commander:
     """The station in command.
 
-    Parameters
-    ----------
-    pinned : bool
-        False: everybody may command.
-    clock_s : callable
-        Monotonic time [s].
-    name : str, optional
-        Who commanded before a restart.
+    `pinned`: False: everybody may command.
+    `clock_s`: monotonic time [s].
+    `name`: who commanded before a restart.
     """
 
     def __init__(

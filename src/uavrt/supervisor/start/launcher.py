@@ -108,10 +108,7 @@ class Launcher:
     def tend(self) -> str | None:
         """Note its readiness or end, and start it again when that is due.
 
-        Returns
-        -------
-        str or None
-            How it ended, if it has.
+        Returns: how it ended, if it has.
         """
         now_s = monotonic_s()
         if self._process is None:
@@ -173,20 +170,12 @@ class Launcher:
 
         It is our child; waiting for it is the caller's.
 
-        Parameters
-        ----------
-        module : str
-            With a function ``main``.
-        name : str
-            As ``top`` shall show it.
-        output : int
-            Descriptor for what it prints.
-        fds : sequence of int
-            Descriptors that it inherits, under the same numbers.
-        environment : mapping of str to str
-            On top of ours.
-        arguments : sequence of str
-            After the module.
+        `module`: with a function ``main``.
+        `name`: as ``top`` shall show it.
+        `output`: descriptor for what it prints.
+        `fds`: descriptors that it inherits, under the same numbers.
+        `environment`: on top of ours.
+        `arguments`: after the module.
         """
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)

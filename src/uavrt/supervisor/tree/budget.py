@@ -13,12 +13,8 @@ REPEAT_S = 300.0
 class BudgetWatch:
     """Compares a process's usage with its row's budget.
 
-    Parameters
-    ----------
-    name : str
-        Name of the instance, for the text.
-    cpu_percent, memory_mb : float
-        The row's budget.
+    `name`: name of the instance, for the text.
+    `cpu_percent`, `memory_mb`: the row's budget.
     """
 
     def __init__(self, name: str, *, cpu_percent: float, memory_mb: float) -> None:

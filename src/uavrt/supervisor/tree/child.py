@@ -29,32 +29,17 @@ class Child:
 
     The child gets its own process group, a stream socket to us, and a pipe for what it prints.
 
-    Parameters
-    ----------
-    name : str
-        Instance name, for example ``detector-1``.
-    module : str
-        Python module to run.
-    launcher : Launcher
-        Starts it.
-    intake : Intake
-        Says when there are records to read.
-    outbox : Outbox
-        What is to be sent to it; outlives the child.
-    pass_fds : sequence of int
-        Sample sockets it inherits.
-    on_line : callable
-        Called with each record line it sends.
-    on_output : callable
-        Called with each line it prints.
-    on_exit : callable
-        Called with the exit code, once.
-
-    Raises
-    ------
-    OSError
-        The system has no room for another process. One that could not be watched is left to
-        `Fleet`, as an orphan.
+    `name`: instance name, for example ``detector-1``.
+    `module`: Python module to run.
+    `launcher`: starts it.
+    `intake`: says when there are records to read.
+    `outbox`: what is to be sent to it; outlives the child.
+    `pass_fds`: sample sockets it inherits.
+    `on_line`: called with each record line it sends.
+    `on_output`: called with each line it prints.
+    `on_exit`: called with the exit code, once.
+    Raises `OSError`: the system has no room for another process. One that could not be watched
+    is left to `Fleet`, as an orphan.
     """
 
     def __init__(

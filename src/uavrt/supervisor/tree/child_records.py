@@ -21,10 +21,7 @@ class Intake:
     One epoll descriptor stands for all of them in the event loop, which can so be deaf to them
     for a while with one call.
 
-    Parameters
-    ----------
-    period_s : float
-        Between two readings while there is something to read each time [s].
+    `period_s`: between two readings while there is something to read each time [s].
     """
 
     def __init__(self, period_s: float = PERIOD_S) -> None:

@@ -36,22 +36,14 @@ SILENCE_REPORT_S = 4.0
 class Fleet:
     """All instances of the table's rows.
 
-    Parameters
-    ----------
-    rows : sequence of ProcessRow
-        In start order.
-    mission : Mission
-        Says what is to be done; state, tags, flight, settings and clock are read from it.
-    launcher : Launcher
-        Starts them; its nursery is looked after here.
-    workers : int
-        Detector processes at most.
-    tell : callable
-        Sends a text (severity, text) to the operator.
-    on_line, on_output : callable
-        Get each record and each printed line of an instance.
-    wake : callable
-        Called when something has ended, so that `ensure` comes soon.
+    `rows`: in start order.
+    `mission`: says what is to be done; state, tags, flight, settings and clock are read from
+    it.
+    `launcher`: starts them; its nursery is looked after here.
+    `workers`: detector processes at most.
+    `tell`: sends a text (severity, text) to the operator.
+    `on_line`, `on_output`: get each record and each printed line of an instance.
+    `wake`: called when something has ended, so that `ensure` comes soon.
     """
 
     def __init__(

@@ -28,12 +28,8 @@ Line = tuple[str, bytes]
 class Outbox:
     """Lines for one process instance, in order.
 
-    Parameters
-    ----------
-    backlog : int, optional
-        Keep no more lines of any topic than this; see `ProcessRow.backlog`.
-    keeps : bool
-        Keep what was sent until the process has taken it.
+    `backlog`: keep no more lines of any topic than this; see `ProcessRow.backlog`.
+    `keeps`: keep what was sent until the process has taken it.
     """
 
     def __init__(self, backlog: int | None = None, *, keeps: bool = False) -> None:
