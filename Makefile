@@ -51,7 +51,7 @@ claims: $(STAMP) browser disk-tools radio-tools  ## hours: campaigns, guides wor
 	  --dist loadfile tests/claims tests/unit/property tests/unit/processes/test_link_attacks.py
 
 claims-status: $(STAMP) ## which tables of results are older than the code that they speak of
-	-$(BIN)/python -m uavrt_experiments.measured show
+	-$(BIN)/python -m uavrt_experiments.measured
 
 lint: $(STAMP)          ## style, layers, dead code, licences
 	$(BIN)/ruff check .

@@ -1,29 +1,25 @@
-"""Which code a table of results was measured with, and whether it is still that code.
+"""Which code, when and on which machine a table of results was measured.
 
-Beneath the title of each part of a table stands the commit and a digest of the folders that
-its figures come from, with that of the compiled kernels where these do part of the work. The
-digest is of the code alone: comments, docstrings and layout do not count. Where code has
-changed since, `make claims-status` lists the part, unless it says why:
+Beneath the title of each part of a table stands the commit, the date, the machine, and a digest
+of the folders that its figures come from, with that of the compiled kernels where these do part
+of the work. The digest is of the code alone: comments, docstrings and layout do not count.
 
-- `Code d since: reason` names a later digest whose change cannot touch the figures.
-- `To be measured again: reason` says that the figures may no longer hold.
-
-Run as ``python -m uavrt_experiments.measured`` to show and to enter these lines.
+``python -m uavrt_experiments.measured`` lists the parts that are older than their code.
 """
 
-import argparse
 import ast
 import hashlib
-import json
+import os
+import platform
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
 
 import uavrt
 
@@ -33,17 +29,11 @@ NATIVE = ROOT / "native"
 """The compiled kernels, which do part of the work of `_WITH_KERNELS`."""
 _WITH_KERNELS = frozenset({"detection", "dsp"})
 _C_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|/\*.*?\*/|//[^\n]*', re.DOTALL)
-DETECTOR_TABLE = "docs/images/detection/results.json"
 _DETECTOR_PAGE = "docs/images/detection/results.md"
 _BENCHMARKS = "benchmarks/results.md"
 _SEARCH_PAGE = "docs/reference/search-bars.md"
-_ALL = ("detection", "dsp", "localization", "tunnel")
 
-_LINE = re.compile(r"Measured on commit `([^`]+)`, code `(\w+)` of ([\w, ]+)\.")
-_SINCE = re.compile(r"- Code `(\w+)` since: (.+)")
-_AGAIN = re.compile(r"- To be measured again: (.+)")
-
-State = Literal["current", "entered", "to be measured again", "changed"]
+_LINE = re.compile(r"Measured on commit `([^`]+)`(?:, [^`\n]+)?, code `(\w+)` of ([\w, ]+)\.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,20 +47,11 @@ class Part:
     folders: tuple[str, ...]
     commit: str
     code: str
-    since: tuple[tuple[str, str], ...] = ()
-    """Later digests that cannot touch the figures, and why."""
-    again: tuple[str, ...] = ()
-    """Why the figures may no longer hold."""
 
     @property
-    def state(self) -> State:
+    def current(self) -> bool:
         """Whether the figures are those of the code as it is."""
-        now = digest(self.folders)
-        if now == self.code:
-            return "current"
-        if self.again:
-            return "to be measured again"
-        return "entered" if now in (code for code, _ in self.since) else "changed"
+        return digest(self.folders) == self.code
 
     @property
     def command(self) -> str:
@@ -184,7 +165,10 @@ def in_history(named: str, root: Path = ROOT) -> bool | None:
 
 def measured_now(folders: Sequence[str]) -> str:
     """Line to write beneath the title of what is measured with the code as it is."""
-    return f"Measured on commit `{commit()}`, code `{digest(folders)}` of {', '.join(folders)}."
+    day = f"{datetime.now(tz=UTC):%Y-%m-%d}"
+    machine = f"{os.cpu_count()} cores of {platform.processor() or platform.machine()}"
+    code = f"code `{digest(folders)}` of {', '.join(folders)}"
+    return f"Measured on commit `{commit()}`, {day}, {machine}, {code}."
 
 
 def read_parts(root: Path = ROOT) -> list[Part]:
@@ -197,7 +181,6 @@ def read_parts(root: Path = ROOT) -> list[Part]:
         text = page.read_text(encoding="utf-8")
         for found in _LINE.finditer(text):
             name = _name(path, text[: found.start()])
-            notes = text[found.end() :].lstrip("\n").split("\n\n", 1)[0]
             parts.append(
                 Part(
                     name=name,
@@ -205,8 +188,6 @@ def read_parts(root: Path = ROOT) -> list[Part]:
                     folders=tuple(found[3].split(", ")),
                     commit=found[1],
                     code=found[2],
-                    since=tuple((m[1], m[2]) for m in _SINCE.finditer(notes)),
-                    again=tuple(m[1] for m in _AGAIN.finditer(notes)),
                 )
             )
     return parts
@@ -231,97 +212,15 @@ def _name(path: str, before: str) -> str:
     return str(asked[-1]) if asked else Path(path).stem
 
 
-def enter(part: Part, line: str, root: Path = ROOT) -> None:
-    """Write a line beneath a part's.
-
-    Parameters
-    ----------
-    part : Part
-    line : str
-        One of the two forms; see above.
-    root : Path
-    """
-    page = root / part.path
-    text = page.read_text(encoding="utf-8")
-    head = next(
-        found[0]
-        for found in _LINE.finditer(text)
-        if _name(part.path, text[: found.start()]) == part.name
-    )
-    # Two parts may say the same: the title tells which is meant.
-    titles = {
-        "bench": f"## {part.name.removeprefix('bench ')}\n",
-        "search": f"## {part.name.removeprefix('search ')}: ",
-        "E": f"## {part.name}: ",
-    }
-    title = next((t for start, t in titles.items() if part.name.startswith(start)), "")
-    at = text.index(head, text.index(title)) + len(head)
-    rest = text[at:].lstrip("\n")
-    page.write_text(
-        text[:at] + "\n\n" + line + ("\n" if rest.startswith("- ") else "\n\n") + rest,
-        encoding="utf-8",
-    )
-    table = root / DETECTOR_TABLE
-    if part.path == _DETECTOR_PAGE and table.exists():
-        known = json.loads(table.read_text(encoding="utf-8"))
-        origin = known["origins"][part.name]
-        origin["notes"] = [line, *origin.get("notes", [])]
-        table.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
-
-
-def report(parts: Sequence[Part]) -> str:
-    """What changed, what to run, and how to enter what needs no new measurement."""
-    return "\n".join(
-        f"{part.path}, {part.name}: measured on {part.commit} with code {part.code} of "
-        f"{', '.join(part.folders)}, now {digest(part.folders)}. Measure again:\n"
-        f"    {part.command}\n"
-        "  or, if the change cannot touch the figures:\n"
-        f"    python -m uavrt_experiments.measured enter '{part.name}' 'REASON'"
-        for part in parts
-    )
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Show or enter; 1 when something changed without a word."""
-    parser = argparse.ArgumentParser(
-        prog="python -m uavrt_experiments.measured",
-        description="Whether the tables of results are of the code as it is.",
-    )
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("show", help="list the parts of all tables and their state")
-    for name, told in (
-        ("enter", "enter that the code as it is cannot have other figures"),
-        ("again", "enter that the figures may no longer hold"),
-    ):
-        one = commands.add_parser(name, help=told)
-        one.add_argument("parts", help="as shown, with commas; 'all changed' for all of these")
-        one.add_argument("reason", help="one line")
-    asked = parser.parse_args(arguments)
+def main() -> int:
+    """List the parts of all tables; 1 when some are older than their code."""
     parts = read_parts()
-    if asked.command == "show":
-        changed = [part for part in parts if part.state == "changed"]
-        elsewhere = {c for c in {p.commit for p in parts} if in_history(c) is False}
-        lines = [
-            f"{p.name:16} {p.commit:20} {p.state:22} {p.path}"
-            + (", on a commit that is not in this history" if p.commit in elsewhere else "")
-            for p in parts
-        ]
-        sys.stdout.write("\n".join([*lines, *([report(changed)] if changed else [])]) + "\n")
-        return 1 if changed else 0
-    names = [name.strip() for name in asked.parts.split(",")]
-    chosen = [
-        part
-        for part in parts
-        if part.name in names or (asked.parts == "all changed" and part.state == "changed")
-    ]
-    if not chosen or "\n" in asked.reason or not asked.reason.strip():
-        parser.error(f"give one line, and parts of: {', '.join(part.name for part in parts)}")
-    for part in chosen:
-        code = digest(part.folders)
-        again = asked.command == "again"
-        start = "- To be measured again:" if again else f"- Code `{code}` since:"
-        enter(part, f"{start} {asked.reason.strip()}")
-    return 0
+    elsewhere = {one for one in {part.commit for part in parts} if in_history(one) is False}
+    for part in parts:
+        state = "current" if part.current else f"older: {part.command}"
+        lost = ", on a commit that is not in this history" if part.commit in elsewhere else ""
+        sys.stdout.write(f"{part.name:16} {part.commit:20} {part.path}{lost}; {state}\n")
+    return 0 if all(part.current for part in parts) else 1
 
 
 if __name__ == "__main__":

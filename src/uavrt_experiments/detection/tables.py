@@ -25,9 +25,7 @@ class Origin:
     trials: int
     """Decisions for each point of a Pd curve."""
     measured: str = ""
-    """Commit and digest of the code, as `uavrt_experiments.measured` writes and reads them."""
-    notes: tuple[str, ...] = ()
-    """What was entered since of changes to the code."""
+    """Commit, date, machine and code, as `uavrt_experiments.measured` writes and reads them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,10 +79,7 @@ def read_results(path: Path) -> Results:
                 values[end] = infinite if values[end] is None else values[end]
             if values["experiment"] in EXPERIMENTS:
                 rows.append(Row(**values))
-        origins = {
-            name: Origin(**{**origin, "notes": tuple(origin.get("notes", ()))})
-            for name, origin in found["origins"].items()
-        }
+        origins = {name: Origin(**origin) for name, origin in found["origins"].items()}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigError(
             f"{path} holds no results of this experiment ({error})",
@@ -130,7 +125,6 @@ def markdown(results: Results) -> str:
             f"Version {origin.version}, {origin.trials} trials for a point of a Pd curve, "
             f"seed {origin.seed}.",
             *([origin.measured] if origin.measured else []),
-            *(["\n".join(origin.notes)] if origin.notes else []),
             "\n".join(lines),
         ]
     return "\n\n".join(parts) + "\n"
