@@ -7,6 +7,7 @@ from rich.console import Console
 
 import uavrt
 from uavrt.cli.examples import examples
+from uavrt.cli.registries import fill_help
 from uavrt.cli.terminal_text import guard_terminals, harmless
 from uavrt.errors import UavrtError
 
@@ -85,6 +86,8 @@ def run() -> None:
         arguments = sys.argv[1:]
         called = bool(arguments) and arguments[0] in COMMANDS
         chosen = app if called else make_app(summaries=True)
+        if called and not {"--help", "-h"}.isdisjoint(arguments):
+            fill_help(arguments[0])
         chosen(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _tell(error)

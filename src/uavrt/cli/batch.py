@@ -103,7 +103,7 @@ def batch(
     antenna_offset
         Boresight clockwise from the heading that the pulses contain [°].
     method
-        How bearings become positions: bayes, track, mle, rmr, mest, rmr_ahead, mest_lenth.
+        How bearings become positions: {position_methods}.
     height
         With a monopole: height above the tags [m], for logs that do not contain it.
     heading_error

@@ -32,12 +32,12 @@ def bearing(
         A flight directory, a pulse log of 'uavrt detect' (CSV or JSON lines), or a
         pulse_pose_log.txt.
     method
-        pattern_ml (a posterior with its interval), or for comparison pca, pca_log,
-        pca_amplitude, pearson, ls_linear, ls_db, max.
+        One of {bearing_methods}. pattern_ml gives a posterior with its interval; the others
+        are for comparison.
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
-        or a CSV file of angles and gains. By default what the drone was set up with
-        (bearings.antenna), and RA-23K for a log that does not tell.
+        Name of the antenna's pattern: {antennas}, or a CSV file of angles and gains. By default
+        what the drone was set up with (bearings.antenna), and RA-23K for a log that does not
+        state it.
     antenna_offset
         Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
         settings already include the mounting.

@@ -28,10 +28,9 @@ def export(
     flight
         A flight directory, or a pulse log in any known format.
     formats
-        Any of csv, uavrt (the original's bearings.csv, positions.csv and pulse CSV), geojson,
-        kmz, kml (without pictures), gpx, geopackage, movebank, geotiff (heat maps), motus
-        (bursts of coded tags and beeps, as SensorGnome and find_tags write them); by default
-        all of them.
+        Any of {export_formats}; by default all of them. uavrt: the original's bearings.csv,
+        positions.csv and pulse CSV; kml: without pictures; geotiff: heat maps; motus: bursts of
+        coded tags and beeps, as SensorGnome and find_tags write them.
     mcap
         As a ROS 2 recording for `ros2 bag play` and Foxglove: pulses, poses, commands and log
         with the messages of the live topics; tags, start and stop go under /recorded, so that

@@ -39,9 +39,10 @@ def localize(
         give one position for each tag, assuming it does not move. Or a bearings.csv. The
         positions in a positions.csv or an estimate CSV of UCSD's tracker are shown as they are.
     method
-        bayes (a region with its probability; a tag that cannot have rested is followed); track
-        (where a tag was at each time, even if it may have rested); mle, rmr or mest as the
-        original system computes them; rmr_ahead or mest_lenth as they were intended.
+        One of {position_methods}. bayes gives a region with its probability, and follows a tag
+        that cannot have rested; track gives where a tag was at each time, even if it may have
+        rested; mle, rmr and mest compute as the original system does; rmr_ahead and mest_lenth
+        as they were intended.
     tags
         Tag file with the tags' names (tags.toml), for logs; a flight knows its own.
     as_json

@@ -21,10 +21,10 @@ class Placing:
     Parameters
     ----------
     antenna
-        Name of the antenna's pattern: RA-23K, RA-2A, H3, H, yagi-2, one from another package,
-        or a CSV file of angles and gains; monopole: no bearings, positions from signal strength
-        along the flight. By default what the drone was set up with (bearings.antenna), RA-23K
-        for a log that does not state it, and monopole for UCSD's pings.
+        Name of the antenna's pattern: {antennas}, or a CSV file of angles and gains; monopole:
+        no bearings, positions from signal strength along the flight. By default what the drone
+        was set up with (bearings.antenna), RA-23K for a log that does not state it, and
+        monopole for UCSD's pings.
     antenna_offset
         Boresight clockwise from the heading that the pulses contain [°]; 0 if the drone's own
         settings already include the mounting.
