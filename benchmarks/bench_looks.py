@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks.harness import Table
 from uavrt.analysis.flight_so_far import FlightSoFar
+from uavrt.analysis.whole_flight import JudgeAs
 from uavrt.localization.antenna import PATTERNS
 from uavrt.messages import ChannelBlock, FlightInfo, Pose, Poses
 from uavrt.recording.channel_recorder import ChannelRecorder
@@ -69,7 +70,7 @@ def _flown() -> tuple[dict[int, float], float, float]:
             None,
         )
         recorder = ChannelRecorder(directory, budget_mb=1000.0, minimum_free_mb=0.0)
-        flight = FlightSoFar(directory, PATTERNS["RA-23K"])
+        flight = FlightSoFar(directory, JudgeAs(pattern=PATTERNS["RA-23K"]))
         before_mb = _resident_mb()
         costs = {}
         for minute in range(MINUTES):

@@ -7,6 +7,7 @@ p, however many looks there are (Boole's inequality).
 """
 
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,44 +19,29 @@ from uavrt.analysis.verdict_words import where_in_words
 from uavrt.analysis.whole_flight import (
     POSITION_M,
     IntegratedTag,
+    JudgeAs,
     antenna_poses,
     chance_in_words,
     channel_samples,
     hills_under,
     judged_tag,
-    searched_for,
 )
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import FormatError
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.growing import GrowingEnergies
-from uavrt.localization.antenna import AntennaPattern
-from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
+from uavrt.messages import Tag
 from uavrt.planning.whole_flight import LEAST_PULSES
 from uavrt.radio.joined import JoinedRecording
 from uavrt.radio.sigmf import sigmf_layout
 from uavrt.recording.flight_reader import read_flight
-from uavrt.terrain.elevation import Elevation
 
 
 class FlightSoFar:
-    """Judges tags of a flight that goes on.
+    """Judges tags of a flight that goes on; `directory` is the flight's."""
 
-    `directory`: the flight's.
-    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
-    `elevation`: heights of the ground.
-    """
-
-    def __init__(
-        self,
-        directory: Path,
-        pattern: AntennaPattern,
-        *,
-        frequency_window_hz: float = 500.0,
-        elevation: Elevation | None = None,
-    ) -> None:
-        self._directory, self._pattern = directory, pattern
-        self._window_hz, self._elevation = frequency_window_hz, elevation
+    def __init__(self, directory: Path, how: JudgeAs) -> None:
+        self._directory, self._how = directory, how
         self._heard: dict[int, _Heard] = {}
 
     def judge(self, tag: Tag) -> IntegratedTag | None:
@@ -68,7 +54,9 @@ class FlightSoFar:
             return None
         heard = self._heard.get(tag.tag_id)
         if heard is None or heard.channel_hz != channel.center_frequency_hz:
-            heard = self._heard[tag.tag_id] = _Heard(tag, channel, self._window_hz)
+            heard = self._heard[tag.tag_id] = _Heard(
+                tag, channel, self._how.frequency_window_hz
+            )
         try:
             new = heard.listen(channel)
         except FormatError:  # its only piece has no samples yet
@@ -79,15 +67,14 @@ class FlightSoFar:
         if len(flight.poses) < 2:
             return None
         heard.looks += 1
-        hills = hills_under(flight, self._elevation)
+        chance = self._how.false_alarm_probability / (heard.looks * (heard.looks + 1))
+        hills = hills_under(flight, self._how.elevation)
         return judged_tag(
             flight,
             tag,
             heard.energies(),
             antenna_poses(flight),
-            self._pattern,
-            searched_for(tag, self._pattern, self._window_hz, 0.0),
-            WHOLE_FLIGHT_FALSE_ALARM / (heard.looks * (heard.looks + 1)),
+            replace(self._how, false_alarm_probability=chance),
             None if hills is None else hills.at(tag.frequency_hz),
         )
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.integrated_records import IntegratedRecord, integrated_record
-from uavrt.analysis.whole_flight import integrate_flight
+from uavrt.analysis.whole_flight import JudgeAs, integrate_flight
 from uavrt.errors import UsageError
 from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, FlightInfo, IQBlock, Pose, Tag
@@ -147,14 +147,12 @@ def integrate(
         sample_rate_hz=sample_rate_hz,
         center_frequency_hz=center_frequency_hz,
     )
-    (judged,) = integrate_flight(
-        flight,
-        source,
-        [tag],
-        pattern,
+    how = JudgeAs(
+        pattern=pattern,
         frequency_window_hz=frequency_window_hz,
         false_alarm_probability=false_alarm_probability,
         most_drift=most_drift,
         elevation=elevation,
     )
+    (judged,) = integrate_flight(flight, source, [tag], how)
     return integrated_record(judged)

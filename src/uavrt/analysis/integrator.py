@@ -13,7 +13,7 @@ from pathlib import Path
 
 from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
 from uavrt.analysis.hindsight import save_integrated
-from uavrt.analysis.whole_flight import IntegratedTag
+from uavrt.analysis.whole_flight import IntegratedTag, JudgeAs
 from uavrt.clock import cpu_s, monotonic_s
 from uavrt.config.settings import Settings
 from uavrt.errors import UavrtError, UsageError
@@ -89,9 +89,11 @@ class Integration:
     def __init__(self, frame: ProcessFrame) -> None:
         self._frame = frame
         settings = frame.assignment.settings
-        self._pattern = pattern_named(settings.bearings.antenna)
-        self._window_hz = settings.detection.frequency_window_hz
-        self._elevation = self._ground(settings)
+        self._how = JudgeAs(
+            pattern=pattern_named(settings.bearings.antenna),
+            frequency_window_hz=settings.detection.frequency_window_hz,
+            elevation=self._ground(settings),
+        )
         self._flight: FlightSoFar | None = None
         self._directory = Path()
         self._looks, self._teller = Looks(()), Teller()
@@ -127,12 +129,7 @@ class Integration:
 
     def _begin(self, flight: FlightInfo) -> None:
         self._directory = Path(flight.directory)
-        self._flight = FlightSoFar(
-            self._directory,
-            self._pattern,
-            frequency_window_hz=self._window_hz,
-            elevation=self._elevation,
-        )
+        self._flight = FlightSoFar(self._directory, self._how)
         self._looks, self._teller = Looks(flight.tags), Teller()
 
     def tick(self) -> None:

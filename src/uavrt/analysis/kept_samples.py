@@ -5,15 +5,13 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
+from uavrt.analysis.whole_flight import IntegratedTag, JudgeAs, integrate_flight
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.localization.antenna import AntennaPattern
-from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
+from uavrt.messages import Tag
 from uavrt.radio.joined import JoinedRecording
 from uavrt.radio.sigmf import sigmf_layout
 from uavrt.recording.flight_reader import Flight
 from uavrt.recording.layout import FlightLayout
-from uavrt.terrain.elevation import Elevation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,29 +74,13 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
     )
 
 
-def integrate_kept(
-    flight: Flight,
-    tags: Sequence[Tag],
-    pattern: AntennaPattern,
-    *,
-    frequency_window_hz: float = 500.0,
-    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
-    most_drift: float = 0.0,
-    antenna_assumed: bool = False,
-    elevation: Elevation | None = None,
-    on_progress: Callable[[int, int | None], None] | None = None,
-    on_tag: Callable[[int], None] | None = None,
-) -> list[IntegratedTag]:
+def integrate_kept(flight: Flight, tags: Sequence[Tag], how: JudgeAs) -> list[IntegratedTag]:
     """Judge a whole flight for each tag from the channels that it kept.
 
     Channel by channel, so that only one is in memory; ring pieces are joined, and what is
     missing between them is a gap. Pieces that cannot be read are limitations of the result.
 
     `flight`: with `info.directory` where it lies now.
-    `tags`, `pattern`, `frequency_window_hz`, `false_alarm_probability`, `most_drift`: as
-    `integrate_flight`.
-    `antenna_assumed`, `elevation`: as there.
-    `on_progress`, `on_tag`: as there.
     Raises `ConfigError`: there are no tags.
     Raises `RecordingError`: no channel was kept for one of them, too little of it, or the
     flight has no poses.
@@ -124,19 +106,8 @@ def integrate_kept(
             continue
         with closing(JoinedRecording(channel.paths)) as source:
             try:
-                judged = integrate_flight(
-                    flight,
-                    source,
-                    some,
-                    pattern,
-                    frequency_window_hz=frequency_window_hz,
-                    false_alarm_probability=false_alarm_probability,
-                    most_drift=most_drift,
-                    antenna_assumed=antenna_assumed,
-                    elevation=elevation,
-                    on_progress=on_progress,
-                    on_tag=_further(on_tag, len(results)),
-                )
+                done = _further(how.on_tag, len(results))
+                judged = integrate_flight(flight, source, some, replace(how, on_tag=done))
             except (RecordingError, UsageError) as error:
                 faults = left_out_in_words((*unread, *source.left_out))
                 if not faults:

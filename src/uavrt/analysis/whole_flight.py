@@ -85,31 +85,35 @@ class IntegratedTag:
         return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgeAs:
+    """How whole flights are judged."""
+
+    pattern: AntennaPattern
+    frequency_window_hz: float = 500.0
+    """Half-width of the search around each tag's nominal frequency."""
+    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
+    """For a flight and tag."""
+    most_drift: float = 0.0
+    """Largest relative change of the interval over the flight, up or down."""
+    antenna_assumed: bool = False
+    """The antenna is not known: the results then say so."""
+    elevation: Elevation | None = None
+    """Heights of the ground: hills weaken pulses, and explain silence."""
+    on_progress: Callable[[int, int | None], None] | None = None
+    """Takes the samples read and their total."""
+    on_tag: Callable[[int], None] | None = None
+    """Takes how many tags are done."""
+
+
 def integrate_flight(
-    flight: Flight,
-    source: SampleSource,
-    tags: Sequence[Tag],
-    pattern: AntennaPattern,
-    *,
-    frequency_window_hz: float = 500.0,
-    false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM,
-    most_drift: float = 0.0,
-    antenna_assumed: bool = False,
-    elevation: Elevation | None = None,
-    on_progress: Callable[[int, int | None], None] | None = None,
-    on_tag: Callable[[int], None] | None = None,
+    flight: Flight, source: SampleSource, tags: Sequence[Tag], how: JudgeAs
 ) -> list[IntegratedTag]:
     """Judge a whole flight for each tag.
 
     `flight`: for its poses.
     `source`: what was recorded in it; the caller closes it.
     `tags`: at least one.
-    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
-    `false_alarm_probability`: for a flight and tag.
-    `most_drift`: largest relative change of the interval over the flight, up or down.
-    `antenna_assumed`: nobody told which antenna it was: the results then say so.
-    `elevation`: heights of the ground: hills weaken pulses, and explain silence.
-    `on_progress`, `on_tag`: take the samples read and their total, and how many tags are done.
     Raises `ConfigError`: there are no tags.
     Raises `RecordingError`: the recording is too short for this or holds nothing but zeros, or
     the flight has no poses.
@@ -124,7 +128,7 @@ def integrate_flight(
             "integrate --recording FILE --track FILE --tags FILE",
         )
     poses = antenna_poses(flight)
-    hills = hills_under(flight, elevation)
+    hills = hills_under(flight, how.elevation)
     front_end = FrontEnd(
         sample_rate_hz=source.sample_rate_hz,
         center_frequency_hz=source.center_frequency_hz,
@@ -138,7 +142,7 @@ def integrate_flight(
             remedy="Name fewer tags with --tag, and run it again for the others",
         )
     faults: list[str] = []
-    channels = channel_samples(source, front_end, on_progress, faults.append)
+    channels = channel_samples(source, front_end, how.on_progress, faults.append)
     centers_hz = dict(zip(plan.channels_in_use, plan.channel_centers_hz, strict=True))
     results = []
     for tag, channel in zip(tags, plan.frequency_channels, strict=True):
@@ -156,7 +160,7 @@ def integrate_flight(
                 remedy="Check the recording, and the radio's cable, antenna and gain",
             )
         window_hz, beyond = _window_held(
-            tag, frequency_window_hz, centers_hz[channel], plan.channel_rate_hz
+            tag, how.frequency_window_hz, centers_hz[channel], plan.channel_rate_hz
         )
         energies = slot_energies(
             samples,
@@ -165,21 +169,19 @@ def integrate_flight(
             start_ns=start_ns,
             sample_rate_hz=plan.channel_rate_hz,
             center_frequency_hz=centers_hz[channel],
-            frequency_window_hz=frequency_window_hz,
+            frequency_window_hz=how.frequency_window_hz,
         )
         judged = judged_tag(
             flight,
             tag,
             energies,
             poses,
-            pattern,
-            searched_for(tag, pattern, window_hz, most_drift, assumed=antenna_assumed),
-            false_alarm_probability,
+            replace(how, frequency_window_hz=window_hz),
             None if hills is None else hills.at(tag.frequency_hz),
         )
         results.append(replace(judged, limitations=(*judged.limitations, *beyond)))
-        if on_tag is not None:
-            on_tag(len(results))
+        if how.on_tag is not None:
+            how.on_tag(len(results))
     if not faults:
         return results
     return [replace(one, limitations=(*one.limitations, *faults)) for one in results]
@@ -198,14 +200,7 @@ def _window_held(
     )
 
 
-def searched_for(
-    tag: Tag,
-    pattern: AntennaPattern,
-    frequency_window_hz: float,
-    most_drift: float,
-    *,
-    assumed: bool = False,
-) -> SearchedFor:
+def searched_for(tag: Tag, how: JudgeAs) -> SearchedFor:
     """What a search looks for: kept with its verdict."""
     return SearchedFor(
         frequency_hz=tag.frequency_hz,
@@ -214,10 +209,10 @@ def searched_for(
         interval_uncertainty_s=tag.interval_uncertainty_s,
         interval_jitter_s=tag.interval_jitter_s,
         gaps_s=tag.gaps_s,
-        frequency_window_hz=frequency_window_hz,
-        most_drift=most_drift,
-        antenna=pattern.name,
-        antenna_assumed=assumed,
+        frequency_window_hz=how.frequency_window_hz,
+        most_drift=how.most_drift,
+        antenna=how.pattern.name,
+        antenna_assumed=how.antenna_assumed,
     )
 
 
@@ -226,14 +221,13 @@ def judged_tag(
     tag: Tag,
     energies: SlotEnergies,
     poses: PoseColumns,
-    pattern: AntennaPattern,
-    searched: SearchedFor,
-    false_alarm_probability: float,
+    how: JudgeAs,
     hills: HillLosses | None,
 ) -> IntegratedTag:
     """Search one tag's train, and place it if it is one."""
+    searched = searched_for(tag, how)
     places = places_around(
-        poses, pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
+        poses, how.pattern, start_ns=energies.start_ns, end_ns=energies.end_ns, hills=hills
     )
     limitations = (
         *limits_of(energies, poses),
@@ -247,12 +241,12 @@ def judged_tag(
         places.gain[chosen],
         places.time_s,
         tag,
-        false_alarm_probability=false_alarm_probability,
-        most_drift=searched.most_drift,
+        false_alarm_probability=how.false_alarm_probability,
+        most_drift=how.most_drift,
     )
     train, energies = judgement.train, judgement.energies
     pulses = train_pulses(energies, train, places.gain[chosen[train.place]], places.time_s)
-    found = train.false_alarm_probability <= false_alarm_probability
+    found = train.false_alarm_probability <= how.false_alarm_probability
     place = None
     if found:
         rates = len(tag.pulse_intervals_s)

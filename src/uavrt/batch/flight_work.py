@@ -215,19 +215,18 @@ def _integrated(
     from uavrt.analysis.flown_with import antenna_is_told
     from uavrt.analysis.hindsight import verdict_of
     from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
+    from uavrt.analysis.whole_flight import JudgeAs
 
     assumed = task.settings.antenna is None and not antenna_is_told(flight)
-    pattern = pattern_named(antenna)
     elevation = _elevation(task.settings.dem, task.settings.sea)
+    how = JudgeAs(pattern=pattern_named(antenna), antenna_assumed=assumed, elevation=elevation)
     channels = kept_channels(Path(flight.info.directory))
     verdicts, faults = [], []
     for tag in flight.info.tags:
         if channel_of(channels, tag) is None:
             continue
         try:
-            (result,) = integrate_kept(
-                flight, [tag], pattern, antenna_assumed=assumed, elevation=elevation
-            )
+            (result,) = integrate_kept(flight, [tag], how)
         except UavrtError as error:
             faults.append(f"integrate tag {tag.tag_id}: {error}")
         else:

@@ -22,15 +22,13 @@ from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, FormatError, RecordingError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from uavrt.analysis.integrated_records import SilenceRecord
     from uavrt.analysis.silence import SilentMap
-    from uavrt.analysis.whole_flight import IntegratedTag
-    from uavrt.localization.antenna import AntennaPattern
+    from uavrt.analysis.whole_flight import IntegratedTag, JudgeAs
     from uavrt.messages import Tag
     from uavrt.recording.flight_reader import Flight
-    from uavrt.terrain.elevation import Elevation
 
 
 def integrate(
@@ -130,6 +128,7 @@ def integrate(
         Print a list of objects, with the times of all pulses.
     """
     from uavrt.analysis.measure.tag_source import read_tag_source
+    from uavrt.analysis.whole_flight import JudgeAs
     from uavrt.localization.antenna import pattern_named
 
     if others and recording is not None:
@@ -165,12 +164,14 @@ def integrate(
         recording=recording,
         opened=opened,
         remarks=remarks,
-        pattern=pattern_named(named),
-        antenna_assumed=assumed,
-        frequency_window_hz=frequency_window,
-        false_alarm=false_alarm,
-        most_drift=drift,
-        elevation=elevation_of(dem, sea=sea),
+        how=JudgeAs(
+            pattern=pattern_named(named),
+            frequency_window_hz=frequency_window,
+            false_alarm_probability=false_alarm,
+            most_drift=drift,
+            antenna_assumed=assumed,
+            elevation=elevation_of(dem, sea=sea),
+        ),
         moves=moves,
         tag_power_dbm=tag_power,
         plot=plot,
@@ -281,12 +282,7 @@ class _Asked:
     """How a recording is to be read."""
     remarks: tuple[str, ...]
     """What a track does not tell."""
-    pattern: "AntennaPattern"
-    antenna_assumed: bool
-    frequency_window_hz: float
-    false_alarm: float
-    most_drift: float
-    elevation: "Elevation | None"
+    how: "JudgeAs"
     moves: bool
     tag_power_dbm: float
     plot: Path | None
@@ -302,9 +298,12 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
     from uavrt.cli.integrated_words import record, sentence
 
     with progress_bars() as add_bar:
-        on_progress = add_bar("reading the samples")
-        on_tag = add_bar("searching for tags", len(wanted))
-        results = _judged(asked, flight, wanted, asked.false_alarm, on_progress, on_tag)
+        how = replace(
+            asked.how,
+            on_progress=add_bar("reading the samples"),
+            on_tag=add_bar("searching for tags", len(wanted)),
+        )
+        results = _judged(asked, flight, wanted, how)
     silent = _silent(asked, flight, results)
     files = _keep(asked, flight, results, silent, asked.plot)
     told = []
@@ -326,23 +325,28 @@ def _together(
 
     shared = common_tags(flights, listed)
     wanted = _wanted(shared, ids)
-    alone = share_alone(asked.false_alarm, len(flights))
     found, told = False, []
     with progress_bars() as add_bar:
-        on_progress = add_bar("reading the samples")
+        how = replace(
+            asked.how,
+            false_alarm_probability=share_alone(
+                asked.how.false_alarm_probability, len(flights)
+            ),
+            on_progress=add_bar("reading the samples"),
+        )
         on_tag = add_bar("searching for tags", len(wanted) * len(flights))
         for number, tag in enumerate(wanted):
             each = []
             for flight in flights:
-                each += _judged(asked, flight, [tag], alone, on_progress, None)
+                each += _judged(asked, flight, [tag], how)
                 on_tag(number * len(flights) + len(each))
             one = judge_together(
                 flights,
                 each,
-                asked.pattern,
-                false_alarm_probability=asked.false_alarm,
+                asked.how.pattern,
+                false_alarm_probability=asked.how.false_alarm_probability,
                 moves=asked.moves,
-                elevation=asked.elevation,
+                elevation=asked.how.elevation,
             )
             maps, records = [], []
             for flight, own in zip(flights, one.flights, strict=True):
@@ -359,33 +363,19 @@ def _together(
 
 
 def _judged(
-    asked: _Asked,
-    flight: "Flight",
-    wanted: "list[Tag]",
-    false_alarm: float,
-    on_progress: "Callable[[int, int | None], None]",
-    on_tag: "Callable[[int], None] | None",
+    asked: _Asked, flight: "Flight", wanted: "list[Tag]", how: "JudgeAs"
 ) -> "list[IntegratedTag]":
     """Judge a flight by the samples that were named, or by its own."""
     from uavrt.analysis.kept_samples import integrate_kept
     from uavrt.analysis.whole_flight import integrate_flight
     from uavrt.radio.opening import open_recording
 
-    how: dict[str, Any] = {
-        "frequency_window_hz": asked.frequency_window_hz,
-        "false_alarm_probability": false_alarm,
-        "most_drift": asked.most_drift,
-        "antenna_assumed": asked.antenna_assumed,
-        "elevation": asked.elevation,
-        "on_progress": on_progress,
-        "on_tag": on_tag,
-    }
     path = asked.recording or _band_recording(Path(flight.info.directory), wanted)
     if path is None:
         _check_told_by_channels(asked.opened)
-        return integrate_kept(flight, wanted, asked.pattern, **how)
+        return integrate_kept(flight, wanted, how)
     with closing(open_recording(path, **asked.opened)) as source:
-        found = integrate_flight(flight, source, wanted, asked.pattern, **how)
+        found = integrate_flight(flight, source, wanted, how)
     return [replace(one, limitations=(*one.limitations, *asked.remarks)) for one in found]
 
 
@@ -420,7 +410,7 @@ def _silent(
                 [one.tag for one in results],
                 [verdict_of(flight, one) for one in results],
                 asked.tag_power_dbm,
-                elevation=asked.elevation,
+                elevation=asked.how.elevation,
                 on_pulse=on_pulse,
             )
     except (UsageError, RecordingError, FormatError) as error:

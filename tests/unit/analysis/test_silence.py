@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from joined import joined
 
-from uavrt.analysis.whole_flight import searched_for
+from uavrt.analysis.whole_flight import JudgeAs, searched_for
 from uavrt.cli.coverage import coverage
 from uavrt.cli.report import report
 from uavrt.clock import iso_intervals
@@ -132,7 +132,7 @@ def hindsight(
         searched=None
         if searched is None
         else replace(
-            searched_for(tag, pattern_named("RA-23K"), 500.0, 0.0),
+            searched_for(tag, JudgeAs(pattern=pattern_named("RA-23K"))),
             **searched,
         ),
     )

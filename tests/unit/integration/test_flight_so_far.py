@@ -12,6 +12,7 @@ from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation
 
 from uavrt.analysis.flight_so_far import FlightSoFar, told_in_flight
 from uavrt.analysis.integrator import SHARE, Integration, Looks, Teller
+from uavrt.analysis.whole_flight import JudgeAs
 from uavrt.config.settings import IntegrationSettings, RecordingSettings, Settings
 from uavrt.integration.energy_grid import slot_energies
 from uavrt.integration.growing import BLOCK_S, GrowingEnergies
@@ -100,7 +101,9 @@ def test_a_tag_below_the_noise_is_found_before_the_flight_has_ended(
     other = replace(weak.tag, tag_id=9, frequency_hz=weak.tag.frequency_hz + 4 * 1875.0)
     info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag, other))
     log = FlightRecorder.create(info, None)
-    flight = FlightSoFar(directory, PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
+    flight = FlightSoFar(
+        directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
+    )
     assert flight.judge(weak.tag) is None  # nothing is kept yet
     found = {}
     until_s = int(len(weak.samples) / RATE_HZ)
@@ -162,7 +165,9 @@ def test_only_what_no_detector_found_is_told_and_again_when_it_is_much_closer(
     recorder = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
     keep(directory, weak, 0, int(len(weak.samples) / RATE_HZ), recorder)
     recorder.close()
-    flight = FlightSoFar(directory, PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
+    flight = FlightSoFar(
+        directory, JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
+    )
     result = some(flight.judge(weak.tag))
     assert result.place is not None
     teller = Teller()

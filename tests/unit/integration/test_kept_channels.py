@@ -19,6 +19,7 @@ from uavrt.analysis.coverage_files import write_silence
 from uavrt.analysis.kept_samples import channel_of, integrate_kept, kept_channels
 from uavrt.analysis.report.words import hindsight
 from uavrt.analysis.survey import read_survey
+from uavrt.analysis.whole_flight import JudgeAs
 from uavrt.cli.app import app
 from uavrt.config.settings import Settings
 from uavrt.errors import FormatError, UavrtError
@@ -98,8 +99,7 @@ def test_each_tag_is_judged_from_the_pieces_of_its_own_channel(
     found = integrate_kept(
         read_flight(flown),
         read_flight(flown).info.tags,
-        PATTERNS["RA-23K"],
-        frequency_window_hz=WINDOW_HZ,
+        JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
     )
     assert [one.found for one in found] == [True, False]
     assert [one.tag.tag_id for one in found] == [weak.tag.tag_id, 9]
@@ -198,7 +198,9 @@ def test_a_map_of_where_a_tag_is_not_goes_when_it_is_found(flown: Path) -> None:
 def test_a_tag_whose_channel_was_not_kept_is_named(flown: Path, weak: Rotation) -> None:
     alien = replace(weak.tag, tag_id=5, frequency_hz=weak.tag.frequency_hz + 50_000.0)
     with pytest.raises(UavrtError, match=r"kept no samples of tag 5, at 1\d\d\.\d+ MHz"):
-        integrate_kept(read_flight(flown), [weak.tag, alien], PATTERNS["RA-23K"])
+        integrate_kept(
+            read_flight(flown), [weak.tag, alien], JudgeAs(pattern=PATTERNS["RA-23K"])
+        )
 
 
 def test_a_tag_between_two_channels_has_the_nearer_one(flown: Path, weak: Rotation) -> None:
@@ -218,7 +220,7 @@ def test_a_tag_whose_only_piece_is_damaged_is_told_of_the_damage(
     for path in FlightLayout(flown).channels_directory.glob("*.sigmf-meta"):
         path.write_text("{")
     with pytest.raises(UavrtError, match=r"kept no samples of tag .* was left out: .*not JSON"):
-        integrate_kept(read_flight(flown), [weak.tag], PATTERNS["RA-23K"])
+        integrate_kept(read_flight(flown), [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
 
 
 def test_what_is_damaged_is_told_when_the_rest_is_too_little(
@@ -231,7 +233,7 @@ def test_what_is_damaged_is_told_when_the_rest_is_too_little(
     with data.open("r+b") as file:
         file.truncate(4 * 3750)
     with pytest.raises(UavrtError, match=r"was left out: .*not JSON"):
-        integrate_kept(read_flight(flown), [weak.tag], PATTERNS["RA-23K"])
+        integrate_kept(read_flight(flown), [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
 
 
 def test_pieces_become_one_stream_whose_indices_count_what_is_missing(flown: Path) -> None:

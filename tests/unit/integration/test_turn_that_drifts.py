@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.integration.conftest import WINDOW_HZ
 
-from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
+from uavrt.analysis.whole_flight import IntegratedTag, JudgeAs, integrate_flight
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
 from uavrt.radio.opening import open_recording
@@ -122,8 +122,7 @@ def turned(
             flight_of(still(course) if in_one_place else course, world),
             source,
             [world.tag],
-            PATTERNS["RA-23K"],
-            frequency_window_hz=WINDOW_HZ,
+            JudgeAs(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
         )
     finally:
         source.close()

@@ -13,7 +13,12 @@ from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotati
 from uavrt.analysis.fold_pictures import write_fold_pictures
 from uavrt.analysis.hindsight import parts_of
 from uavrt.analysis.verdict_words import where_in_words
-from uavrt.analysis.whole_flight import IntegratedTag, chance_in_words, integrate_flight
+from uavrt.analysis.whole_flight import (
+    IntegratedTag,
+    JudgeAs,
+    chance_in_words,
+    integrate_flight,
+)
 from uavrt.cli.app import app
 from uavrt.errors import UavrtError
 from uavrt.integration.cells import Cells
@@ -51,9 +56,11 @@ def judged(flown: Rotation, path: Path, false_alarm_probability: float = 0.01) -
             flown.flight,
             source,
             [flown.tag],
-            PATTERNS["RA-23K"],
-            frequency_window_hz=WINDOW_HZ,
-            false_alarm_probability=false_alarm_probability,
+            JudgeAs(
+                pattern=PATTERNS["RA-23K"],
+                frequency_window_hz=WINDOW_HZ,
+                false_alarm_probability=false_alarm_probability,
+            ),
         )[0]
     finally:
         source.close()
@@ -103,7 +110,7 @@ def test_poses_of_another_day_are_refused(weak: Rotation, tmp_path: Path) -> Non
         start_time_ns=START_NS + 86_400_000_000_000,
     )
     with pytest.raises(UavrtError, match="no poses in the time"):
-        integrate_flight(weak.flight, source, [weak.tag], PATTERNS["RA-23K"])
+        integrate_flight(weak.flight, source, [weak.tag], JudgeAs(pattern=PATTERNS["RA-23K"]))
     source.close()
 
 
