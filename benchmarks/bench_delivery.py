@@ -9,8 +9,8 @@ from itertools import pairwise
 
 from benchmarks.harness import Table
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.simulation.radio_link import RadioLinkSettings
 from uavrt_experiments.packets.link_trial import LinkTrial, TrialResult, TrialSettings
+from uavrt_experiments.packets.radio_link import RadioLinkSettings
 
 THESIS_S = [3.0 + 3.762 * (index // 3) for index in range(1486)]
 """1486 pulses in groups of three (thesis §5.3): half an hour."""

@@ -8,16 +8,7 @@ from uavrt.config.settings import GuidanceSettings
 from uavrt.plugins import Registry
 
 PLANNER_GROUP = "uavrt.planners"
-PLANNER_NAMES = (
-    "mi_rate",
-    "rotation_points",
-    "lawnmower",
-    "closest",
-    "shannon",
-    "renyi",
-    "lavapilot",
-    "conservationbots",
-)
+PLANNER_NAMES = ("mi_rate",)
 """Those of `uavrt.planning`; packages add theirs by the group."""
 
 
@@ -49,8 +40,8 @@ def _planner_fault(table: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if not isinstance(name, str) or name in known:
         return
     given = json.dumps(name, ensure_ascii=False)[:60]
-    *most, last = (repr(one) for one in known)
-    yield "planner", f"[guidance] planner is {given}, but must be {', '.join(most)} or {last}"
+    names = " or ".join(repr(one) for one in known)
+    yield "planner", f"[guidance] planner is {given}, but must be {names}"
 
 
 def _number(table: dict[str, Any], key: str) -> float | None:

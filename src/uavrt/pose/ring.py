@@ -84,6 +84,21 @@ class PoseRing:
             return
         self._add(self._positions, sample)
 
+    def add_pose(self, pose: Pose) -> None:
+        """Add the attitude and the position of a recorded pose of the vehicle."""
+        self.add_attitude(
+            AttitudeSample(time_ns=pose.time_ns, quaternion_wxyz=pose.quaternion_wxyz)
+        )
+        self.add_position(
+            PositionSample(
+                time_ns=pose.time_ns,
+                latitude_deg=pose.latitude_deg,
+                longitude_deg=pose.longitude_deg,
+                altitude_amsl_m=pose.altitude_amsl_m,
+                altitude_relative_m=pose.altitude_relative_m,
+            )
+        )
+
     def clear(self) -> None:
         """Forget all samples: after an autopilot's reboot, or by another clock."""
         self._attitudes.clear()

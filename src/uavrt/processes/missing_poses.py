@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 from uavrt.config.settings import AntennaSettings
 from uavrt.errors import PoseUnavailable
-from uavrt.messages import AttitudeSample, Pose, PositionSample, Pulse, PulsePose
+from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.pose.ring import MAX_EXTRAPOLATION_S, MAX_GAP_S, PoseRing
 from uavrt.units import ns_from_s
 
@@ -78,18 +78,7 @@ def made_up(pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings) -> Pu
     """
     ring = PoseRing(antenna, capacity=MOST_POSES)
     for pose in poses:
-        ring.add_attitude(
-            AttitudeSample(time_ns=pose.time_ns, quaternion_wxyz=pose.quaternion_wxyz)
-        )
-        ring.add_position(
-            PositionSample(
-                time_ns=pose.time_ns,
-                latitude_deg=pose.latitude_deg,
-                longitude_deg=pose.longitude_deg,
-                altitude_amsl_m=pose.altitude_amsl_m,
-                altitude_relative_m=pose.altitude_relative_m,
-            )
-        )
+        ring.add_pose(pose)
     center_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
     for extrapolate in (False, True):
         try:

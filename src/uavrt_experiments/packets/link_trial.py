@@ -14,10 +14,15 @@ from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.pacing import PacedQueue, Priority, Tunnelled
 from uavrt.simulation.forwarding import ForwardRing
-from uavrt.simulation.radio_link import STATUS_NS, RadioLink, RadioLinkSettings, VirtualTime
 from uavrt.tunnel.private import RECEIPT_TYPE, Receipt, payload_hash
 from uavrt.tunnel.reliable import ReliableSender
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
+from uavrt_experiments.packets.radio_link import (
+    STATUS_NS,
+    RadioLink,
+    RadioLinkSettings,
+    VirtualTime,
+)
 
 PASS_NS = 8_333_333
 """PX4's main loop on a link of 1200 B/s (``-r 1200``)."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.simulation.radio_link import RadioLinkSettings
 from uavrt_experiments.packets.link_trial import LinkTrial, TrialSettings
+from uavrt_experiments.packets.radio_link import RadioLinkSettings
 from uavrt_experiments.result import Row
 
 PULSES = 1486

@@ -13,13 +13,13 @@ from uavrt.localization.position.trackers import TagPrior
 from uavrt.planning.actions import Action, FlyTo, Hold, Return
 from uavrt.planning.area import Polygon, SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
-from uavrt.planning.planners.published import Shannon
-from uavrt.planning.planners.registry import planner_named
 from uavrt.planning.propagation import GroundReflection
 from uavrt.planning.search import Found, Search, SearchSettings
 from uavrt.planning.situation import Planner
 from uavrt.planning.vehicle import Path, Vehicle, VehicleState, Wind, flown
 from uavrt.terrain.hill_losses import HillLosses
+from uavrt_experiments.search.baselines.names import any_planner
+from uavrt_experiments.search.baselines.published import Shannon
 from uavrt_experiments.search.bounds import LeastErrors
 from uavrt_experiments.search.level import at_100_m
 from uavrt_experiments.search.scenario import Contender, Scenario, Truth
@@ -186,7 +186,7 @@ def planner_of(contender: Contender) -> Planner:
     """The planner by its name, or as a contender wants it."""
     if contender.planner == "shannon" and contender.turn_s > 0.0:
         return Shannon(rotation_s=contender.turn_s)
-    return planner_named(contender.planner)
+    return any_planner(contender.planner)
 
 
 class _Flight:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import program
 from some import some
 
 from uavrt.clock import Clock
@@ -28,7 +27,6 @@ from uavrt.simulation.scenario_file import write_scenario
 from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer
 
 RADIO = (sys.executable, "-m", "uavrt.simulation.airspy_rx")
-INFO = (sys.executable, "-m", "uavrt.simulation.airspy_info")
 USUAL = ("-r", "-", "-p", "0", "-a", "3000000", "-t", "0", "-d")
 
 
@@ -238,13 +236,3 @@ def test_a_faulty_world_or_output_is_refused_in_plain_words(
     assert "cannot be read" in capsys.readouterr().err
     assert main(["--world", str(world[1]), "-f", "148", "-r", str(tmp_path / "a/b")]) == 1
     assert "Failed to open file" in capsys.readouterr().err
-
-
-def test_airspy_info_finds_the_device_unless_it_is_absent() -> None:
-    found = program(*INFO, check=True, timeout=60)
-    assert f"0x{SERIAL:016X}" in found.stdout
-    missing = subprocess.run(
-        (*INFO, "--absent"), capture_output=True, check=False, text=True, timeout=60
-    )
-    assert missing.returncode == 1
-    assert "AIRSPY_ERROR_NOT_FOUND" in missing.stderr

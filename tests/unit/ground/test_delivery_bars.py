@@ -5,9 +5,9 @@ from itertools import pairwise
 import pytest
 
 from uavrt.ground.link.delivery_receipts import Receipts
-from uavrt.simulation.radio_link import RadioLinkSettings
 from uavrt.tunnel.reliable import CAPACITY
 from uavrt_experiments.packets.link_trial import LinkTrial, TrialResult, TrialSettings
+from uavrt_experiments.packets.radio_link import RadioLinkSettings
 
 pytestmark = pytest.mark.slow
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from uavrt.simulation.radio_link import RadioLink, RadioLinkSettings, VirtualTime
 from uavrt.units import ns_from_s
+from uavrt_experiments.packets.radio_link import RadioLink, RadioLinkSettings, VirtualTime
 
 
 def carried_bytes_s(*, both: bool, seconds: float = 60.0) -> float:

@@ -12,10 +12,8 @@ from pathlib import Path
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
 from uavrt.messages import (
-    AttitudeSample,
     FlightInfo,
     Poses,
-    PositionSample,
     Pulse,
     PulsePose,
     Tag,
@@ -133,18 +131,7 @@ def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
     """Make what knows all poses of a flight: nothing arrives late, so nothing waits."""
     ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
     for pose in flight.poses:
-        ring.add_attitude(
-            AttitudeSample(time_ns=pose.time_ns, quaternion_wxyz=pose.quaternion_wxyz)
-        )
-        ring.add_position(
-            PositionSample(
-                time_ns=pose.time_ns,
-                latitude_deg=pose.latitude_deg,
-                longitude_deg=pose.longitude_deg,
-                altitude_amsl_m=pose.altitude_amsl_m,
-                altitude_relative_m=pose.altitude_relative_m,
-            )
-        )
+        ring.add_pose(pose)
     return PoseAttacher(ring, wait_s=0.0)
 
 

@@ -6,27 +6,13 @@ An entry of the group ``uavrt.planners`` is called without arguments and gives a
 from collections.abc import Callable
 
 from uavrt.errors import UsageError
-from uavrt.planning.planners.approach import Closest
-from uavrt.planning.planners.joint import ConservationBots
 from uavrt.planning.planners.mi_rate import MiRate
-from uavrt.planning.planners.published import Renyi, Shannon
-from uavrt.planning.planners.surveys import Lawnmower, RotationPoints
-from uavrt.planning.planners.tangents import LavaPilot
 from uavrt.planning.situation import Planner
 from uavrt.plugins import Registry
 
 DEFAULT_PLANNER = "mi_rate"
 
-_OWN: dict[str, Callable[[], Planner]] = {
-    "mi_rate": MiRate,
-    "rotation_points": RotationPoints,
-    "lawnmower": Lawnmower,
-    "closest": Closest,
-    "shannon": Shannon,
-    "renyi": Renyi,
-    "lavapilot": LavaPilot,
-    "conservationbots": ConservationBots,
-}
+_OWN: dict[str, Callable[[], Planner]] = {DEFAULT_PLANNER: MiRate}
 PLANNERS: Registry[Callable[[], Planner]] = Registry("uavrt.planners", _OWN)
 
 

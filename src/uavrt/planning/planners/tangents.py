@@ -1,11 +1,7 @@
-"""LAVAPilot: straight to the tag that is known best, or past the circles around animals."""
+"""Ways to a circle around an animal: to its edge, and past it on both sides."""
 
 import numpy as np
 from numpy.typing import NDArray
-
-from uavrt.planning.actions import Hold
-from uavrt.planning.planners.ways import checked, headings
-from uavrt.planning.situation import Candidate, Decision, Situation
 
 _Floats = NDArray[np.float64]
 
@@ -29,44 +25,3 @@ def tangents(
     angles = np.array([course, course - off, course + off])
     lengths = np.array([distance - radius_m, touching, touching])
     return state_m[0] + lengths * np.sin(angles), state_m[1] + lengths * np.cos(angles)
-
-
-class LavaPilot:
-    """The tag with the smallest cloud first; of three ways the one that disturbs least.
-
-    `circle_m`: radius that it aims at where no rule of keeping away is given.
-    """
-
-    def __init__(self, circle_m: float = 0.0) -> None:
-        self._circle_m = circle_m
-
-    def decide(self, situation: Situation) -> Decision:
-        """See `Planner`."""
-        spreads = {one.tag_id: one.spread() for one in situation.wanted}
-        if not spreads:
-            return Decision(action=Hold(duration_s=situation.cycle_s), reason="all found")
-        tag_id, place = min(spreads.items(), key=lambda one: one[1].major_sigma_m)
-        rule = situation.keep_away
-        radius = self._circle_m if rule is None else rule.radius_m
-        state = situation.state
-        here = (state.east_m, state.north_m)
-        ways = checked(situation, *tangents(here, (place.east_m, place.north_m), radius))
-        reason = f"tag {tag_id} has the smallest cloud, {place.major_sigma_m:.0f} m"
-        best = int(np.argmax(np.where(ways.allowed, ways.kept, -1.0)))
-        if ways.refused[best] is None:
-            return Decision(
-                action=ways.action(best),
-                reason=f"{reason}; kept away with {ways.kept[best]:.2f}",
-                candidates=tuple(
-                    Candidate(action=ways.action(n), duration_s=0.0, refused=why)
-                    for n, why in enumerate(ways.refused)
-                ),
-            )
-        step = situation.vehicle.speed_m_s * situation.cycle_s
-        others = checked(situation, *headings(situation, 12, step))
-        if others.allowed.any():
-            off = np.hypot(others.east_m - place.east_m, others.north_m - place.north_m)
-            best = int(np.argmin(np.where(others.allowed, off, np.inf)))
-            return Decision(action=others.action(best), reason=f"{reason}; a way round it")
-        best = int(np.argmax(others.kept))
-        return Decision(action=others.action(best), reason=f"{reason}; away from the animals")
