@@ -1,7 +1,6 @@
 """The bars of bearings and positions, with intervals and bounds."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from uavrt_experiments.localization import (
     array_bars,
@@ -12,9 +11,6 @@ from uavrt_experiments.localization import (
     survey_error_bars,
 )
 from uavrt_experiments.result import Row
-
-if TYPE_CHECKING:
-    pass
 
 
 def _circles(runs: int, seed: int) -> list[Row]:

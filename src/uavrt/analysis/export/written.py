@@ -4,7 +4,6 @@ import sqlite3
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavrt.analysis.export import bursts, tables
 from uavrt.analysis.export.geojson import geojson_text
@@ -20,9 +19,6 @@ from uavrt.localization.results import PositionGrid
 from uavrt.recording.formats.bearings_csv import write_bearing_file
 from uavrt.recording.formats.positions_csv import write_position_file
 from uavrt.recording.formats.whole_file import write_whole
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)

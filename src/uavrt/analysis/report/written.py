@@ -1,15 +1,11 @@
 """Write a flight's report to files."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from uavrt.analysis.report.document import pdf_document
 from uavrt.analysis.report.page import html_page
 from uavrt.analysis.survey import Survey
 from uavrt.recording.formats.whole_file import write_whole
-
-if TYPE_CHECKING:
-    pass
 
 
 def write_report(survey: Survey, html: Path | None, pdf: Path | None) -> list[Path]:
