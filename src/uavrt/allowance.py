@@ -18,12 +18,8 @@ class Allowance:
     def take(self, now_ns: int, tokens: float = 1.0) -> bool:
         """Take `tokens`, or none and return False if fewer are left.
 
-        Parameters
-        ----------
-        now_ns : int
-            Time [ns], rising.
-        tokens : float, optional
-            What it costs.
+        `now_ns`: time [ns], rising.
+        `tokens`: what it costs.
         """
         if self._at_ns is not None:
             earned = (now_ns - self._at_ns) * 1e-9 * self.per_s

@@ -22,10 +22,7 @@ _BEYOND = datetime(2262, 1, 1, tzinfo=UTC)
 class Clock:
     """A monotonic clock that counts nanoseconds UTC.
 
-    Parameters
-    ----------
-    offset_ns : int
-        UTC minus CLOCK_MONOTONIC [ns], fixed for a flight.
+    `offset_ns`: UTC minus CLOCK_MONOTONIC [ns], fixed for a flight.
     """
 
     offset_ns: int

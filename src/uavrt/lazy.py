@@ -13,17 +13,9 @@ from typing import Any
 def lazily(package: str, where: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
     """Make ``__all__`` and ``__getattr__`` of a package.
 
-    Parameters
-    ----------
-    package : str
-        Its ``__name__``.
-    where : mapping of str to str
-        For each module, below the package or from ``uavrt`` on, the names that it holds.
-
-    Returns
-    -------
-    tuple
-        The names, and what imports the module of one and keeps it in the package.
+    `package`: its ``__name__``.
+    `where`: for each module, below the package or from ``uavrt`` on, the names that it holds.
+    Returns: the names, and what imports the module of one and keeps it in the package.
     """
     module_of = {name: module for module, names in where.items() for name in names.split()}
 

@@ -56,11 +56,7 @@ class ToldStates:
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
         """Add what was told at a time; False where it is what was told before.
 
-        Parameters
-        ----------
-        time_ns : int
-        armed, landed : float, optional
-            0 for no; None where nothing was told.
+        `armed`, `landed`: 0 for no; None where nothing was told.
         """
         now = (
             None if armed is None else bool(armed),

@@ -55,10 +55,7 @@ class Recorded:
     def antenna(self) -> str:
         """Name of the pattern that it was taken with; without headings an upright whip.
 
-        Raises
-        ------
-        UsageError
-            The drone's antenna is not known here.
+        Raises `UsageError`: the drone's antenna is not known here.
         """
         if self.flight is not None:
             return flight_antenna(self.flight)
@@ -67,10 +64,7 @@ class Recorded:
     def turning(self) -> str:
         """Name of the antenna for bearings; a log that does not say has the usual one.
 
-        Raises
-        ------
-        UsageError
-            It was a whip, or is not known here.
+        Raises `UsageError`: it was a whip, or is not known here.
         """
         if self.flight is None:
             return USUAL_ANTENNA

@@ -128,10 +128,7 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
 def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
     """Cells of a map in a polygon.
 
-    Raises
-    ------
-    UsageError
-        There are none.
+    Raises `UsageError`: there are none.
     """
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():

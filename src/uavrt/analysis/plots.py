@@ -93,15 +93,8 @@ class DetectionPlots:
     def write(self) -> list[Path]:
         """Draw the pictures of every tag that samples came for.
 
-        Returns
-        -------
-        list of Path
-            The files.
-
-        Raises
-        ------
-        RecordingError
-            They cannot be written.
+        Returns: the files.
+        Raises `RecordingError`: they cannot be written.
         """
         written = []
         for tag in self._tags:

@@ -135,14 +135,9 @@ class ListenedFlight:
 
         What was said of the whole flight is read, too, where `verdicts` are not given.
 
-        Raises
-        ------
-        RecordingError
-            It has no poses.
-        FormatError
-            A file of heights, or of what was integrated, is damaged.
-        UsageError
-            The map would be too large.
+        Raises `RecordingError`: it has no poses.
+        Raises `FormatError`: a file of heights, or of what was integrated, is damaged.
+        Raises `UsageError`: the map would be too large.
         """
         plane, east, north = flight_plane(flight)
         if cell_m is None:

@@ -104,21 +104,11 @@ def needs(
 ) -> list[Need]:
     """Describe what every parameter that matters must be.
 
-    Parameters
-    ----------
-    px4 : bool
-        PX4, else ArduPilot.
-    values : mapping of str to float or None
-        What the autopilot tells.
-    port : str or None
-        Where the companion is connected; None: not at a serial port.
-    baud : int
-        Our serial port's rate.
-
-    Raises
-    ------
-    ConfigError
-        No such port, or no instance of MAVLink is free for it.
+    `px4`: PX4, else ArduPilot.
+    `values`: what the autopilot tells.
+    `port`: where the companion is connected; None: not at a serial port.
+    `baud`: our serial port's rate.
+    Raises `ConfigError`: no such port, or no instance of MAVLink is free for it.
     """
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 

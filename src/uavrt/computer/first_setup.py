@@ -111,12 +111,8 @@ class FirstSetup:
     def take(self, step: str, values: object) -> tuple[StepFault, ...]:
         """Judge a step and, if it has no fault, write it.
 
-        Raises
-        ------
-        UsageError
-            There is no such step, it is done already, or the values are none.
-        ConfigError
-            The settings cannot be written.
+        Raises `UsageError`: there is no such step, it is done already, or the values are none.
+        Raises `ConfigError`: the settings cannot be written.
         """
         judge: dict[str, Callable[[dict[str, Any]], tuple[StepFault, ...]]] = {
             "name": self._name,

@@ -47,10 +47,7 @@ SPACE_FACTOR = 2.2
 def check(path: Path, place: Installation, *, downgrade: bool = False) -> Update:
     """Read an update and decide whether it may be installed here.
 
-    Raises
-    ------
-    UavrtError
-        It is damaged, not signed, not newer, or there is no room.
+    Raises `UavrtError`: it is damaged, not signed, not newer, or there is no room.
     """
     place.require()
     update = read_update(path, place.keys)

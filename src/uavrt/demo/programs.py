@@ -206,10 +206,7 @@ class Program:
     def check(self) -> None:
         """Make sure it still runs.
 
-        Raises
-        ------
-        UavrtError
-            It has ended by itself; the text holds the end of its output.
+        Raises `UavrtError`: it has ended by itself; the text holds the end of its output.
         """
         if self._wait(0.0):
             words = self.last_line()

@@ -88,22 +88,13 @@ class Rig:
     ) -> SimulatedDrone:
         """Start a drone side and its autopilot.
 
-        Parameters
-        ----------
-        scenario : Scenario
-            Its world, with the time at which it starts.
-        paths : DemoPaths
-            Its files; the directory exists.
-        ground_port : int, optional
-            Of its ground station; None: a free one.
-        flies : bool
-            It flies commands, not the scenario's flight.
-        autopilot, supervisor : sequence of str
-            Further arguments of the two programs.
-        served_by : sequence of str
-            Module that runs the drone side, and its first arguments.
-        settings : callable
-            Changes the settings of a drone in the simulation.
+        `scenario`: its world, with the time at which it starts.
+        `paths`: its files; the directory exists.
+        `ground_port`: of its ground station; None: a free one.
+        `flies`: it flies commands, not the scenario's flight.
+        `autopilot`, `supervisor`: further arguments of the two programs.
+        `served_by`: module that runs the drone side, and its first arguments.
+        `settings`: changes the settings of a drone in the simulation.
         """
         write_scenario(scenario, paths.scenario)
         companion_port = free_udp_port()

@@ -109,10 +109,7 @@ class Demo:
 
         Ctrl-C ends the flight where it is, and it is accounted for as one that was flown out.
 
-        Raises
-        ------
-        UavrtError
-            A program ended by itself or did not get ready; the text says why.
+        Raises `UavrtError`: a program ended by itself or did not get ready; the text says why.
         """
         require_writable(self._flight_dir)
         require_free_port(self._page_port)

@@ -174,10 +174,8 @@ class SearchDemo:
     def run(self) -> SearchSummary:
         """Fly once.
 
-        Raises
-        ------
-        UavrtError
-            A program ended by itself, or nothing was searched; the text says why.
+        Raises `UavrtError`: a program ended by itself, or nothing was searched; the text says
+        why.
         """
         require_writable(self._flight_dir)
         with workplace("uavrt-search-") as work, self._rig:

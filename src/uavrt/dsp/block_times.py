@@ -38,12 +38,8 @@ class BlockTimes:
     def add(self, index: int, time_ns: int) -> None:
         """Take the time of the next block's first sample.
 
-        Parameters
-        ----------
-        index : int
-            Rises. Whoever counts lost samples, too, finds none at a time within a gap.
-        time_ns : int
-            UTC.
+        `index`: rises. Whoever counts lost samples, too, finds none at a time within a gap.
+        `time_ns`: UTC.
         """
         if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
             return

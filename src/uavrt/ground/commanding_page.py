@@ -43,10 +43,7 @@ class Commander:
     def check(self, page: str | None) -> None:
         """Refuse what a page asks that only looks on.
 
-        Raises
-        ------
-        CommandRefused
-            Another page commands, and is there.
+        Raises `CommandRefused`: another page commands, and is there.
         """
         if page is None or page == self.page:
             return

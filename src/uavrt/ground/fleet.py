@@ -134,10 +134,7 @@ class Fleet:
     async def leave(self, system_id: int) -> None:
         """Serve a vehicle no more; its flight here ends, what it does goes on.
 
-        Raises
-        ------
-        UsageError
-            It is not served besides the first.
+        Raises `UsageError`: it is not served besides the first.
         """
         if system_id not in self._others:
             raise UsageError(f"there is no further vehicle {system_id}")

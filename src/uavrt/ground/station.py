@@ -93,14 +93,9 @@ class Station:
     async def run(self) -> None:
         """Serve until `stop`.
 
-        Raises
-        ------
-        LinkError
-            The link cannot be opened.
-        CommandRefused
-            The drone refused the tags or the start.
-        RecordingError
-            The pulses cannot be stored.
+        Raises `LinkError`: the link cannot be opened.
+        Raises `CommandRefused`: the drone refused the tags or the start.
+        Raises `RecordingError`: the pulses cannot be stored.
         """
         directory = self._settings.directory
         self._lines = PulseLines(directory / PULSES_NAME)

@@ -117,10 +117,7 @@ class SlotEnergies:
     def without(self, time_s: NDArray[np.float64]) -> "SlotEnergies":
         """The same as if nothing had been heard at some times, nor just beside them.
 
-        Parameters
-        ----------
-        time_s : ndarray of float64, shape (n,)
-            From `start_ns`.
+        `time_s` (n,): from `start_ns`.
         """
         return self.where(self._beyond(time_s))
 

@@ -68,11 +68,8 @@ class GrowingEnergies:
     ) -> int:
         """Measure the blocks that are whole now; get how many.
 
-        Parameters
-        ----------
-        samples, there, start_ns
-            From `gather`, beginning at or before `needed_from_ns`; what is missing before the
-            first of them counts as not heard.
+        `samples`, `there`, `start_ns`: from `gather`, beginning at or before `needed_from_ns`;
+        what is missing before the first of them counts as not heard.
         """
         since_s = (start_ns - self._start_ns) / NANOSECONDS_PER_SECOND
         offset = round(since_s * self._rate_hz)

@@ -123,12 +123,8 @@ class Weights:
         the sum's cumulants are those of the slots' weighed energies, times that number. A hum,
         a tone or a level that changes is so counted as what it does to sums.
 
-        Parameters
-        ----------
-        basis : ndarray of float64, shape (patterns, slots)
-        mixing : ndarray of float64, shape (places, patterns)
-        energies : SlotEnergies
-        interval_s : float
+        `basis`: shape (patterns, slots).
+        `mixing`: shape (places, patterns).
         """
         shape = (len(energies.energy), len(mixing))
         square, cube = np.zeros(shape), np.zeros(shape)

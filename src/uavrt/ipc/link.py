@@ -76,10 +76,7 @@ class ChildLink:
     def send(self, topic: str, record: object) -> None:
         """Send a record and what was put before, or keep them until the socket takes them.
 
-        Raises
-        ------
-        SupervisorGone
-            Nobody will ever read it.
+        Raises `SupervisorGone`: nobody will ever read it.
         """
         self._unsent += encode_record(topic, record)
         self.flush()

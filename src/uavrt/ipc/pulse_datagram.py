@@ -75,10 +75,7 @@ class PulseRecord:
     def decode(cls, payload: bytes) -> "PulseRecord":
         """Read the 96 bytes; any float is taken, the original sends infinite ones.
 
-        Raises
-        ------
-        FormatError
-            Another number of bytes.
+        Raises `FormatError`: another number of bytes.
         """
         if len(payload) != RECORD.size:
             raise FormatError(

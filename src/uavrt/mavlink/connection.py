@@ -114,10 +114,7 @@ class Connection:
     async def run(self, *addresses: str | Address) -> None:
         """Open all links and serve them until cancelled.
 
-        Raises
-        ------
-        ConfigError, LinkError
-            A link cannot be opened.
+        Raises `ConfigError`, `LinkError`: a link cannot be opened.
         """
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self.keep_time())

@@ -52,10 +52,8 @@ class Series(Generic[S]):
     def add(self, sample: S) -> bool:
         """Append a sample; False when it is late and left out.
 
-        Raises
-        ------
-        OverflowError
-            Time fell by `REBOOT_NS` or more; the caller forgets what was before and adds again.
+        Raises `OverflowError`: time fell by `REBOOT_NS` or more; the caller forgets what was
+        before and adds again.
         """
         time_ns = sample.time_ns
         if self._count:

@@ -179,13 +179,8 @@ class MotionDesk:
     ) -> None:
         """Handle a message of the autopilot.
 
-        Parameters
-        ----------
-        message : Message
-        age_s : float
-            How long ago it arrived.
-        late_s : float, optional
-            How long it was on its way, where the autopilot's clock is known.
+        `age_s`: how long ago it arrived.
+        `late_s`: how long it was on its way, where the autopilot's clock is known.
         """
         now_s = monotonic_s()
         self._look_at_gap(now_s)

@@ -254,15 +254,8 @@ class FlightRecorder:
     def commit(self, *, pulses_only: bool = False) -> None:
         """Record what was taken; when this returns, a kill does not undo it.
 
-        Parameters
-        ----------
-        pulses_only : bool
-            Pulses with their poses and what has reached the ground; the rest waits for a later
-            commit, which then writes fewer half-full pages.
-
-        Raises `RecordingError`: the disk is full or cannot be written. Nothing recorded is
-        lost; what was taken waits in memory and the next commit tries again. The caller counts
-        and goes on.
+        `pulses_only`: pulses with their poses and what has reached the ground; the rest waits
+        for a later commit, which then writes fewer half-full pages.
         """
         try:
             if not self._begun:

@@ -188,22 +188,14 @@ def link(
 ) -> Link:
     """Compute the link from a tag to the antenna, without fading.
 
-    Parameters
-    ----------
-    propagation : Propagation
-        How waves travel.
-    antenna : Antenna
-        Pattern and polarization; the mounting is already in the quaternion.
-    tag_ned_m, antenna_ned_m : tuple of 3 floats
-        Places from home [m], down positive; both are kept above level ground by 0.1 m.
-    antenna_quaternion_wxyz : tuple of 4 floats
-        Antenna's frame to north-east-down.
-    polarization_deg : float
-        Tilt of the tag's field from upright across the ray; 90 is horizontal.
-    frequency_hz : float
-        Carrier frequency [Hz].
-    heights_m : (float, float), optional
-        Of antenna and tag above the ground beneath them, where that is not level.
+    `propagation`: how waves travel.
+    `antenna`: pattern and polarization; the mounting is already in the quaternion.
+    `tag_ned_m`, `antenna_ned_m`: places from home [m], down positive; both are kept above level
+    ground by 0.1 m.
+    `antenna_quaternion_wxyz`: antenna's frame to north-east-down.
+    `polarization_deg`: tilt of the tag's field from upright across the ray; 90 is horizontal.
+    `frequency_hz`: carrier frequency [Hz].
+    `heights_m`: of antenna and tag above the ground beneath them, where that is not level.
     """
     tag, place = tag_ned_m, antenna_ned_m
     if heights_m is None:

@@ -55,10 +55,7 @@ class SimulatedSource:
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next block, or None when none was due within `timeout_s`.
 
-        Raises
-        ------
-        EOFError
-            The scenario is over, or the source is closed.
+        Raises `EOFError`: the scenario is over, or the source is closed.
         """
         count = min(self._block_samples, self._total - self._next)
         if self._closed or count <= 0:

@@ -74,17 +74,10 @@ class IQSynthesizer:
     def block(self, first_sample_index: int, count: int) -> NDArray[np.complex64]:
         """Get consecutive samples.
 
-        Parameters
-        ----------
-        first_sample_index : int
-            Index of the first sample since the scenario's start; before it there is noise.
-        count : int
-            How many.
-
-        Returns
-        -------
-        (count,) complex64
-            Samples, full scale 1.0; a new array.
+        `first_sample_index`: index of the first sample since the scenario's start; before it
+        there is noise.
+        `count`: how many.
+        Returns: samples, full scale 1.0; a new array.
         """
         result = np.empty(count, dtype=np.complex64)
         done = 0
@@ -96,12 +89,7 @@ class IQSynthesizer:
         return result
 
     def chunk(self, chunk_index: int) -> NDArray[np.complex64]:
-        """Get one chunk of the fixed grid; valid until the next call, not to be changed.
-
-        Returns
-        -------
-        (CHUNK_SAMPLES,) complex64
-        """
+        """Get one chunk of the fixed grid; valid until the next call, not to be changed."""
         if chunk_index != self._chunk_index:
             self._make_chunk(chunk_index)
             self._chunk_index = chunk_index

@@ -469,12 +469,8 @@ class ReliableSender(Generic[T]):
     def take(self, now_ns: int, rate_bytes_s: float) -> Outgoing | None:
         """Return the payload that goes now.
 
-        Parameters
-        ----------
-        now_ns : int
-            Time now.
-        rate_bytes_s : float
-            What the link takes, for the choice between oldest and newest.
+        `now_ns`: time now.
+        `rate_bytes_s`: what the link takes, for the choice between oldest and newest.
         """
         self._expire(now_ns)
         entry = self._next(now_ns, rate_bytes_s) if self.wait_ns(now_ns) == 0 else None

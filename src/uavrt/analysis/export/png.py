@@ -53,10 +53,7 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
 def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Color a signal map: blue is weak, yellow strong, clear where nothing is known.
 
-    Parameters
-    ----------
-    snr_db : (rows, columns) float64 array
-        The first row is the top; NaN is unknown.
+    `snr_db`: the first row is the top; NaN is unknown.
     """
     known = np.isfinite(snr_db)
     low, high = (snr_db[known].min(), snr_db[known].max()) if known.any() else (0.0, 1.0)

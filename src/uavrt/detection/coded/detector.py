@@ -176,16 +176,9 @@ class CodedDetector:
     def process(self, samples: NDArray[np.complex64], time_ns: int) -> list[Pulse]:
         """Process a block of samples.
 
-        Parameters
-        ----------
-        samples : ndarray of complex64, shape (n,)
-        time_ns : int
-            Time at the antenna of the first sample [ns, UTC].
-
-        Returns
-        -------
-        list of Pulse
-            A record for each burst found since the last call.
+        `samples`: shape (n,).
+        `time_ns`: time at the antenna of the first sample [ns, UTC].
+        Returns: a record for each burst found since the last call.
         """
         samples = np.ascontiguousarray(samples, np.complex64)
         if len(samples):

@@ -72,10 +72,8 @@ class Waiting:
     def add(self, seeds: NDArray[np.int32], ends: NDArray[np.float64]) -> None:
         """Have seeds wait until a column is reached, for each its own.
 
-        Parameters
-        ----------
-        seeds : ndarray of int32, shape (n, 5)
-        ends : ndarray of float, shape (n,)
+        `seeds`: shape (n, 5).
+        `ends`: shape (n,).
         """
         self._calls += 1
         columns = np.floor(ends).astype(np.int32)

@@ -142,19 +142,10 @@ class Sightings:
     ) -> list[tuple[Sighting, Tag, tuple[int, ...]]]:
         """Take new bursts; give those that are to be reported, and whose they are.
 
-        Parameters
-        ----------
-        new : sequence of Sighting
-        now_ns : int
-            Time up to which bursts were searched.
-        last : bool
-            Nothing comes any more.
-
-        Returns
-        -------
-        list of (Sighting, Tag, tuple of int)
-            With the ids of other tags that may have sent it; `Sighting.tag_id` is set if it is
-            confirmed.
+        `now_ns`: time up to which bursts were searched.
+        `last`: nothing comes any more.
+        Returns: with the ids of other tags that may have sent it; `Sighting.tag_id` is set if
+        it is confirmed.
         """
         self._begun_ns = self._begun_ns or now_ns
         concerned = self._waiting

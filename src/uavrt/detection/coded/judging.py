@@ -113,18 +113,10 @@ def measure(
 ) -> list[Burst]:
     """Look at the pulses of seeds among the recent cells; leave out what is no burst.
 
-    Parameters
-    ----------
-    cells : Cells
-    book : CodeBook
-    seeds : ndarray of int32, shape (n, 5)
-        All pulses lie among the recent cells.
-    limits : dict of int to float
-        Least sum by the number of pulses.
-    foreign_per_hour : float
-        Bursts on the channel that no listed code explains.
-    prior : float
-        Log odds that a burst is sent now, over any other time.
+    `seeds` (n, 5): all pulses lie among the recent cells.
+    `limits`: least sum by the number of pulses.
+    `foreign_per_hour`: bursts on the channel that no listed code explains.
+    `prior`: log odds that a burst is sent now, over any other time.
     """
     if not len(seeds):
         return []
@@ -424,23 +416,12 @@ def decide(
     The likeliest first; then it is tried whether without one of them the others explain more:
     of two bursts that lie in each other a third code may have pulses of both.
 
-    Parameters
-    ----------
-    claims : list of Burst
-        Weighed; those of one sent burst come in several versions and codes.
-    on_air : OnAir
-        What was accepted before.
-    limits : dict of int to dict
-        Least sums by the pulses of a burst, and by those that count.
-    before : int
-        Lost bursts that begin before this column are counted.
-    foreign_per_hour : float
-        Bursts on the channel that no listed code explains.
-
-    Returns
-    -------
-    list of Burst, int
-        The accepted ones, and how many collided with others and could not be told.
+    `claims`: weighed; those of one sent burst come in several versions and codes.
+    `on_air`: what was accepted before.
+    `limits`: least sums by the pulses of a burst, and by those that count.
+    `before`: lost bursts that begin before this column are counted.
+    `foreign_per_hour`: bursts on the channel that no listed code explains.
+    Returns: the accepted ones, and how many collided with others and could not be told.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, on_air, limits, before, foreign_per_hour, without)

@@ -35,18 +35,11 @@ class KnownPulses:
     ) -> NDArray[np.bool_]:
         """Which candidates have one of their pulses from a known one, or its leak.
 
-        Parameters
-        ----------
-        columns : ndarray of float64, shape (candidates, K)
-        rows : ndarray of int, shape (candidates,)
-        strength : ndarray, shape (candidates,)
-            Sums of powers, in noise powers.
-        reach : int
-            Columns that a pulse's jitter was looked for to either side.
-
-        Returns
-        -------
-        ndarray of bool, shape (candidates,)
+        `columns`: shape (candidates, K).
+        `rows`: shape (candidates,).
+        `strength` (candidates,): sums of powers, in noise powers.
+        `reach`: columns that a pulse's jitter was looked for to either side.
+        Returns: shape (candidates,).
         """
         grid = self._grid
         bin_hz = grid.sample_rate_hz / grid.window

@@ -71,11 +71,7 @@ class NullLattices:
     def count(self, columns: int, test: Test | None) -> None:
         """Count the groups that new columns complete, and move the threshold.
 
-        Parameters
-        ----------
-        columns : int
-        test : callable, or None
-            None: there are no anchors.
+        `test`: None: there are no anchors.
         """
         seen = 0 if test is None else sum(test(*lattice) for lattice in self._lattices)
         beyond = seen - _LATTICES * columns * self._expected_per_column

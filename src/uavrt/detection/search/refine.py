@@ -117,25 +117,14 @@ class Refiner:
     ) -> list[Measured] | None:
         """Find pulses of one common frequency near expected starts.
 
-        Parameters
-        ----------
-        starts : ndarray of float64, shape (pulses,)
-            Expected index of the first sample of each.
-        half_width : float
-            Samples to look before and after.
-        offset_hz, half_band_hz : float
-            Frequencies to look at.
-        noise : ndarray of float32, shape (rows,)
-        climb : bool
-            Follow a peak that lies at the edge of the times looked at.
-        spread : float
-            Standard deviation of the expected starts [samples]: of several peaks the likeliest
-            is taken, not the highest.
-
-        Returns
-        -------
-        list of Measured, or None
-            None when the samples are no longer (or not yet) there.
+        `starts` (pulses,): expected index of the first sample of each.
+        `half_width`: samples to look before and after.
+        `offset_hz`, `half_band_hz`: frequencies to look at.
+        `noise`: shape (rows,).
+        `climb`: follow a peak that lies at the edge of the times looked at.
+        `spread`: standard deviation of the expected starts [samples]: of several peaks the
+        likeliest is taken, not the highest.
+        Returns: None when the samples are no longer (or not yet) there.
         """
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
@@ -245,21 +234,12 @@ class Refiner:
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.int64]]:
         """Matched-filter power at many starts and some frequencies.
 
-        Parameters
-        ----------
-        first : ndarray of int64, shape (pulses,)
-            First start of each pulse.
-        count : int
-            Starts of each.
-        offset_hz, half_band_hz : float
-        frequencies : int
-
-        Returns
-        -------
-        power : ndarray of float64, shape (pulses, frequencies, count), or None
-            None when fewer samples are kept than one such stretch.
-        shift : ndarray of int64, shape (pulses,)
-            How much later than asked each begins: a stretch that is not there is moved.
+        `first` (pulses,): first start of each pulse.
+        `count`: starts of each.
+        Returns: `power` (pulses, frequencies, count): None when fewer samples are kept than one
+        such stretch.
+        Returns: `shift` (pulses,): how much later than asked each begins: a stretch that is not
+        there is moved.
         """
         length = self._window + count - 1
         latest = self.upto - length
@@ -341,11 +321,8 @@ class Refiner:
     def without(self, pulses: Sequence[Measured]) -> Iterator[None]:
         """Take known pulses out of the samples for a while.
 
-        Parameters
-        ----------
-        pulses : sequence of Measured
-            Each is subtracted with the amplitude that fits best at its time and frequency. A
-            start off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
+        `pulses`: each is subtracted with the amplitude that fits best at its time and
+        frequency. A start off by half a sample leaves 4e-5 of a 20 ms pulse at 3750 S/s.
         """
         buffer = self._buffer
         before = []
@@ -438,11 +415,7 @@ class Refiner:
         Windows half a pulse earlier and later count too: of a strong pulse that they cut, the
         leakage is as large as that of the whole.
 
-        Returns
-        -------
-        offset_hz : float
-        power : float
-            In units of the noise at the pulse.
+        Returns: `power`: in units of the noise at the pulse.
         """
         window, buffer = self._window, self._buffer
         half = window // 2

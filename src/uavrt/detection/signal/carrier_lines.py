@@ -82,12 +82,8 @@ class LineCanceller:
     def find(self, before: NDArray[np.complex64], samples: NDArray[np.complex64]) -> None:
         """Look for carriers in the newest samples, this or the last calls'.
 
-        Parameters
-        ----------
-        before : ndarray of complex64
-            What is kept of the samples before, in whatever state `subtract` left them.
-        samples : ndarray of complex64, shape (n,)
-            The new ones.
+        `before`: what is kept of the samples before, in whatever state `subtract` left them.
+        `samples` (n,): the new ones.
         """
         past = before if self._past is None else self._past
         newest = np.concatenate((past, samples))[-self._length :]

@@ -16,19 +16,10 @@ class Surroundings:
     def of(self, before: Samples, samples: Samples, after: Samples, reach: int) -> Samples:
         """Put `reach` neighbours to either side of new samples.
 
-        Parameters
-        ----------
-        before : ndarray of complex64
-            Samples before them, in whatever state the last call left them.
-        samples : ndarray of complex64, shape (n,)
-            That follow those of the last call.
-        after : ndarray of complex64
-            Samples after them; what is not there counts as zero.
-        reach : int
-
-        Returns
-        -------
-        ndarray of complex64, shape (n + 2 reach,)
+        `before`: samples before them, in whatever state the last call left them.
+        `samples` (n,): that follow those of the last call.
+        `after`: samples after them; what is not there counts as zero.
+        Returns: shape (n + 2 reach,).
         """
         zeros = np.zeros(2 * reach, np.complex64)
         past = before if self._past is None else self._past

@@ -123,10 +123,7 @@ class SampleBuffer:
 
         Blocks come a thousand times a second for a hundred tags, and nearly all of them here.
 
-        Parameters
-        ----------
-        blocks : sequence of (ndarray of complex64, int)
-            Samples, and the time of the first.
+        `blocks`: samples, and the time of the first.
         """
         if not self._stamp_index:
             return 0

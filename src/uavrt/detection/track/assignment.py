@@ -23,15 +23,9 @@ from numpy.typing import NDArray
 def parts(able: Sequence[Mapping[int, float]]) -> list[list[int]]:
     """Find the trains that compete, directly or through others.
 
-    Parameters
-    ----------
-    able : sequence of mapping of int to float
-        What each train is worth to each tag that it may be.
-
-    Returns
-    -------
-    list of list of int
-        Places of the trains of each part, in their order; those that may be no tag are in none.
+    `able`: what each train is worth to each tag that it may be.
+    Returns: places of the trains of each part, in their order; those that may be no tag are in
+    none.
     """
     trains_of: dict[int, list[int]] = {}
     for at, worth in enumerate(able):

@@ -59,19 +59,12 @@ class Follower:
     ) -> None:
         """Look where the tracks expect their next pulses; drop the dead.
 
-        Parameters
-        ----------
-        tracks : list of Track
-            Changed in place.
-        upto : int
-            Index after the last clean sample.
-        settle : callable
-            Called after each pulse: decides who is the tag and reports.
-        noise : ndarray of float32, shape (rows,)
-        floor : float
-            Mean power of a sample without pulses.
-        around : callable
-            Tells what else is on air around a track's place.
+        `tracks`: changed in place.
+        `upto`: index after the last clean sample.
+        `settle`: called after each pulse: decides who is the tag and reports.
+        `noise`: shape (rows,).
+        `floor`: mean power of a sample without pulses.
+        `around`: tells what else is on air around a track's place.
         """
         self._tracks = tracks
         self._around = around

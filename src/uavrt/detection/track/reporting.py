@@ -91,11 +91,7 @@ class Reporter:
     def report(self, track: Track, *, last: bool = False) -> None:
         """Make records of a track's accepted pulses, and of weak ones it has given up on.
 
-        Parameters
-        ----------
-        track : Track
-        last : bool
-            Nothing follows: what waits for its rate's label waits in vain.
+        `last`: nothing follows: what waits for its rate's label waits in vain.
         """
         if self.doubts(track, last=last) or track.held:
             return

@@ -118,13 +118,8 @@ class KnownPulse:
     ) -> bool:
         """Whether a pulse found at a frequency is this one, or no more than what it leaks.
 
-        Parameters
-        ----------
-        slot : Slot
-        frequency_hz, width_s : float
-            Of its track.
-        near_ns : float
-            Pulses closer than this are the same.
+        `frequency_hz`, `width_s`: of its track.
+        `near_ns`: pulses closer than this are the same.
         """
         if abs(slot.time_ns - self.time_ns) >= near_ns + self.within_ns:
             return False

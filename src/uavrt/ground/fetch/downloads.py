@@ -74,10 +74,8 @@ class Downloads:
     async def flights(self) -> list[dict[str, Any]]:
         """List the flights on the drone, newest first, and whether each is here.
 
-        Raises
-        ------
-        LinkError
-            There is no drone, it does not answer, or a download is already running.
+        Raises `LinkError`: there is no drone, it does not answer, or a download is already
+        running.
         """
         if self._asking.locked():
             raise LinkError(

@@ -168,23 +168,12 @@ class FileClient:
     ) -> int:
         """Read a file from `start` to its end; return its size.
 
-        Parameters
-        ----------
-        path : str
-            The file.
-        write : callable
-            Gets the bytes in order; the link waits for nothing that it waits for.
-        start : int
-            Bytes that are here already.
-        progress : callable
-            Gets the bytes that are here, and the size.
-        allow : callable
-            Gets the size before anything is read; raises when it is too much.
-
-        Raises
-        ------
-        LinkError
-            The drone refuses, does not answer, or does not get on.
+        `path`: the file.
+        `write`: gets the bytes in order; the link waits for nothing that it waits for.
+        `start`: bytes that are here already.
+        `progress`: gets the bytes that are here, and the size.
+        `allow`: gets the size before anything is read; raises when it is too much.
+        Raises `LinkError`: the drone refuses, does not answer, or does not get on.
         """
         opened = await self._ask(Opcode.OPEN_FILE_RO, data=path.encode())
         _check(opened, path)

@@ -172,19 +172,11 @@ class GroundLink:
     async def run(self, *addresses: str) -> None:
         """Serve the links until cancelled.
 
-        Parameters
-        ----------
-        addresses : str
-            Ways to the same drone, the one to prefer first; of several, those that cannot be
-            opened are tried again. None: those that another opens, and keeps alive by its
-            heartbeats.
-
-        Raises
-        ------
-        ConfigError
-            An address is none.
-        LinkError
-            None could be opened.
+        `addresses`: ways to the same drone, the one to prefer first; of several, those that
+        cannot be opened are tried again. None: those that another opens, and keeps alive by its
+        heartbeats.
+        Raises `ConfigError`: an address is none.
+        Raises `LinkError`: None could be opened.
         """
         try:
             opening = await self._ways.open(addresses)
@@ -316,24 +308,16 @@ class GroundLink:
     async def ask(self, name: CommandName) -> str:
         """Ask for what is only its number, as ``"save_logs"``; return the drone's message.
 
-        Raises
-        ------
-        CommandRefused
-            The drone refused; the text is its reason.
-        LinkError
-            It did not answer, or its software does not know the command.
+        Raises `CommandRefused`: the drone refused; the text is its reason.
+        Raises `LinkError`: it did not answer, or its software does not know the command.
         """
         return (await self.command(self._writing.bare(name))).message
 
     async def command(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> Acknowledged:
         """Send a command until it is acknowledged, with the same bytes each time.
 
-        Raises
-        ------
-        CommandRefused
-            The drone refused it.
-        LinkError
-            No answer after four tries.
+        Raises `CommandRefused`: the drone refused it.
+        Raises `LinkError`: no answer after four tries.
         """
         number = acked_command_of(payload)
         assert number is not None

@@ -109,10 +109,7 @@ class Flying:
     def plan(self, wish: Any) -> dict[str, Any]:
         """Where a motion would lead, as far as the ground knows; nothing is asked.
 
-        Raises
-        ------
-        FormatError, UsageError, PlanError
-            It is none, or cannot be flown.
+        Raises `FormatError`, `UsageError`, `PlanError`: it is none, or cannot be flown.
         """
         way = self._way(_request(wish))
         home = self._home()
@@ -127,10 +124,8 @@ class Flying:
     async def ask(self, wish: Any, page: str | None) -> dict[str, Any]:
         """Ask the drone; give its offer. Nothing moves by it.
 
-        Raises
-        ------
-        CommandRefused, LinkError, UavrtError
-            The drone would not fly it, or does not answer; or the wish is none.
+        Raises `CommandRefused`, `LinkError`, `UavrtError`: the drone would not fly it, or does
+        not answer; or the wish is none.
         """
         request = _request(wish)
         way = self._way(request)

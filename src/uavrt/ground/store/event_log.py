@@ -43,16 +43,10 @@ class EventLog:
     def add(self, time_ns: int, severity: int, text: str, source: str) -> dict[str, Any]:
         """Add a line; gives it as it is shown.
 
-        Parameters
-        ----------
-        time_ns : int
-            On the ground's clock [ns, UTC].
-        severity : int
-            MAVLink's, 0 (emergency) to 7 (debug).
-        text : str
-            What was said; cut at 400 characters.
-        source : str
-            ``"drone"``, ``"acknowledgement"`` or ``"ground"``.
+        `time_ns`: on the ground's clock [ns, UTC].
+        `severity`: MAVLink's, 0 (emergency) to 7 (debug).
+        `text`: what was said; cut at 400 characters.
+        `source`: ``"drone"``, ``"acknowledgement"`` or ``"ground"``.
         """
         self._number += 1
         line = {

@@ -227,10 +227,7 @@ class FlightLibrary:
     def path(self, flight_id: str) -> Path:
         """Get the directory of a flight.
 
-        Raises
-        ------
-        UsageError
-            There is no such flight; a name with a path in it never is one.
+        Raises `UsageError`: there is no such flight; a name with a path in it never is one.
         """
         path = self.directory / flight_id
         plain = flight_id and flight_id not in (".", "..") and path.name == flight_id
@@ -242,12 +239,8 @@ class FlightLibrary:
     def summary(self, flight_id: str) -> FlightSummary:
         """Get one line of the list.
 
-        Raises
-        ------
-        UsageError
-            There is no such flight.
-        FormatError
-            It is damaged.
+        Raises `UsageError`: there is no such flight.
+        Raises `FormatError`: it is damaged.
         """
         path = str(self.path(flight_id))
         stamp = stamp_of(path)
@@ -333,10 +326,7 @@ class FlightLibrary:
     def columns(self, flight_id: str) -> Columns:
         """Read the pulses and poses of a flight.
 
-        Raises
-        ------
-        UsageError, FormatError
-            There is no such flight, or it is damaged.
+        Raises `UsageError`, `FormatError`: there is no such flight, or it is damaged.
         """
         with self._database(flight_id) as database:
             spans = told_in(database).spans()
@@ -416,12 +406,8 @@ class FlightLibrary:
     def records(self, flight_id: str, after: int, limit: int) -> list[dict[str, Any]]:
         """Get some pulses as records, in the order in which they were stored.
 
-        Parameters
-        ----------
-        flight_id : str
-            Which flight.
-        after, limit : int
-            How many to pass over, and how many to give at most.
+        `flight_id`: which flight.
+        `after`, `limit`: how many to pass over, and how many to give at most.
         """
         with self._database(flight_id) as database:
             rows = database.execute(

@@ -90,10 +90,7 @@ class KnownFlights:
     def write(self, flight_ids: set[str]) -> None:
         """Keep what is known of these flights, if it has changed, and forget others.
 
-        Raises
-        ------
-        OSError
-            There is no room.
+        Raises `OSError`: there is no room.
         """
         gone = self._flights.keys() - flight_ids
         if not self._changed and not gone:

@@ -59,10 +59,7 @@ class PreparedColumns:
     ) -> None:
         """Keep a flight, whole or not at all.
 
-        Raises
-        ------
-        OSError
-            There is no room.
+        Raises `OSError`: there is no room.
         """
         self._directory.mkdir(exist_ok=True)
         path = self._path(flight_id)

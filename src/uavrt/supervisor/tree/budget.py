@@ -27,14 +27,9 @@ class BudgetWatch:
     def check(self, now_s: float, cpu_s: float, memory_mb: float) -> str | None:
         """Add a measurement; get a warning when it is too much, at most every five minutes.
 
-        Parameters
-        ----------
-        now_s : float
-            Monotonic time [s].
-        cpu_s : float
-            CPU time since the start [s].
-        memory_mb : float
-            Resident memory [MB].
+        `now_s`: monotonic time [s].
+        `cpu_s`: CPU time since the start [s].
+        `memory_mb`: resident memory [MB].
         """
         self._past.append((now_s, cpu_s))
         while len(self._past) > 2 and self._past[1][0] <= now_s - WINDOW_S:
