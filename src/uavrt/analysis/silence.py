@@ -12,13 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.coverage import (
-    MapArea,
-    MapSize,
+from uavrt.analysis.coverage import MapArea, MapSize, map_around
+from uavrt.analysis.flight_coverage import (
     flight_coverage,
     flight_plane,
     frequency_window_hz,
-    map_around,
 )
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
 from uavrt.analysis.flown_with import antenna_is_told, flight_antenna

@@ -19,29 +19,23 @@ from uavrt.cli.kinds import (
     TagFrequency,
     TagIds,
 )
-from uavrt.cli.progress import progress_bar
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from uavrt.cli.coverage_records import Asked, MappedTag, chosen
 from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
     from uavrt.messages import Tag
-    from uavrt.planning.coverage import Absence, Coverage
-    from uavrt.planning.link_budget import LinkBudget
-    from uavrt.recording.integrated import SilentAround
-    from uavrt.terrain.elevation import Elevation
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
 _PULSES, _FREQUENCY_HZ, _PULSE_WIDTH_S, _INTERVAL_S = 3, 150e6, 0.020, 1.254
-_CELL_M = 20.0
 
 
 def coverage(
@@ -145,6 +139,8 @@ def coverage(
     as_json
         Print a list of objects.
     """
+    from uavrt.cli.coverage_of_flight import maps_of_flight
+    from uavrt.cli.coverage_of_plan import maps_of_plan
     from uavrt.cli.outputs import make_directory, print_json
     from uavrt.planning.link_budget import LinkBudget
 
@@ -170,7 +166,7 @@ def coverage(
     )
     if output is not None:
         make_directory(output, "--output")
-    asked = _Asked(
+    asked = Asked(
         source=source,
         elevation=elevation_of(dem, sea=sea),
         outline=area,
@@ -196,57 +192,14 @@ def coverage(
         output=output,
     )
     found = (
-        _after(asked, tags, tag)
+        maps_of_flight(asked, tags, tag)
         if source.is_dir()
-        else _before(asked, _listed(tags, tag, pulses, interval, frequency, pulse_width))
+        else maps_of_plan(asked, _listed(tags, tag, pulses, interval, frequency, pulse_width))
     )
     if as_json:
         print_json([_record(one) for one in found], indent=2)
     else:
         _print(found)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
-    """What the command line says."""
-
-    source: Path
-    elevation: "Elevation | None"
-    outline: Path | None
-    prior: float | None
-    heights_m: tuple[float, ...]
-    speed_m_s: float
-    spacing_m: float
-    margin_m: float
-    cell_m: float | None
-    antenna: str | None
-    level_sigma_db: float
-    budget: "LinkBudget"
-    output: Path | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Told:
-    """What is told of one tag at one height."""
-
-    tag: "Tag"
-    height_m: float | None
-    """None: that of a flight."""
-    coverage: "Coverage"
-    best: bool = True
-    in_area: float | None = None
-    """Mean probability in the outline."""
-    absence: "Absence | None" = None
-    heard: int = 0
-    """Confirmed pulses of it in the flight."""
-    antenna: str
-    """Name of its pattern."""
-    in_hindsight: bool = False
-    """Whether the whole flight showed it."""
-    silent: "SilentAround | None" = None
-    """What silence says around a flight; None where it was heard."""
-    noise: str | None = None
-    files: tuple[Path, ...] = ()
 
 
 def _check_used(
@@ -305,7 +258,7 @@ def _listed(
     from uavrt.config.tag_files import read_tags
 
     if tags is not None:
-        return _chosen(list(read_tags(tags)), ids)
+        return chosen(list(read_tags(tags)), ids)
     if interval_s <= 2.0 * pulse_width_s:
         raise ConfigError(
             f"an interval of {interval_s:g} s for pulses of {pulse_width_s:g} s",
@@ -321,147 +274,11 @@ def _listed(
     ]
 
 
-def _chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
-    missing = sorted(set(ids) - {one.tag_id for one in known})
-    if missing or not known:
-        listed = ", ".join(str(one.tag_id) for one in known) or "none"
-        what = f"there is no tag {missing[0]}" if missing else "there are no tags"
-        raise ConfigError(what, remedy=f"Choose from {listed}, or name --tags")
-    return [one for one in known if not ids or one.tag_id in ids]
-
-
-def _before(asked: _Asked, tags: "list[Tag]") -> list[_Told]:
-    """Map a plan, for each tag and height."""
-    import numpy as np
-
-    from uavrt.analysis.coverage import (
-        MapSize,
-        best_of,
-        inside,
-        map_around,
-        plan_coverage,
-        read_places,
-        read_polygon,
-    )
-    from uavrt.analysis.coverage_files import write_maps
-    from uavrt.localization.antenna import MONOPOLE, pattern_named
-
-    antenna = asked.antenna or MONOPOLE
-    pattern = pattern_named(antenna)
-    plane, corners = read_places(asked.source, asked.spacing_m)
-    east, north = np.array(corners).T
-    latitude, longitude = plane.to_geodetic(east, north)
-    way = list(zip(longitude.tolist(), latitude.tolist(), strict=True))
-    size = MapSize(margin_m=asked.margin_m, cell_m=asked.cell_m or _CELL_M)
-    area = map_around(plane, east, north, asked.elevation, size)
-    cells = None
-    if asked.outline is not None:
-        cells = inside(read_polygon(asked.outline, plane), area.ground)
-    told = []
-    for tag in tags:
-        maps = []
-        for height_m in asked.heights_m:
-            with progress_bar(f"tag {tag.tag_id} from {height_m:g} m") as on_pulse:
-                maps.append(
-                    plan_coverage(
-                        area,
-                        corners,
-                        tag,
-                        asked.budget,
-                        height_m=height_m,
-                        speed_m_s=asked.speed_m_s,
-                        pattern=pattern,
-                        level_sigma_db=asked.level_sigma_db,
-                        on_pulse=on_pulse,
-                    )
-                )
-        best = best_of(maps)
-        for number, (height_m, one) in enumerate(zip(asked.heights_m, maps, strict=True)):
-            name = f"coverage_tag_{tag.tag_id}_{height_m:g}m"
-            files = () if asked.output is None else write_maps(asked.output, name, one, way)
-            told.append(
-                _Told(
-                    tag=tag,
-                    height_m=height_m,
-                    coverage=one,
-                    best=number == best,
-                    in_area=None if cells is None else _mean(one, cells),
-                    antenna=antenna,
-                    files=tuple(files),
-                )
-            )
-    return told
-
-
-def _after(asked: _Asked, tags: Path | None, ids: tuple[int, ...]) -> list[_Told]:
-    """Map what a flight would have heard, for each tag."""
-    from uavrt.analysis.coverage import inside, read_polygon
-    from uavrt.analysis.coverage_files import write_maps
-    from uavrt.analysis.silence import ListenedFlight
-    from uavrt.config.tag_files import read_tags
-    from uavrt.planning.coverage import absence
-    from uavrt.recording.flight_reader import read_flight
-
-    flight = read_flight(asked.source)
-    way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
-    known = list(flight.info.tags if tags is None else read_tags(tags))
-    listened = ListenedFlight.read(
-        asked.source,
-        flight,
-        asked.elevation,
-        margin_m=asked.margin_m,
-        cell_m=asked.cell_m,
-    )
-    cells = None
-    if asked.outline is not None:
-        ground = listened.area.ground
-        cells = inside(read_polygon(asked.outline, ground.plane), ground)
-    told = []
-    for tag in _chosen(known, ids):
-        with progress_bar(f"tag {tag.tag_id}") as on_pulse:
-            found = listened.silent_map(
-                tag,
-                asked.budget,
-                antenna=asked.antenna,
-                level_sigma_db=asked.level_sigma_db,
-                on_pulse=on_pulse,
-            )
-        one = found.coverage
-        silence = None
-        if cells is not None and not found.heard:
-            silence = absence(one, cells, asked.prior)
-        name = f"coverage_tag_{tag.tag_id}"
-        files = () if asked.output is None else write_maps(asked.output, name, one, way)
-        told.append(
-            _Told(
-                tag=tag,
-                height_m=None,
-                coverage=one,
-                in_area=None if cells is None else _mean(one, cells),
-                absence=silence,
-                heard=found.heard_pulses,
-                in_hindsight=found.in_hindsight,
-                noise=found.noise,
-                antenna=found.antenna,
-                silent=None if found.heard else found.around,
-                files=tuple(files),
-            )
-        )
-    return told
-
-
-def _mean(one: "Coverage", cells: Any) -> float:
-    import numpy as np
-
-    known = one.heard[cells & np.isfinite(one.heard)]
-    return float(known.mean()) if known.size else math.nan
-
-
 def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, 4)
 
 
-def _record(one: _Told) -> dict[str, Any]:
+def _record(one: MappedTag) -> dict[str, Any]:
     ground, silence = one.coverage.ground, one.absence
     return {
         "tag_id": one.tag.tag_id,
@@ -487,7 +304,7 @@ def _record(one: _Told) -> dict[str, Any]:
     }
 
 
-def _print(found: list[_Told]) -> None:
+def _print(found: list[MappedTag]) -> None:
     from uavrt.analysis.silence import around_in_words
 
     for one in found:

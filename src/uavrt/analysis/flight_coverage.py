@@ -1,0 +1,158 @@
+"""Maps of where a tag would have been heard in a flight, of its poses and its noise."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavrt.analysis.coverage import MOST_PULSES, MapArea, covered_by, has_boresight
+from uavrt.analysis.flight_noise import FlightNoise
+from uavrt.analysis.flown_with import flight_settings
+from uavrt.analysis.listening import Stretch, missing_in_words, within
+from uavrt.config.settings import AntennaSettings
+from uavrt.errors import RecordingError
+from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.headings import Headings
+from uavrt.localization.heard import PoseColumns, apart_in_words
+from uavrt.messages import Tag
+from uavrt.planning.coverage import Coverage, ListeningWay
+from uavrt.planning.link_budget import LinkBudget
+from uavrt.pose.mounting import Mounting
+from uavrt.recording.flight_reader import Flight
+from uavrt.recording.integrated import SearchedFor
+from uavrt.tangent_plane import TangentPlane, plane_around
+from uavrt.units import NANOSECONDS_PER_SECOND
+
+_Floats = NDArray[np.float64]
+_LEAST_HEIGHT_M = 1.0
+
+
+def flight_coverage(
+    area: MapArea,
+    flight: Flight,
+    tag: Tag,
+    budget: LinkBudget,
+    *,
+    noise: FlightNoise | None,
+    pattern: AntennaPattern | None,
+    level_sigma_db: float,
+    whole_flight: bool = False,
+    searched: SearchedFor | None = None,
+    listened: Sequence[Stretch] = (),
+    on_pulse: Callable[[int, int], None] | None = None,
+) -> Coverage:
+    """Compute what a flight would have heard of a tag, in groups of pulses or in all together.
+
+    Pulses outside of `listened`, where that is told, were heard by nobody. All together are
+    judged as they were `searched`, where that is told.
+
+    Raises `UsageError`: the flight is too long.
+    """
+    way, limitations = flown_way(area, flight, tag, noise, listened)
+    window_hz = frequency_window_hz(flight)
+    if whole_flight and searched is not None:
+        window_hz = searched.frequency_window_hz
+    if not has_boresight(pattern):
+        way = replace(way, headings=None)
+    found = covered_by(
+        area,
+        way,
+        tag,
+        budget,
+        pattern,
+        level_sigma_db,
+        window_hz,
+        on_pulse,
+        whole_flight=whole_flight,
+        most_drift=0.0 if searched is None else searched.most_drift,
+    )
+    return replace(found, limitations=(*found.limitations, *limitations))
+
+
+def frequency_window_hz(flight: Flight) -> float:
+    """Half-width of the search that the flight's detectors made around a tag's frequency."""
+    settings = flight_settings(flight)
+    return 500.0 if settings is None else settings.detection.frequency_window_hz
+
+
+def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
+    """Plane around a flight, and its way in it.
+
+    Raises `RecordingError`: it has no poses.
+    """
+    poses = PoseColumns.of(flight.poses)
+    if len(poses.time_ns) < 2:
+        raise RecordingError(
+            f"{flight.info.directory} has no poses",
+            remedy="Attach those of an autopilot's log with uavrt attach",
+        )
+    plane = plane_around(poses.latitude_deg, poses.longitude_deg)
+    return (plane, *plane.to_local(poses.latitude_deg, poses.longitude_deg))
+
+
+def flown_way(
+    area: MapArea,
+    flight: Flight,
+    tag: Tag,
+    noise: FlightNoise | None,
+    listened: Sequence[Stretch] = (),
+) -> tuple[ListeningWay, tuple[str, ...]]:
+    """Lay a tag's pulses along a flight, one for each interval, at heights above the ground.
+
+    Only those of the time that was listened to, where that is told.
+    """
+    settings = flight_settings(flight)
+    mounting = Mounting.from_settings(
+        AntennaSettings() if settings is None else settings.antenna
+    )
+    poses = PoseColumns.of(mounting.antenna_pose(pose) for pose in flight.poses)
+    begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
+    interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND
+    count = max(1, int((int(poses.time_ns[-1]) - begin) / interval_ns))
+    time_ns = begin + np.rint(np.arange(min(count, MOST_PULSES + 1)) * interval_ns)
+    missed: tuple[str, ...] = ()
+    if listened:
+        heard = within(time_ns, listened)
+        missed = missing_in_words(float(heard.mean()))
+        time_ns = time_ns[heard] if heard.any() else time_ns[:1]
+    known = poses.time_ns.astype(np.float64)
+    place = area.ground.plane.to_local(poses.latitude_deg, poses.longitude_deg)
+    east, north = (np.interp(time_ns, known, one) for one in place)
+    told = np.interp(time_ns, known, np.nan_to_num(poses.height_m, nan=0.0))
+    height, limitations = _above_ground(area, flight, east, north, told)
+    after = np.clip(np.searchsorted(known, time_ns), 1, len(known) - 1)
+    nearest = after - (time_ns - known[after - 1] <= known[after] - time_ns)
+    return (
+        ListeningWay(
+            time_s=(time_ns - begin) / NANOSECONDS_PER_SECOND,
+            east_m=east,
+            north_m=north,
+            height_m=height,
+            headings=Headings.from_quaternions(poses.quaternion_wxyz[nearest]),
+            noise_db=None if noise is None else noise.at(tag.tag_id, time_ns.astype(np.int64)),
+        ),
+        (*missed, *limitations),
+    )
+
+
+def _above_ground(
+    area: MapArea, flight: Flight, east: _Floats, north: _Floats, told_m: _Floats
+) -> tuple[_Floats, tuple[str, ...]]:
+    """Heights above the ground beneath, from those above the take-off."""
+    ground = area.ground
+    limitations: list[str] = []
+    first = flight.poses[0]
+    at = ground.plane.to_local([first.latitude_deg], [first.longitude_deg])
+    start_m = float(ground(*at)[0])
+    height = start_m + told_m - ground(east, north)
+    if area.hills:
+        said_m = first.altitude_amsl_m - first.altitude_relative_m
+        limitations += apart_in_words(start_m, said_m)
+    below = float(np.mean(height < 0.0))
+    if below > 0.02:
+        limitations.append(
+            f"{below:.0%} of the flight lies below the ground of the elevation files: it is "
+            f"taken {_LEAST_HEIGHT_M:g} m above it"
+        )
+    return np.maximum(height, _LEAST_HEIGHT_M), tuple(limitations)

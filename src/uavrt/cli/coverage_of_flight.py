@@ -1,0 +1,62 @@
+"""``uavrt coverage`` after a flight: maps of what it would have heard, for each tag."""
+
+from pathlib import Path
+
+from uavrt.analysis.coverage import inside, read_polygon
+from uavrt.analysis.coverage_files import write_maps
+from uavrt.analysis.silence import ListenedFlight
+from uavrt.cli.coverage_records import Asked, MappedTag, chosen, mean_inside
+from uavrt.cli.progress import progress_bar
+from uavrt.config.tag_files import read_tags
+from uavrt.planning.coverage import absence
+from uavrt.recording.flight_reader import read_flight
+
+
+def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> list[MappedTag]:
+    """Map what a flight would have heard, for each tag."""
+    flight = read_flight(asked.source)
+    way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
+    known = list(flight.info.tags if tags is None else read_tags(tags))
+    listened = ListenedFlight.read(
+        asked.source,
+        flight,
+        asked.elevation,
+        margin_m=asked.margin_m,
+        cell_m=asked.cell_m,
+    )
+    cells = None
+    if asked.outline is not None:
+        ground = listened.area.ground
+        cells = inside(read_polygon(asked.outline, ground.plane), ground)
+    told = []
+    for tag in chosen(known, ids):
+        with progress_bar(f"tag {tag.tag_id}") as on_pulse:
+            found = listened.silent_map(
+                tag,
+                asked.budget,
+                antenna=asked.antenna,
+                level_sigma_db=asked.level_sigma_db,
+                on_pulse=on_pulse,
+            )
+        one = found.coverage
+        silence = None
+        if cells is not None and not found.heard:
+            silence = absence(one, cells, asked.prior)
+        name = f"coverage_tag_{tag.tag_id}"
+        files = () if asked.output is None else write_maps(asked.output, name, one, way)
+        told.append(
+            MappedTag(
+                tag=tag,
+                height_m=None,
+                coverage=one,
+                in_area=None if cells is None else mean_inside(one, cells),
+                absence=silence,
+                heard=found.heard_pulses,
+                in_hindsight=found.in_hindsight,
+                noise=found.noise,
+                antenna=found.antenna,
+                silent=None if found.heard else found.around,
+                files=tuple(files),
+            )
+        )
+    return told

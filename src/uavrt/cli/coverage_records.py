@@ -1,0 +1,76 @@
+"""What ``uavrt coverage`` is asked for, and the maps that it gives."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uavrt.errors import ConfigError
+
+if TYPE_CHECKING:
+    from uavrt.messages import Tag
+    from uavrt.planning.coverage import Absence, Coverage
+    from uavrt.planning.link_budget import LinkBudget
+    from uavrt.recording.integrated import SilentAround
+    from uavrt.terrain.elevation import Elevation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What the command line says."""
+
+    source: Path
+    elevation: "Elevation | None"
+    outline: Path | None
+    prior: float | None
+    heights_m: tuple[float, ...]
+    speed_m_s: float
+    spacing_m: float
+    margin_m: float
+    cell_m: float | None
+    antenna: str | None
+    level_sigma_db: float
+    budget: "LinkBudget"
+    output: Path | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MappedTag:
+    """The map of one tag at one height, and what follows from it."""
+
+    tag: "Tag"
+    height_m: float | None
+    """None: that of a flight."""
+    coverage: "Coverage"
+    best: bool = True
+    in_area: float | None = None
+    """Mean probability in the outline."""
+    absence: "Absence | None" = None
+    heard: int = 0
+    """Confirmed pulses of it in the flight."""
+    antenna: str
+    """Name of its pattern."""
+    in_hindsight: bool = False
+    """Whether the whole flight showed it."""
+    silent: "SilentAround | None" = None
+    """What silence says around a flight; None where it was heard."""
+    noise: str | None = None
+    files: tuple[Path, ...] = ()
+
+
+def chosen(known: "list[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
+    """Pick tags by their ids; raises `ConfigError` where one is unknown."""
+    missing = sorted(set(ids) - {one.tag_id for one in known})
+    if missing or not known:
+        listed = ", ".join(str(one.tag_id) for one in known) or "none"
+        what = f"there is no tag {missing[0]}" if missing else "there are no tags"
+        raise ConfigError(what, remedy=f"Choose from {listed}, or name --tags")
+    return [one for one in known if not ids or one.tag_id in ids]
+
+
+def mean_inside(one: "Coverage", cells: Any) -> float:
+    """Mean probability of cells whose ground is known."""
+    import numpy as np
+
+    known = one.heard[cells & np.isfinite(one.heard)]
+    return float(known.mean()) if known.size else math.nan
