@@ -1,15 +1,13 @@
 """``uavrt coverage``: where a tag is heard, before a flight and after it."""
 
 # isort: off
+from uavrt.cli.budget import USUAL_BUDGET, Budget, refuse
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import (
-    Decibels,
     DecibelsOfError,
     GroupPulses,
     Heights,
     Interval,
-    Metres,
-    NoiseFigure,
     Power,
     PulseWidth,
     Reach,
@@ -57,13 +55,9 @@ def coverage(
     frequency: TagFrequency = _FREQUENCY_HZ,
     pulse_width: PulseWidth = _PULSE_WIDTH_S,
     interval: Interval = _INTERVAL_S,
-    tag_height: Metres = 0.5,
     antenna: str | None = None,
-    antenna_gain: Decibels = 4.0,
-    mismatch: Decibels = 3.0,
-    noise_figure: NoiseFigure = 8.0,
+    budget: Budget = USUAL_BUDGET,
     level_error: DecibelsOfError = 3.0,
-    free_space: Annotated[bool, Parameter(negative="")] = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
@@ -115,25 +109,14 @@ def coverage(
         The tag's pulse width [s], without --tags.
     interval
         The tag's pulse interval [s], without --tags.
-    tag_height
-        Height of the tag above the ground [m].
     antenna
         Name of the antenna's pattern, or a CSV file of angles and gains. It points where the
         drone flies, or as the flight recorded it. monopole: alike on all sides, and deaf
         to what is below. By
         default monopole before a flight, and after it what the drone was set up with
         (bearings.antenna), else RA-23K.
-    antenna_gain
-        Gain on boresight [dBi].
-    mismatch
-        Loss by polarization and cables [dB].
-    noise_figure
-        Noise that receiver, drone and sky add to the thermal noise [dB]. What a flight measured
-        above its quietest noise is added.
     level_error
         Standard deviation of the tag's level [dB]: power, animal, ground.
-    free_space
-        Ignore the ray reflected by the ground.
     output
         Directory for the maps, as GeoTIFF and PNG.
     as_json
@@ -142,7 +125,6 @@ def coverage(
     from uavrt.cli.coverage_of_flight import maps_of_flight
     from uavrt.cli.coverage_of_plan import maps_of_plan
     from uavrt.cli.outputs import make_directory, print_json
-    from uavrt.planning.link_budget import LinkBudget
 
     if not height:
         raise ConfigError("there is no height", remedy="Give --height 60")
@@ -178,16 +160,11 @@ def coverage(
         cell_m=cell,
         antenna=_named(antenna),
         level_sigma_db=level_error,
-        budget=LinkBudget(
+        budget=budget.link(
+            power_dbm=tag_power,
+            height_m=height[0],
             frequency_hz=frequency,
             pulse_width_s=pulse_width,
-            tag_eirp_dbm=tag_power,
-            tag_height_m=tag_height,
-            drone_height_m=height[0],
-            antenna_gain_dbi=antenna_gain,
-            mismatch_db=mismatch,
-            noise_figure_db=noise_figure,
-            ground="free" if free_space else "two-ray",
         ),
         output=output,
     )
@@ -214,8 +191,8 @@ def _check_used(
 ) -> None:
     """Refuse options that would say nothing; raises `ConfigError`."""
     if source.is_dir():
-        _refuse(of_plan, "is of a plan, and a flight has its own")
-        _refuse(of_one_tag, "is of a tag without a list, and a flight has its own tags")
+        refuse(of_plan, "is of a plan, and a flight has its own")
+        refuse(of_one_tag, "is of a tag without a list, and a flight has its own tags")
         if prior is not None and area is None:
             raise ConfigError("--prior is of an area", remedy="Name it with --area")
         return
@@ -225,19 +202,12 @@ def _check_used(
             remedy="Leave it out, or name the flight's directory",
         )
     if tags is not None:
-        _refuse(of_one_tag, "is of a tag without a list, and --tags has its own")
+        refuse(of_one_tag, "is of a tag without a list, and --tags has its own")
     elif ids:
         raise ConfigError(
             f"there is no list to choose --tag {ids[0]} from",
             remedy="Name the tag file with --tags, or leave --tag out",
         )
-
-
-def _refuse(given: dict[str, bool], why: str) -> None:
-    """Refuse what would be ignored."""
-    for option, wrong in given.items():
-        if wrong:
-            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
 
 
 def _named(antenna: str | None) -> str | None:

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from uavrt.cli.budget import USUAL_BUDGET, Budget, refuse
 from uavrt.cli.kinds import (
     Count,
-    Decibels,
     GroupPulses,
     Metres,
-    NoiseFigure,
     Power,
     PulseWidth,
     TagFrequency,
@@ -34,19 +33,15 @@ def range(
     *,
     tag_power: Power,
     height: Metres = 60.0,
-    tag_height: Metres = 0.5,
     tags: Path | None = None,
     pulses: tuple[GroupPulses, ...] = _PULSES,
     frequency: TagFrequency = _FREQUENCY_HZ,
     pulse_width: PulseWidth = _PULSE_WIDTH_S,
-    antenna_gain: Decibels = 4.0,
-    mismatch: Decibels = 3.0,
-    noise_figure: NoiseFigure = 8.0,
+    path: Budget = USUAL_BUDGET,
     flight: tuple[Path, ...] = (),
     whole_flight: Annotated[bool, Parameter(negative="")] = False,
     antenna: str = _ANTENNA,
     flight_pulses: Count = _FLIGHT_PULSES,
-    free_space: Annotated[bool, Parameter(negative="")] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Show how far a tag is heard: distance for Pd .5 and .9, and the budget line by line.
@@ -61,8 +56,6 @@ def range(
         Power that the tag radiates [dBm], antenna and animal included; collars: -30 to -10.
     height
         Height of the drone above the ground [m].
-    tag_height
-        Height of the tag above the ground [m].
     tags
         A tag file: each tag with its own frequency, pulse width, interval and K. Without it
         a tag of 1.254 s, known to 60 ms, at a false-alarm probability of 1 %.
@@ -72,12 +65,6 @@ def range(
         The tag's frequency [Hz], without --tags.
     pulse_width
         The tag's pulse width [s], without --tags.
-    antenna_gain
-        Gain towards the tag [dBi]; 4 is usual for two elements, 2 for a monopole.
-    mismatch
-        Loss by polarization, cables and pointing [dB].
-    noise_figure
-        Noise that receiver, drone and sky add to the thermal noise [dB].
     flight
         A past flight: how much the drone's noise rose in the air is added to the noise. Of
         several, the median counts.
@@ -89,15 +76,11 @@ def range(
         monopole hears alike on all sides.
     flight_pulses
         How many pulses the tag sends in a --whole-flight.
-    free_space
-        Ignore the ray reflected by the ground.
     as_json
         Print a list of objects.
     """
-    from uavrt.planning.link_budget import LinkBudget
-
     if tags is not None:
-        _refuse(
+        refuse(
             {
                 "--pulses": pulses != _PULSES,
                 "--frequency": frequency != _FREQUENCY_HZ,
@@ -106,7 +89,7 @@ def range(
             "is of a tag without a list, and --tags has its own",
         )
     if not whole_flight:
-        _refuse(
+        refuse(
             {
                 "--antenna": antenna != _ANTENNA,
                 "--flight-pulses": flight_pulses != _FLIGHT_PULSES,
@@ -114,16 +97,11 @@ def range(
             "is of a --whole-flight, and groups are heard with --antenna-gain",
         )
     noise = [_noise(one) for one in flight]
-    budget = LinkBudget(
+    budget = path.link(
+        power_dbm=tag_power,
+        height_m=height,
         frequency_hz=frequency,
         pulse_width_s=pulse_width,
-        tag_eirp_dbm=tag_power,
-        tag_height_m=tag_height,
-        drone_height_m=height,
-        antenna_gain_dbi=antenna_gain,
-        mismatch_db=mismatch,
-        noise_figure_db=noise_figure,
-        ground="free" if free_space else "two-ray",
         drone_noise_db=_median_db(noise),
     )
     listed = _tags(tags, pulses, frequency, pulse_width)
@@ -148,13 +126,6 @@ def range(
         print_json([one | {"noise_from": noise} for one in rows])
     else:
         _print(rows, budget, noise)
-
-
-def _refuse(given: dict[str, bool], why: str) -> None:
-    """Refuse what would be ignored; raises `ConfigError`."""
-    for option, wrong in given.items():
-        if wrong:
-            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
 
 
 def _tags(

@@ -1,0 +1,75 @@
+"""Options of the link budget, for commands that predict how far a tag is heard."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from uavrt.cli.kinds import Decibels, Metres, NoiseFigure
+from uavrt.errors import ConfigError
+
+if TYPE_CHECKING:
+    from uavrt.planning.link_budget import LinkBudget
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """The path between a tag and the receiver.
+
+    Parameters
+    ----------
+    tag_height
+        Height of the tag above the ground [m].
+    antenna_gain
+        Gain on boresight, or towards the tag [dBi]; 4 is usual for two elements, 2 for a
+        monopole.
+    mismatch
+        Loss by polarization, cables and pointing [dB].
+    noise_figure
+        Noise that receiver, drone and sky add to the thermal noise [dB]. What a flight measured
+        above its quietest noise is added.
+    free_space
+        Ignore the ray reflected by the ground.
+    """
+
+    tag_height: Metres = 0.5
+    antenna_gain: Decibels = 4.0
+    mismatch: Decibels = 3.0
+    noise_figure: NoiseFigure = 8.0
+    free_space: Annotated[bool, Parameter(negative="")] = False
+
+    def link(
+        self,
+        *,
+        power_dbm: float,
+        height_m: float,
+        frequency_hz: float,
+        pulse_width_s: float,
+        drone_noise_db: float = 0.0,
+    ) -> "LinkBudget":
+        """Make the budget of a tag and a drone."""
+        from uavrt.planning.link_budget import LinkBudget
+
+        return LinkBudget(
+            frequency_hz=frequency_hz,
+            pulse_width_s=pulse_width_s,
+            tag_eirp_dbm=power_dbm,
+            tag_height_m=self.tag_height,
+            drone_height_m=height_m,
+            antenna_gain_dbi=self.antenna_gain,
+            mismatch_db=self.mismatch,
+            noise_figure_db=self.noise_figure,
+            ground="free" if self.free_space else "two-ray",
+            drone_noise_db=drone_noise_db,
+        )
+
+
+USUAL_BUDGET = Budget()
+
+
+def refuse(given: dict[str, bool], why: str) -> None:
+    """Refuse options that would be ignored; raises `ConfigError`."""
+    for option, wrong in given.items():
+        if wrong:
+            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
