@@ -1,7 +1,7 @@
 """``uavrt batch``: a whole archive of recordings under one tag list."""
 
 # isort: off
-from uavrt.cli.kinds import Between, Degrees, DegreesOfError, Hertz, Metres, MetresOfError
+from uavrt.cli.kinds import Between, Hertz
 import uavrt.cli.one_thread  # noqa: F401  before numpy
 
 # isort: on
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import Parameter
 
-from uavrt.cli.elevation import elevation_of
+from uavrt.cli.placing import USUAL, Placing
 from uavrt.cli.words import counted
 from uavrt.errors import UsageError
 
@@ -45,14 +45,8 @@ def batch(
     steps: Annotated[
         list[str] | None, Parameter(name="--step", consume_multiple=True, negative="")
     ] = None,
-    antenna: str | None = None,
-    antenna_offset: Degrees = 0.0,
     method: str = "bayes",
-    height: Metres | None = None,
-    heading_error: DegreesOfError = 1.5,
-    height_error: MetresOfError = 7.0,
-    dem: Path | None = None,
-    sea: bool = False,
+    place: Placing = USUAL,
     verify: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Find the pulses of tags in all recordings of an archive, and where the tags were.
@@ -96,31 +90,12 @@ def batch(
         which judges tags below the noise over each whole flight that kept its channels, and
         takes some seconds and 0.7 GB of memory for each. Without detect, what is detected
         already is used.
-    antenna
-        Name of the antenna's pattern, or a CSV file of angles and gains; monopole: no bearings,
-        positions from signal strength along the flight. By default what each drone was set up
-        with (bearings.antenna), and RA-23K for recordings without a flight.
-    antenna_offset
-        Boresight clockwise from the heading that the pulses contain [°].
     method
         How bearings become positions: {position_methods}.
-    height
-        With a monopole: height above the tags [m], for logs that do not contain it.
-    heading_error
-        Standard deviation of the heading error common to a whole flight [°].
-    height_error
-        With a monopole: standard deviation of the error common to all heights above a tag [m].
-    dem
-        Elevation file (SRTM .hgt or GeoTIFF) or a folder of them, for positions and whole
-        flights: hills weaken what is heard, and explain silence. Without it the ground is taken
-        as level.
-    sea
-        Take ground that no elevation file covers for water at height 0.
     verify
         Read all that was written before, and make damaged files again. Without it a file is
         checked by its size and time.
     """
-    from uavrt.analysis.measure.antenna_files import antenna_named
     from uavrt.analysis.measure.tag_source import read_tag_source
     from uavrt.analysis.positions import check_position_method
     from uavrt.batch.flight_work import PlacingSettings
@@ -129,13 +104,10 @@ def batch(
     from uavrt.batch.settings import USUAL_STEPS, BatchSettings, BatchWatch
     from uavrt.cli.detect import stop_on_signals
     from uavrt.cli.outputs import make_directory
-    from uavrt.localization.antenna import MONOPOLE
 
     sought = read_tag_source(tags)
-    if antenna not in (None, MONOPOLE):
-        antenna_named(antenna)
     check_position_method(method)
-    elevation_of(dem, sea=sea)  # a damaged file is told before anything is done
+    how = place.read_as(method)  # a damaged file is named before anything is done
     given = [one for one in (manifest, tags) if one is not None]
     told = None if manifest is None else read_manifest(manifest)
     found = find_recordings(paths, told, known=given)
@@ -159,14 +131,14 @@ def batch(
         workers=workers or os.cpu_count() or 1,
         scheduler=scheduler,
         placing=PlacingSettings(
-            antenna=antenna,
-            offset_deg=antenna_offset,
+            antenna=place.antenna,
+            offset_deg=how.offset_deg,
             method=method,  # type: ignore[arg-type]
-            height_m=height,
-            heading_sigma_deg=heading_error,
-            height_sigma_m=height_error,
-            dem=None if dem is None else str(dem.absolute()),
-            sea=sea,
+            height_m=how.height_m,
+            heading_sigma_deg=how.heading_sigma_deg,
+            height_sigma_m=how.height_sigma_m,
+            dem=None if place.dem is None else str(place.dem.absolute()),
+            sea=place.sea,
         ),
     )
     settings.check()
