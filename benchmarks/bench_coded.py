@@ -128,12 +128,8 @@ def extrapolated(counts: Sequence[float], hours: Sequence[float]) -> tuple[float
     The logarithm of a Poisson count's mean is a line in that of the limit; iterated weighted
     least squares are its maximum likelihood (McCullagh and Nelder 1989, section 2.5).
 
-    Parameters
-    ----------
-    counts : sequence of float
-        At each of the lowered limits; more than none.
-    hours : sequence of float
-        Times codes.
+    `counts`: at each of the lowered limits; more than none.
+    `hours`: times codes.
     """
     known = np.stack((np.ones(len(counts)), np.log(LOWERED)), axis=1)
     seen, offset = np.asarray(counts, float), np.log(hours)

@@ -59,18 +59,12 @@ def compare(
 ) -> Table:
     """Time cases in turn and put medians, ratios and bars in a table.
 
-    Parameters
-    ----------
-    baseline : str, optional
-        Name of the case that ratios refer to; a ratio is the median over rounds of the
-        quotient within the round.
-    rounds : int
-        Each case has so many turns, after one that does not count.
-    in_a_row : int
-        Timed runs in a turn, after one untimed: a case pays for its own work, not for the
-        caches that the case before has emptied.
-    absent : sequence of (name, reason)
-        Peers that could not be timed here; listed, so that nothing is left out silently.
+    `baseline`: name of the case that ratios refer to; a ratio is the median over rounds of the
+    quotient within the round.
+    `rounds`: each case has so many turns, after one that does not count.
+    `in_a_row`: timed runs in a turn, after one untimed: a case pays for its own work, not for
+    the caches that the case before has emptied.
+    `absent`: peers that could not be timed here; listed, so that nothing is left out silently.
     """
     times: dict[str, list[float]] = {case.name: [] for case in cases}
     for round_ in range(rounds + 1):

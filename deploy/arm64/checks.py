@@ -74,10 +74,7 @@ def require(good: bool, text: str) -> None:
 class Emulated:
     """Runs programs in the root.
 
-    Parameters
-    ----------
-    work : Path
-        The directory that make-root.sh has made.
+    `work`: the directory that make-root.sh has made.
     """
 
     def __init__(self, work: Path) -> None:
@@ -228,10 +225,7 @@ def recorded(status: SystemStatus) -> float:
 class Feeder(threading.Thread):
     """The air: whenever the emulated radio program listens, the simulated one speaks to it.
 
-    Parameters
-    ----------
-    shared : Path
-        Where the programs meet: ``tuned`` (its arguments), ``samples`` (a pipe).
+    `shared`: where the programs meet: ``tuned`` (its arguments), ``samples`` (a pipe).
     """
 
     def __init__(self, shared: Path) -> None:

@@ -23,16 +23,10 @@ def measured(
 ) -> Row:
     """Make a line of a figure over runs, with its 95 % interval.
 
-    Parameters
-    ----------
-    experiment, condition, quantity : str
-        What is measured.
-    values : sequence of float
-        One for each run. Without any, the figure is not a number, and misses its bar.
-    figure : callable
-        Values to the figure: a median, a root of mean squares …
-    least, most, bound : float, optional
-        Bar and bound.
+    `experiment`, `condition`, `quantity`: what is measured.
+    `values`: one for each run. Without any, the figure is not a number, and misses its bar.
+    `figure`: values to the figure: a median, a root of mean squares …
+    `least`, `most`, `bound`: bar and bound.
     """
     array = np.asarray(values, np.float64)
     low, high = (

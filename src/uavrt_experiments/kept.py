@@ -15,21 +15,11 @@ class KeptOutcomes:
     A trial must follow from its name and from `made_with` alone. The file has a line of JSON
     for each; what a crash left of the last line is cut off.
 
-    Parameters
-    ----------
-    path : Path, optional
-        Made where it does not exist; None keeps in memory.
-    made_with : str
-        Seed, code and whatever else the outcomes follow from.
-
-    Raises
-    ------
-    UsageError
-        The file's outcomes were made with something else.
-    FormatError
-        It is no such file.
-    RecordingError
-        It cannot be read or written.
+    `path`: made where it does not exist; None keeps in memory.
+    `made_with`: seed, code and whatever else the outcomes follow from.
+    Raises `UsageError`: the file's outcomes were made with something else.
+    Raises `FormatError`: it is no such file.
+    Raises `RecordingError`: it cannot be read or written.
     """
 
     def __init__(self, path: Path | None = None, *, made_with: str = "") -> None:
@@ -69,11 +59,7 @@ class KeptOutcomes:
     def take(self, name: str, trial: Callable[[], Any]) -> Any:
         """Get the outcome of a trial, which is done if it is not kept yet.
 
-        Parameters
-        ----------
-        name : str
-        trial : callable
-            Gives what JSON can hold.
+        `trial`: gives what JSON can hold.
         """
         if name not in self._outcomes:
             outcome = trial()

@@ -74,13 +74,8 @@ class Part:
 def digest(folders: Sequence[str], source: Path = SOURCE, native: Path = NATIVE) -> str:
     """Digest of the code of some folders of the package: 12 hexadecimal digits.
 
-    Parameters
-    ----------
-    folders : sequence of str
-        Names below `source`.
-    source : Path
-    native : Path
-        Where the compiled kernels' sources are; they count with what uses them.
+    `folders`: names below `source`.
+    `native`: where the compiled kernels' sources are; they count with what uses them.
     """
     found = hashlib.sha256()
     for folder in sorted(folders):
@@ -139,16 +134,8 @@ def commit() -> str:
 def in_history(named: str, root: Path = ROOT) -> bool | None:
     """Whether a commit that a table names is one of this clone's history.
 
-    Parameters
-    ----------
-    named : str
-        As written beneath a title; -dirty behind it does not count.
-    root : Path
-
-    Returns
-    -------
-    bool or None
-        None where nobody can tell: without git, or in a shallow clone.
+    `named`: as written beneath a title; -dirty behind it does not count.
+    Returns: None where nobody can tell: without git, or in a shallow clone.
     """
     if not (root / ".git").exists() or shutil.which("git") is None:
         return None

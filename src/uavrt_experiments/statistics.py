@@ -130,16 +130,8 @@ def level_for(
     A logistic function of the level is fitted by maximum likelihood to the points within
     1.5 dB of the answer, half a hit and half a miss added to each point.
 
-    Parameters
-    ----------
-    points : sequence of (level_db, hits, trials)
-    share : float
-
-    Returns
-    -------
-    tuple of float
-        Level, its 95 % interval (delta method), and the standard error [dB]. Where all or
-        none were found no curve can be fitted: the level is then beyond the levels tried.
+    Returns: level, its 95 % interval (delta method), and the standard error [dB]. Where all or
+    none were found no curve can be fitted: the level is then beyond the levels tried.
     """
     if not any(hits for _, hits, _ in points):
         beyond = max(at for at, _, _ in points)

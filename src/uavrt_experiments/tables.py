@@ -19,12 +19,8 @@ COLUMNS = (
 def aligned(lines: Sequence[Sequence[str]], *, numbers_from: int | None = None) -> str:
     """Lay out cells in columns, two spaces apart.
 
-    Parameters
-    ----------
-    lines : sequence of sequence of str
-        Headings and rows, all of the same length.
-    numbers_from : int, optional
-        The first of the columns that are flush right; by default none is.
+    `lines`: headings and rows, all of the same length.
+    `numbers_from`: the first of the columns that are flush right; by default none is.
     """
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(

@@ -59,14 +59,9 @@ def key_file(directory: Path) -> Path:
 class Guided:
     """Makes a bay's drone one with a key that offers orders, and flies what is confirmed.
 
-    Parameters
-    ----------
-    bay : Bay
-        Not yet running.
-    key : Path, optional
-        File of the drone's key.
-    **mavlink
-        Further settings.
+    `bay`: not yet running.
+    `key`: file of the drone's key.
+    `**mavlink`: further settings.
     """
 
     def __init__(self, bay: Any, key: Path | None, **mavlink: Any) -> None:
@@ -151,14 +146,9 @@ class Guided:
 class Attacker:
     """Sends frames to the drone's port, and to the ground's.
 
-    Parameters
-    ----------
-    bay : Bay
-        That runs.
-    ground : GroundLink
-        What it sends is overheard, and can be sent again.
-    yesterday : sequence of bytes
-        Announcements of earlier sessions of this drone, with its key.
+    `bay`: that runs.
+    `ground`: what it sends is overheard, and can be sent again.
+    `yesterday`: announcements of earlier sessions of this drone, with its key.
     """
 
     def __init__(self, bay: Any, ground: Any, yesterday: tuple[bytes, ...] = ()) -> None:

@@ -164,16 +164,11 @@ def _made(*lines: str, **names: Any) -> Any:
 class Keys:
     """Reduce a state to a key: two states with equal keys behave equally from then on.
 
-    Parameters
-    ----------
-    undecided : mapping of str to callable or True
-        Attributes (``"Class.name"``, or ``".name"`` in any class) left out of the key: always,
-        or when the function of their object is true.
-    oldest_s : mapping of str to float
-        Greatest distinguished age of a time, by the name of its attribute; ``""``: of all
-        others.
-    reduced : mapping of str to callable
-        Function of its object that replaces an attribute (``"Class.name"``) in the key.
+    `undecided`: attributes (``"Class.name"``, or ``".name"`` in any class) left out of the key:
+    always, or when the function of their object is true.
+    `oldest_s`: greatest distinguished age of a time, by the name of its attribute; ``""``: of
+    all others.
+    `reduced`: function of its object that replaces an attribute (``"Class.name"``) in the key.
     """
 
     def __init__(

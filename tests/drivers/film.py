@@ -105,10 +105,7 @@ ENCODER = """
 class Film:
     """Pictures of a page from now on.
 
-    Parameters
-    ----------
-    page : Page
-        What is filmed.
+    `page`: what is filmed.
     """
 
     def __init__(self, page: Page) -> None:

@@ -10,12 +10,7 @@ from typing import Any
 
 
 class Store:
-    """What is given out, and how.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """What is given out, and how."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

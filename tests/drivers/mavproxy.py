@@ -13,16 +13,10 @@ def mavproxy(
 ) -> str:
     """Type commands, wait until what they ask is done; get all that MAVProxy said.
 
-    Parameters
-    ----------
-    port : int
-        UDP port on the loopback where it listens.
-    commands : str
-        A line each.
-    directory : Path
-        Its home.
-    done : callable
-        Asked again and again; after `patience_s` seconds the test judges what there is.
+    `port`: UDP port on the loopback where it listens.
+    `commands`: a line each.
+    `directory`: its home.
+    `done`: asked again and again; after `patience_s` seconds the test judges what there is.
     """
     program = subprocess.Popen(
         [

@@ -20,13 +20,8 @@ class Hand(Protocol):
 class MovedPage:
     """The page of a ground station that has found a drone which takes orders.
 
-    Parameters
-    ----------
-    browser : Browser
-    address : str
-        Of the page.
-    commands : callable
-        Number of commands of motion that the drone has given to its autopilot.
+    `address`: of the page.
+    `commands`: number of commands of motion that the drone has given to its autopilot.
     """
 
     def __init__(self, browser: Browser, address: str, commands: Callable[[], int]) -> None:

@@ -9,12 +9,8 @@ from types import TracebackType
 class QuietRadio:
     """Passes datagrams on, both ways, unless it is silent.
 
-    Parameters
-    ----------
-    port : int
-        Where the autopilot sends to.
-    ground_port : int
-        Where the ground station listens.
+    `port`: where the autopilot sends to.
+    `ground_port`: where the ground station listens.
     """
 
     def __init__(self, port: int, ground_port: int) -> None:

@@ -10,13 +10,8 @@ from uavrt.mavlink.message import Message
 class Rough:
     """One such link.
 
-    Parameters
-    ----------
-    rng : random.Random
-    late_s, jitter_s : float
-        What each message takes at least, and besides at most.
-    loss, doubled : float
-        Shares of messages.
+    `late_s`, `jitter_s`: what each message takes at least, and besides at most.
+    `loss`, `doubled`: shares of messages.
     """
 
     def __init__(

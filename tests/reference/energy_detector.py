@@ -13,14 +13,8 @@ from numpy.typing import NDArray
 class EnergyDetector:
     """Decides on the strongest cell of a segment.
 
-    Parameters
-    ----------
-    pulse_width_s, segment_s : float
-    probability : float
-        Of a false alarm in a segment.
-    sample_rate_hz : float
-    trials : int
-        Segments of noise for the threshold.
+    `probability`: of a false alarm in a segment.
+    `trials`: segments of noise for the threshold.
     """
 
     def __init__(

@@ -9,18 +9,9 @@ def response_db(
 ) -> NDArray[np.float64]:
     """Magnitude response of a filter, evaluated directly.
 
-    Parameters
-    ----------
-    taps : (n,) float64 array
-    frequencies_hz : (m,) float64 array
-        Frequencies [Hz].
-    sample_rate_hz : float
-        Rate at which the taps run [Hz].
-
-    Returns
-    -------
-    (m,) float64 array
-        20 log10 of the magnitude, at least -400 [dB].
+    `frequencies_hz`: frequencies [Hz].
+    `sample_rate_hz`: rate at which the taps run [Hz].
+    Returns: 20 log10 of the magnitude, at least -400 [dB].
     """
     turns = np.outer(frequencies_hz / sample_rate_hz, np.arange(taps.size))
     magnitude = np.abs(np.exp(-2j * np.pi * turns) @ taps)

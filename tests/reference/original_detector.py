@@ -28,15 +28,9 @@ class Group:
 class OriginalDetector:
     """The original's search of single segments.
 
-    Parameters
-    ----------
-    tag : Tag
-    sample_rate_hz : float
-    probability : float
-        Of a false group in a segment.
-    trials : int
-        Segments of noise for the threshold; the original took 100, which leaves the threshold
-        0.75 too low and too many false alarms (§4.5).
+    `probability`: of a false group in a segment.
+    `trials`: segments of noise for the threshold; the original took 100, which leaves the
+    threshold 0.75 too low and too many false alarms (§4.5).
     """
 
     def __init__(

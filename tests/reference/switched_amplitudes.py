@@ -19,30 +19,14 @@ def switched_amplitudes(
 ) -> tuple[_Complex, _Floats]:
     """Complex amplitude of a pulse at each position of the switch.
 
-    Parameters
-    ----------
-    samples : (n,) complex64 array
-        The pulse, from its first to its last sample.
-    selected : (n,) int array
-        Position of the switch at each sample; negative while it settles.
-    frequency_hz : float
-        Carrier of the pulse in the samples.
-    sample_rate_hz : float
-        Rate.
-    elements : int
-        Positions of the switch.
-
-    Returns
-    -------
-    amplitudes : (elements,) complex128 array
-        Common carrier phase.
-    counts : (elements,) float64 array
-        Samples behind each; its noise power is that of a sample over the count.
-
-    Raises
-    ------
-    UsageError
-        A position was never selected during the pulse.
+    `samples`: the pulse, from its first to its last sample.
+    `selected`: position of the switch at each sample; negative while it settles.
+    `frequency_hz`: carrier of the pulse in the samples.
+    `sample_rate_hz`: rate.
+    `elements`: positions of the switch.
+    Returns: `amplitudes`: common carrier phase.
+    Returns: `counts`: samples behind each; its noise power is that of a sample over the count.
+    Raises `UsageError`: a position was never selected during the pulse.
     """
     time = np.arange(len(samples)) / sample_rate_hz
     still = samples * np.exp(-2j * np.pi * frequency_hz * time)

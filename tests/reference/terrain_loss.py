@@ -18,15 +18,9 @@ def terrain_loss_db(
 ) -> float:
     """Loss [dB] of one profile beyond that of level ground.
 
-    Parameters
-    ----------
-    distance_m : (n,) array
-        From the drone, 0 at the first point and rising; the tag is at the last.
-    height_m : (n,) array
-        Of the ground, of any datum.
-    antenna_m, tag_m : float
-        Heights above the ground at either end.
-    frequency_hz : float
+    `distance_m`: from the drone, 0 at the first point and rising; the tag is at the last.
+    `height_m`: of the ground, of any datum.
+    `antenna_m`, `tag_m`: heights above the ground at either end.
     """
     wavelength = LIGHT_M_S / frequency_hz
     x = np.asarray(distance_m, np.float64)

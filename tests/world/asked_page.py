@@ -30,14 +30,9 @@ class Answer:
 class AskedPage:
     """A page whose station listens at an address of MAVLink.
 
-    Parameters
-    ----------
-    directory : Path
-        The ground station's.
-    address : str
-        Of the drones.
-    **settings
-        Of `PageSettings`.
+    `directory`: the ground station's.
+    `address`: of the drones.
+    `**settings`: of `PageSettings`.
     """
 
     def __init__(self, directory: Path, address: str, **settings: Any) -> None:

@@ -32,10 +32,7 @@ FIRST_PID = 1 << 23
 class TaskLauncher(Launcher):
     """Starts tasks in place of processes.
 
-    Parameters
-    ----------
-    programs : mapping of str to callable
-        By the module that the table names.
+    `programs`: by the module that the table names.
     """
 
     def __init__(self, programs: Mapping[str, Program]) -> None:
@@ -163,16 +160,10 @@ async def record(frame: ProcessFrame) -> None:
 class DroneComputer:
     """A supervisor with its processes; `run` serves them until cancelled.
 
-    Parameters
-    ----------
-    settings : Settings
-        The drone's.
-    detect : callable
-        Serves as a detector.
-    on_record : callable
-        Gets each line that passes the supervisor.
-    receive : callable
-        Serves as the receiver.
+    `settings`: the drone's.
+    `detect`: serves as a detector.
+    `on_record`: gets each line that passes the supervisor.
+    `receive`: serves as the receiver.
     """
 
     def __init__(

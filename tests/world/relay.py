@@ -13,14 +13,9 @@ from uavrt.demo.programs import free_udp_port
 class Relay:
     """Passes datagrams on, both ways; its faults are changed at any time.
 
-    Parameters
-    ----------
-    towards : int
-        Port of the end that listens.
-    port : int, optional
-        Where the other end sends to.
-    seed : int
-        Of losses, delays and copies.
+    `towards`: port of the end that listens.
+    `port`: where the other end sends to.
+    `seed`: of losses, delays and copies.
     """
 
     def __init__(self, towards: int, port: int | None = None, *, seed: int = 1) -> None:

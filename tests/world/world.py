@@ -102,22 +102,15 @@ def tag_of(number: int, animal: Animal) -> Tag:
 class World:
     """A drone behind its autopilot, and a port for a ground station.
 
-    Parameters
-    ----------
-    directory : Path
-        For the drone's flights, and the ground station's.
-    animals : sequence of Animal
-        Their places are in metres from the drone's start; each wears the tag of `tag_of`.
-    ground_port : int, optional
-        Where the ground station listens.
-    mavlink, guidance : dict
-        Settings of the drone that differ from the usual ones; with `guidance` it takes orders.
-    flights : Path, optional
-        The drone's directory of flights.
-    vehicle : callable, optional
-        Pose of the vehicle at a time [ns]; it turns on the spot unless it flies.
-    **autopilot
-        What differs of `AutopilotSettings`.
+    `directory`: for the drone's flights, and the ground station's.
+    `animals`: their places are in metres from the drone's start; each wears the tag of
+    `tag_of`.
+    `ground_port`: where the ground station listens.
+    `mavlink`, `guidance`: settings of the drone that differ from the usual ones; with
+    `guidance` it takes orders.
+    `flights`: the drone's directory of flights.
+    `vehicle`: pose of the vehicle at a time [ns]; it turns on the spot unless it flies.
+    `**autopilot`: what differs of `AutopilotSettings`.
     """
 
     def __init__(
@@ -177,12 +170,8 @@ class World:
     async def flying(self, script: Script = (), **changes: Any) -> AsyncIterator[FakeAutopilot]:
         """Live while the block runs, and do what the script says.
 
-        Parameters
-        ----------
-        script : sequence of (float, callable)
-            Faults and hands.
-        **changes
-            Of the autopilot's settings.
+        `script`: faults and hands.
+        `**changes`: of the autopilot's settings.
         """
         self.settings = replace(self.settings, **changes)
         self.autopilot = FakeAutopilot(self.vehicle, self.settings, self.clock)

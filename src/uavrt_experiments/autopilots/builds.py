@@ -66,15 +66,9 @@ class Started:
 class Build:
     """One autopilot that is rehearsed on.
 
-    Parameters
-    ----------
-    name : str
-        Shown in tables, and the beginning of its flights' names.
-    flavour : {"px4", "ardupilot"}
-    program : Path
-        The autopilot's executable.
-    simulated : bool
-        Whether it is uavrt's own simulated autopilot.
+    `name`: shown in tables, and the beginning of its flights' names.
+    `program`: the autopilot's executable.
+    `simulated`: whether it is uavrt's own simulated autopilot.
     """
 
     name: str
@@ -85,14 +79,9 @@ class Build:
     def started(self, work: Path, home: tuple[float, float, float], scenario: Path) -> Started:
         """Choose free ports, and write what the autopilot reads.
 
-        Parameters
-        ----------
-        work : Path
-            Its own directory.
-        home : (float, float, float)
-            Latitude, longitude [deg] and altitude [m].
-        scenario : Path
-            World of the simulated autopilot.
+        `work`: its own directory.
+        `home`: latitude, longitude [deg] and altitude [m].
+        `scenario`: world of the simulated autopilot.
         """
         if self.flavour == "px4" and not self.simulated:
             return self._px4(work, home)
@@ -147,10 +136,7 @@ class Build:
 def px4_build(directory: Path) -> Build:
     """Find PX4 in the directory of its sources, or in that of its build.
 
-    Raises
-    ------
-    UsageError
-        There is none with the SIH simulator.
+    Raises `UsageError`: there is none with the SIH simulator.
     """
     for top in (directory, directory / PX4_BUILD):
         program = top / "bin" / "px4"
@@ -171,10 +157,7 @@ def px4_build(directory: Path) -> Build:
 def arducopter_build(program: Path) -> Build:
     """Check that a program can be started.
 
-    Raises
-    ------
-    UsageError
-        It is not there, or is no program.
+    Raises `UsageError`: it is not there, or is no program.
     """
     if program.is_dir() or not os.access(program, os.X_OK):
         raise UsageError(

@@ -123,24 +123,12 @@ def rehearse(
 ) -> None:
     """Fly what `kept` does not have yet; it keeps each flight at once, so Ctrl-C is safe.
 
-    Parameters
-    ----------
-    builds : list of Build
-    asked : Asked
-    frames : Path
-        Directory for the frames of each flight.
-    kept : KeptOutcomes
-    failed : list of dict
-        Gets the flights that were not flown to their end, which are flown again next time.
-    say : callable
-        Takes a line of progress.
-
-    Raises
-    ------
-    UsageError
-        No flight is asked for.
-    UavrtError
-        An autopilot does not start.
+    `frames`: directory for the frames of each flight.
+    `failed`: gets the flights that were not flown to their end, which are flown again next
+    time.
+    `say`: takes a line of progress.
+    Raises `UsageError`: no flight is asked for.
+    Raises `UavrtError`: an autopilot does not start.
     """
     if not any(planned(builds, asked)):
         raise UsageError(

@@ -40,13 +40,7 @@ VELOCITY_ONLY = 0b0000_1101_1100_0111
 
 
 class Foreign(Message):
-    """A message that uavrt itself neither sends nor reads.
-
-    Parameters
-    ----------
-    number, crc_extra : int
-    payload : bytes
-    """
+    """A message that uavrt itself neither sends nor reads."""
 
     __slots__ = ("CRC_EXTRA", "ID", "_payload")
 
@@ -61,11 +55,7 @@ class Foreign(Message):
 class Hand:
     """What the pilot sees and does.
 
-    Parameters
-    ----------
-    tap : Tap
-        The autopilot's link to ground stations.
-    flavour : {"px4", "ardupilot"}
+    `tap`: the autopilot's link to ground stations.
     """
 
     def __init__(self, tap: Tap, flavour: Flavour) -> None:

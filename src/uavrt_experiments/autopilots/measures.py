@@ -68,12 +68,8 @@ def commands_of(kept: Iterable[Kept]) -> list[tuple[float, Command]]:
 def flying_of(kept: Sequence[Kept], out_s: float = math.inf) -> Flying:
     """Measure each leg up to the next command, or to the end of the frames.
 
-    Parameters
-    ----------
-    kept : sequence of Kept
-        Frames of the companion link, in their order.
-    out_s : float
-        When a takeover came: nothing after it is uavrt's flight.
+    `kept`: frames of the companion link, in their order.
+    `out_s`: when a takeover came: nothing after it is uavrt's flight.
     """
     found: dict[str, list[float]] = {name: [] for name in Flying.__slots__}
     commands = [one for one in commands_of(kept) if one[0] < out_s]
@@ -224,15 +220,9 @@ def reaction(
 ) -> Reaction:
     """Judge a takeover.
 
-    Parameters
-    ----------
-    kept : sequence of Kept
-    taken_s : float
-        When the pilot acted.
-    out_s : float, optional
-        When uavrt said that the order had ended.
-    shows : callable, optional
-        Whether a message of the autopilot reveals the takeover.
+    `taken_s`: when the pilot acted.
+    `out_s`: when uavrt said that the order had ended.
+    `shows`: whether a message of the autopilot reveals the takeover.
     """
     shown = next(
         (

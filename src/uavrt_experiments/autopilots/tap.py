@@ -39,15 +39,9 @@ class Kept:
 class Tap:
     """Passes datagrams on in both directions, and keeps them.
 
-    Parameters
-    ----------
-    autopilot : (str, int)
-        Where its link listens.
-    port : int
-        Where we listen for it; 0: any.
-    peer : (str, int)
-        Where the product listens.
-    clock : Clock
+    `autopilot`: where its link listens.
+    `port`: where we listen for it; 0: any.
+    `peer`: where the product listens.
     """
 
     def __init__(

@@ -77,19 +77,11 @@ def seek_tags(
 ) -> None:
     """Draw tags until so many were not heard; what became of each is kept.
 
-    Parameters
-    ----------
-    kind : Silence
-    silent : int
-        Tags that are not heard, over all flights.
-    kept : KeptOutcomes
-        Takes None of a tag that was heard, else whether the area drawn was empty.
-    flights : int
-        Each over other hills.
-    seed : int
-        With the flight's and the tag's number it makes all that is random.
-    on_tag : callable
-        Takes how many silent tags there have been.
+    `silent`: tags that are not heard, over all flights.
+    `kept`: takes None of a tag that was heard, else whether the area drawn was empty.
+    `flights`: each over other hills.
+    `seed`: with the flight's and the tag's number it makes all that is random.
+    `on_tag`: takes how many silent tags there have been.
     """
     done = 0
     for number in range(flights):

@@ -89,10 +89,7 @@ class _Land:
 class GroupsOverHills:
     """A flight of which the detector's own probability says whether a group is found.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the hills and the way.
+    `rng`: draws the hills and the way.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -141,11 +138,7 @@ class WholeFlightOverHills:
 
     Even ones turn a directional antenna at three stops, odd ones fly lines with a whip.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the hills and the way.
-    number : int
+    `rng`: draws the hills and the way.
     """
 
     def __init__(self, rng: np.random.Generator, number: int) -> None:

@@ -170,15 +170,9 @@ def survey_hills(
 ) -> None:
     """Fly each case so often; errors and circles of both positions are kept.
 
-    Parameters
-    ----------
-    runs : int
-        Flights of each case.
-    kept : KeptOutcomes
-    seed : int
-        With the case's and the flight's number it makes all that is random.
-    on_flight : callable
-        Takes how many flights are done.
+    `runs`: flights of each case.
+    `seed`: with the case's and the flight's number it makes all that is random.
+    `on_flight`: takes how many flights are done.
     """
     for number, case in enumerate(CASES):
         for index in range(runs):

@@ -47,14 +47,9 @@ class Transfer:
 class DeliveredStream:
     """The arrivals of a stream, and where its samples truly belong.
 
-    Parameters
-    ----------
-    delivery : Delivery
-        The radio and its way.
-    duration_s : float
-        How long.
-    rng : numpy.random.Generator
-        Chance.
+    `delivery`: the radio and its way.
+    `duration_s`: how long.
+    `rng`: chance.
     """
 
     def __init__(self, delivery: Delivery, duration_s: float, rng: np.random.Generator) -> None:

@@ -83,23 +83,12 @@ def run_experiments(
 ) -> list[Row]:
     """Run experiments and make their rows.
 
-    Parameters
-    ----------
-    experiments : iterable of Experiment
-    trials : int
-        Decisions for each point of a Pd curve; everything else in proportion.
-    seed : int
-    workers : int
-        Processes; 1: this one only.
-    case : str
-        Only cases with this in their names.
-    on_progress : callable
-        Takes the share done, by the CPU time that was expected, and what was done last.
-
-    Returns
-    -------
-    list of Row
-        In the order of the experiments.
+    `trials`: decisions for each point of a Pd curve; everything else in proportion.
+    `workers`: processes; 1: this one only.
+    `case`: only cases with this in their names.
+    `on_progress`: takes the share done, by the CPU time that was expected, and what was done
+    last.
+    Returns: in the order of the experiments.
     """
     chosen = list(experiments)
     cases = {

@@ -240,16 +240,9 @@ def mistake(
 ) -> Mistaken:
     """Search noise for 50 codes, maybe with a listed tag in it, and an unlisted one.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    strong_db : float or None
-        Of the tags that send; None of noise alone.
-    seconds : float
-    nominal : float, optional
-        False identities allowed in an hour and code, instead of what the case takes.
-    listed, unlisted : bool
-        Which of both tags send.
+    `strong_db`: of the tags that send; None of noise alone.
+    `nominal`: False identities allowed in an hour and code, instead of what the case takes.
+    `listed`, `unlisted`: which of both tags send.
     """
     tags = some_codes(rng, 51)
     samples = noise(rng, round(seconds * RATE_HZ))

@@ -374,13 +374,8 @@ def confusions(
 ) -> Confusions:
     """Count the listed tags that are confirmed while only unlisted ones are on air.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    hours : float
-    codes, strangers : int
-    foreign_per_hour : float, optional
-        What the detector takes for the rate of unlisted bursts; the true one by default.
+    `foreign_per_hour`: what the detector takes for the rate of unlisted bursts; the true one by
+    default.
     """
     listed, others = codes_and_strangers(rng, codes, strangers)
     seconds = 3600.0 * hours

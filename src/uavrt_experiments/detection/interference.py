@@ -20,23 +20,11 @@ def carrier(
 ) -> NDArray[np.complex64]:
     """A continuous carrier.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    count : int
-        Samples.
-    offset_hz : float
-        Frequency relative to the channel's centre, at the start.
-    level_db : float
-        Power over the noise in one bin of `bin_s`: what the spectrogram shows.
-    sample_rate_hz, drift_hz_per_s : float
-    modulation, modulation_hz : float
-        Depth and frequency of an amplitude modulation.
-    bin_s : float
-
-    Returns
-    -------
-    ndarray of complex64, shape (count,)
+    `count`: samples.
+    `offset_hz`: frequency relative to the channel's centre, at the start.
+    `level_db`: power over the noise in one bin of `bin_s`: what the spectrogram shows.
+    `modulation`, `modulation_hz`: depth and frequency of an amplitude modulation.
+    Returns: shape (count,).
     """
     t = np.arange(count) / sample_rate_hz
     amplitude = math.sqrt(10.0 ** (level_db / 10.0) / (bin_s * sample_rate_hz))
@@ -58,21 +46,10 @@ def impulses(
 ) -> NDArray[np.complex64]:
     """Bursts of wideband noise.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    count : int
-    per_s : float
-        Mean number in a second.
-    level_db : float
-        Power of a sample of a burst over the noise power of a sample.
-    length_s, sample_rate_hz : float
-    regular : bool
-        Evenly spaced, as a serial port makes them, instead of at random.
-
-    Returns
-    -------
-    ndarray of complex64, shape (count,)
+    `per_s`: mean number in a second.
+    `level_db`: power of a sample of a burst over the noise power of a sample.
+    `regular`: evenly spaced, as a serial port makes them, instead of at random.
+    Returns: shape (count,).
     """
     wave = np.zeros(count, np.complex64)
     length = max(1, round(length_s * sample_rate_hz))
@@ -100,21 +77,10 @@ def coloured_noise(
 ) -> NDArray[np.complex64]:
     """Noise of about unit power with a shaped spectrum.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    count : int
-    tilt_db : float
-        Difference of the density between the channel's two edges.
-    edge : bool
-        Fall by 40 dB from 1600 Hz to the edge, as behind a channelizer.
-    hum : bool
-        Noise lines 1.5 Hz wide at multiples of 100 Hz, 12 dB in a bin.
-    sample_rate_hz : float
-
-    Returns
-    -------
-    ndarray of complex64, shape (count,)
+    `tilt_db`: difference of the density between the channel's two edges.
+    `edge`: fall by 40 dB from 1600 Hz to the edge, as behind a channelizer.
+    `hum`: noise lines 1.5 Hz wide at multiples of 100 Hz, 12 dB in a bin.
+    Returns: shape (count,).
     """
     spectrum = rng.standard_normal((count, 2)) @ np.array([1.0, 1j]) * math.sqrt(0.5)
     frequency = np.fft.fftfreq(count, 1.0 / sample_rate_hz)

@@ -134,14 +134,8 @@ def _beside_case(
 class Carrier:
     """A carrier at each of the levels.
 
-    Parameters
-    ----------
-    offset_hz : float
-        From a random whole bin of 50 Hz, or from zero.
-    anywhere : bool
-        Whether the bin is random.
-    drift_hz_per_s, modulation : float
-    levels_db : sequence of float
+    `offset_hz`: from a random whole bin of 50 Hz, or from zero.
+    `anywhere`: whether the bin is random.
     """
 
     def __init__(
@@ -175,11 +169,7 @@ class Carrier:
 class Impulses:
     """Impulses at each level, of each length.
 
-    Parameters
-    ----------
-    per_s : float
-    regular : bool
-        As a serial port makes them.
+    `regular`: as a serial port makes them.
     """
 
     KINDS = tuple((level, length) for level in (25.0, 40.0) for length in (1e-3, 5e-3))

@@ -18,18 +18,12 @@ _SLOPE_HZ = 100.0
 class Neighbour:
     """A transmitter that sounds like noise: digital voice or data.
 
-    Attributes
-    ----------
-    edge_hz : float
-        Frequency at which it begins, relative to the channel's centre; it fills the channel
-        from there to the upper border.
-    level_db : float
-        Its density over that of the noise.
-    on_s, off_s : float
-        Mean lengths of its transmissions and pauses; without pauses it is steady.
-    clicks : bool
-        Whether it is keyed behind its filter, with ramps of 2.4 ms that are heard beside it.
-    sample_rate_hz : float
+    `edge_hz`: frequency at which it begins, relative to the channel's centre; it fills the
+    channel from there to the upper border.
+    `level_db`: its density over that of the noise.
+    `on_s`, `off_s`: mean lengths of its transmissions and pauses; without pauses it is steady.
+    `clicks`: whether it is keyed behind its filter, with ramps of 2.4 ms that are heard beside
+    it.
     """
 
     edge_hz: float
@@ -74,17 +68,10 @@ def _keying(
 class MainsSparks:
     """Noise of a power line, which sparks at twice the mains frequency.
 
-    Attributes
-    ----------
-    per_s : float
-        100 or 120.
-    duty : float
-        Share of the time with a spark.
-    level_db : float
-        Mean density over that of the noise.
-    varying : bool
-        Whether the strength differs from spark to spark.
-    sample_rate_hz : float
+    `per_s`: 100 or 120.
+    `duty`: share of the time with a spark.
+    `level_db`: mean density over that of the noise.
+    `varying`: whether the strength differs from spark to spark.
     """
 
     per_s: float

@@ -44,12 +44,8 @@ def add_burst(
 class Hopper:
     """Bursts at random times and frequencies.
 
-    Parameters
-    ----------
-    per_s : float
-        Mean number in a second in the whole channel.
-    dwell_s : (float, float)
-        Shortest and longest.
+    `per_s`: mean number in a second in the whole channel.
+    `dwell_s`: shortest and longest.
     """
 
     def __init__(
@@ -85,18 +81,11 @@ class Hopper:
 class Slots:
     """Slots of a frame on one frequency, each sent in or not at random.
 
-    Parameters
-    ----------
-    frame_s : float
-        From a slot to the next of the same user.
-    slot_s : float
-        Length of a burst.
-    busy : float
-        Share of the frames in which the slot is used.
-    offset_hz : float
-    users : int
-        Their slots lie at different places of the frame, with levels and frequencies (± 20 Hz)
-        of their own.
+    `frame_s`: from a slot to the next of the same user.
+    `slot_s`: length of a burst.
+    `busy`: share of the frames in which the slot is used.
+    `users`: their slots lie at different places of the frame, with levels and frequencies (± 20
+    Hz) of their own.
     """
 
     def __init__(
@@ -143,16 +132,10 @@ class Slots:
 class Voice:
     """Speech of one sideband: syllables of harmonics of a pitch that glides, in overs.
 
-    Parameters
-    ----------
-    per_s : float
-        Syllables in a second of an over.
-    over_s, pause_s : float
-        Mean lengths of an over and of the silence after it.
-    syllable_s : (float, float)
-        Shortest and longest.
-    lowest_hz : float
-        Where the speech's zero lies, relative to the channel's centre.
+    `per_s`: syllables in a second of an over.
+    `over_s`, `pause_s`: mean lengths of an over and of the silence after it.
+    `syllable_s`: shortest and longest.
+    `lowest_hz`: where the speech's zero lies, relative to the channel's centre.
     """
 
     def __init__(

@@ -22,10 +22,7 @@ _ORIGINAL = "C3"
 def require_matplotlib() -> None:
     """Refuse before minutes of work.
 
-    Raises
-    ------
-    UsageError
-        There is no matplotlib.
+    Raises `UsageError`: there is no matplotlib.
     """
     with needs_extra("analysis", "drawing the curves", otherwise=", or give --no-plots"):
         import matplotlib.figure  # noqa: F401

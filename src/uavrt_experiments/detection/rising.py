@@ -55,16 +55,10 @@ _INSIDE_HZ = 150.0
 class Rise:
     """Noise that rises, stays, and falls again, over and over.
 
-    Attributes
-    ----------
-    depth_db : float
-        From the low level to the high one.
-    up_s, down_s : float
-        How long the rise and the fall take, linear in decibels.
-    high_s, low_s : float
-        How long each level lasts.
-    first_s : float
-        Start of the first rise.
+    `depth_db`: from the low level to the high one.
+    `up_s`, `down_s`: how long the rise and the fall take, linear in decibels.
+    `high_s`, `low_s`: how long each level lasts.
+    `first_s`: start of the first rise.
     """
 
     depth_db: float
@@ -122,20 +116,9 @@ def rising_noise(
 ) -> Samples:
     """Noise of unit power that a rise adds to.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    count : int
-    rise : Rise
-    above_hz : float, optional
-        Only what lies on one side of this edge rises; None: all.
-    upwards : bool
-        Which side.
-    sample_rate_hz : float
-
-    Returns
-    -------
-    ndarray of complex64, shape (count,)
+    `above_hz`: only what lies on one side of this edge rises; None: all.
+    `upwards`: which side.
+    Returns: shape (count,).
     """
     level = 10.0 ** (rise.level_db(np.arange(count) / sample_rate_hz) / 10.0)
     if above_hz is None:
@@ -284,11 +267,8 @@ def alarm_rows(outcomes: Sequence[Alarms], *, case: str) -> list[Row]:
 class Heard:
     """Pulses of a tag in noise that rises, and what share steady noise leaves of them.
 
-    Attributes
-    ----------
-    true, found : int
-    steady : float
-        Share that is found in noise that stays low, and that stays high, each for its time.
+    `steady`: share that is found in noise that stays low, and that stays high, each for its
+    time.
     """
 
     true: int

@@ -86,25 +86,13 @@ def pulse_train(
 ) -> list[TruePulse]:
     """Pulses of a tag over a stretch.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    duration_s : float
-        Length of the stretch; only whole pulses.
-    interval_s : float
-        From pulse start to pulse start.
-    offset_hz : float
-        Frequency relative to the channel's centre.
-    enr_db : float or callable
-        ENR, or ENR as a function of time.
-    jitter_s : float
-        Each pulse is off by a uniform error of at most this.
-    first_s : float, optional
-        Start of the first pulse; random within an interval when None.
-    drift_hz_per_s : float
-    interval_drift : float
-        Relative change of the interval from pulse to pulse.
-    width_s : float
+    `duration_s`: length of the stretch; only whole pulses.
+    `interval_s`: from pulse start to pulse start.
+    `offset_hz`: frequency relative to the channel's centre.
+    `enr_db`: ENR, or ENR as a function of time.
+    `jitter_s`: each pulse is off by a uniform error of at most this.
+    `first_s`: start of the first pulse; random within an interval when None.
+    `interval_drift`: relative change of the interval from pulse to pulse.
     """
     at = rng.uniform(0.0, interval_s) if first_s is None else first_s
     pulses = []

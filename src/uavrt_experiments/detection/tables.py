@@ -62,10 +62,7 @@ def _plain(value: object) -> object:
 def read_results(path: Path) -> Results:
     """Results of earlier runs; none when there is no such file.
 
-    Raises
-    ------
-    ConfigError
-        The file is no file of results.
+    Raises `ConfigError`: the file is no file of results.
     """
     if not path.exists():
         return Results(rows=(), origins={})

@@ -41,12 +41,8 @@ _ENR_DB = 16.0
 def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[IQBlock]:
     """Gather arrivals to blocks as a source of a live stream does.
 
-    Parameters
-    ----------
-    stream : DeliveredStream
-        The arrivals.
-    samples : ndarray of complex64, shape (stream.samples,), optional
-        Those that came; zeros without memory when only times matter.
+    `stream`: the arrivals.
+    `samples` (stream.samples,): those that came; zeros without memory when only times matter.
     """
     rate_hz = stream.delivery.sample_rate_hz
     came = np.broadcast_to(np.complex64(0), stream.samples) if samples is None else samples

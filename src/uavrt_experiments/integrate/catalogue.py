@@ -29,17 +29,11 @@ def run_all(
 ) -> list[Row]:
     """Run experiments and make their rows.
 
-    Parameters
-    ----------
-    experiments : iterable of Experiment
-    trials : int
-        Flights for a curve of detection; everything else in proportion.
-    seed : int
-        With a case's name and a flight's number it makes all that is random in it.
-    case : str
-        Only cases with this in their names.
-    on_progress : callable
-        Takes the share done, by the CPU time that was expected, and what was done last.
+    `trials`: flights for a curve of detection; everything else in proportion.
+    `seed`: with a case's name and a flight's number it makes all that is random in it.
+    `case`: only cases with this in their names.
+    `on_progress`: takes the share done, by the CPU time that was expected, and what was done
+    last.
     """
     chosen = [(e, one) for e in experiments for one in e.cases if case in one.name]
     total = sum(one.count(trials) * one.seconds for _, one in chosen) or 1.0

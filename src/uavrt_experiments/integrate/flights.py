@@ -179,15 +179,8 @@ def lawnmower(
 ) -> Course:
     """Fly lanes over a square with an antenna that hears all round.
 
-    Parameters
-    ----------
-    exponent : float
-    tag : {"outside", "midway", "inside"}
-        1.5 km beyond the ends of the lanes, midway between two of them, or anywhere in the
-        middle of the square.
-    side_m : float
-    legs : int
-    speed_m_s : float
+    `tag`: 1.5 km beyond the ends of the lanes, midway between two of them, or anywhere in the
+    middle of the square.
     """
     half_m, apart_m = 0.5 * side_m, side_m / (legs - 1)
     ends = [
@@ -286,15 +279,8 @@ class World:
     ) -> list[TruePulse]:
         """Pulses of a tag whose strongest has a level.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-        truth : Truth
-        enr_db : float
-        drift : float
-            Relative change of the interval over the flight.
-        pattern : AntennaPattern, optional
-            The true one, where the table is wrong.
+        `drift`: relative change of the interval over the flight.
+        `pattern`: the true one, where the table is wrong.
         """
         course = self.course
         gain = course.gain_db(truth.east_m, truth.north_m, pattern or PATTERNS[course.antenna])

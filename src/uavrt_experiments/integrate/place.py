@@ -68,18 +68,10 @@ def placed(
 ) -> Placed | None:
     """Fly, search and place; None when it was not found.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    course : Course
-    enr_db : float
-        Of the strongest pulse.
-    pattern_db : float
-        By which the true pattern differs from the table.
-    second_s : float, optional
-        Interval at which the tag is in the second half of the flight.
-    fading_db : float
-        Standard deviation of single pulses' levels from what the course makes of them.
+    `enr_db`: of the strongest pulse.
+    `pattern_db`: by which the true pattern differs from the table.
+    `second_s`: interval at which the tag is in the second half of the flight.
+    `fading_db`: standard deviation of single pulses' levels from what the course makes of them.
     """
     world = replace(narrow_world(course), second_s=second_s)
     pattern = PATTERNS[course.antenna]

@@ -125,21 +125,12 @@ def fly(
 ) -> Heard:
     """Fly past a tag whose strongest pulse has a level.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    course : Course
-    enr_db : float
-    drift, searched_drift : float
-        Relative change of the interval over the flight: the tag's, and the largest looked for.
-    lost : bool
-        5 % of the samples are lost, a tenth of a second at a time.
-    missing : bool
-        A fifth of the flight is, in stretches of 20 s.
-    second_s : float, optional
-        Interval of the flight's second half.
-    known : bool
-        Also judge as who knows the place.
+    `drift`, `searched_drift`: relative change of the interval over the flight: the tag's, and
+    the largest looked for.
+    `lost`: 5 % of the samples are lost, a tenth of a second at a time.
+    `missing`: a fifth of the flight is, in stretches of 20 s.
+    `second_s`: interval of the flight's second half.
+    `known`: also judge as who knows the place.
     """
     world = replace(narrow_world(course), second_s=second_s)
     samples = silence(rng, course)

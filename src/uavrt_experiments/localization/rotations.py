@@ -72,18 +72,13 @@ def trial(
 ) -> Trial:
     """Turn once past a tag at a random bearing and estimate it.
 
-    Parameters
-    ----------
-    rng : Generator
-        Randomness.
-    case : RotationCase
-        What is heard.
-    method : str
-        Estimator.
-    pattern, believed : AntennaPattern, optional
-        The true antenna, and the one that the estimator is told; both the case's by default.
-    yaw_jitter_deg, yaw_lag_deg : float
-        Errors of the headings: independent for each pulse, and the same for all.
+    `rng`: randomness.
+    `case`: what is heard.
+    `method`: estimator.
+    `pattern`, `believed`: the true antenna, and the one that the estimator is told; both the
+    case's by default.
+    `yaw_jitter_deg`, `yaw_lag_deg`: errors of the headings: independent for each pulse, and the
+    same for all.
     """
     nominal = PATTERNS[case.antenna]
     truth = float(rng.uniform(0.0, 360.0))

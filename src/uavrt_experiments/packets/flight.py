@@ -29,25 +29,13 @@ def fly(
 ) -> Match:
     """Fly once and compare what the drone logged with what the ground received.
 
-    Parameters
-    ----------
-    duration_s : float
-        Length of the flight.
-    gap_s : float
-        Time between two tunnel messages, at least 0.012.
-    loss : float
-        Share of the frames that the radio link loses, each way.
-    seed : int
-        Of everything random.
-    flight_dir : Path
-        Where the flight's directory is made.
-    say : callable
-        Gets a line now and then.
-
-    Raises
-    ------
-    UavrtError
-        A program ended by itself.
+    `duration_s`: length of the flight.
+    `gap_s`: time between two tunnel messages, at least 0.012.
+    `loss`: share of the frames that the radio link loses, each way.
+    `seed`: of everything random.
+    `flight_dir`: where the flight's directory is made.
+    `say`: gets a line now and then.
+    Raises `UavrtError`: a program ended by itself.
     """
     with (
         TemporaryDirectory(prefix="uavrt-packets-", ignore_cleanup_errors=True) as name,

@@ -92,14 +92,10 @@ class TrialResult:
 class LinkTrial:
     """One run: pulses at given times from the drone to the ground.
 
-    Parameters
-    ----------
-    times_s : sequence of float
-        When each pulse is there to be sent.
-    settings : TrialSettings
-        Link and autopilot.
-    acknowledger : callable
-        Makes the ground's half; None for a ground station that does not acknowledge.
+    `times_s`: when each pulse is there to be sent.
+    `settings`: link and autopilot.
+    `acknowledger`: makes the ground's half; None for a ground station that does not
+    acknowledge.
     """
 
     def __init__(

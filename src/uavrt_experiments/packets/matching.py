@@ -66,10 +66,7 @@ class Match:
 def read_log(path: Path) -> tuple[list[Seen], int]:
     """Read any of the logs; return its pulses and how far off their times may be [ns].
 
-    Raises
-    ------
-    FormatError
-        It is none of them.
+    Raises `FormatError`: it is none of them.
     """
     if path.is_dir():
         return _seen(read_flight(path).pulse_poses), EXACT_NS

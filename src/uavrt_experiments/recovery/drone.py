@@ -44,14 +44,9 @@ NURSERY_PID = "nursery_pid"
 class ServedDrone:
     """Starts everything; follows the supervisor's records over its lives.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The world.
-    flights : Path
-        Where flight directories are made.
-    workers : int
-        Detector processes.
+    `scenario`: the world.
+    `flights`: where flight directories are made.
+    `workers`: detector processes.
     """
 
     def __init__(self, scenario: Scenario, flights: Path, *, workers: int = 2) -> None:
@@ -171,10 +166,7 @@ class ServedDrone:
     def wait(self, condition: Callable[[], bool], timeout_s: float, what: str) -> float:
         """Listen until a condition holds; get the time that took [s].
 
-        Raises
-        ------
-        UavrtError
-            It did not come true in time.
+        Raises `UavrtError`: it did not come true in time.
         """
         started_s = monotonic_s()
         while not condition():

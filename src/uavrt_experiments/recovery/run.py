@@ -271,21 +271,11 @@ def run_recovery(
 ) -> RecoveryReport:
     """Run the experiment in simulated real time.
 
-    Parameters
-    ----------
-    plan : Plan
-        How often what is killed.
-    flights : Path
-        Where the flight directory is made.
-    say : callable
-        Takes a line of progress.
-    workers : int
-        Detector processes.
-
-    Raises
-    ------
-    UavrtError
-        The system did not even start.
+    `plan`: how often what is killed.
+    `flights`: where the flight directory is made.
+    `say`: takes a line of progress.
+    `workers`: detector processes.
+    Raises `UavrtError`: the system did not even start.
     """
     count = plan.kills + plan.supervisor_kills + plan.power_cuts
     count += plan.stops + 2 * plan.bursts

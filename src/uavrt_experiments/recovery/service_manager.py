@@ -29,16 +29,10 @@ STOP_TIMEOUT_S = 15.0
 class ServiceManager:
     """Runs a command until it ends well or is to stop.
 
-    Parameters
-    ----------
-    command : sequence of str
-        Program and arguments.
-    socket_path : Path
-        Where the notification socket is made.
-    watchdog_s : float
-        Longest silence of the service once it is ready [s].
-    restart_s : float
-        Wait before a restart [s].
+    `command`: program and arguments.
+    `socket_path`: where the notification socket is made.
+    `watchdog_s`: longest silence of the service once it is ready [s].
+    `restart_s`: wait before a restart [s].
     """
 
     def __init__(

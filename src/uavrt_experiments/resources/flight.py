@@ -42,16 +42,10 @@ class SteadyFlight:
     """The real drone side on this machine and a ground station, with a simulated radio and
     autopilot.
 
-    Parameters
-    ----------
-    tags : int
-        How many.
-    workers : int
-        Detector processes; 0: as many as the settings' default gives.
-    flights : Path, optional
-        Where flight directories are made; else beside the rest, and removed.
-    shape : str
-        Which stage runs in which process; see `uavrt.supervisor.tree.shapes`.
+    `tags`: how many.
+    `workers`: detector processes; 0: as many as the settings' default gives.
+    `flights`: where flight directories are made; else beside the rest, and removed.
+    `shape`: which stage runs in which process; see `uavrt.supervisor.tree.shapes`.
     """
 
     def __init__(
@@ -191,10 +185,7 @@ class SteadyFlight:
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         """Listen until a condition holds.
 
-        Raises
-        ------
-        UavrtError
-            It did not come true in time.
+        Raises `UavrtError`: it did not come true in time.
         """
         deadline_s = monotonic_s() + TIMEOUT_S
         while not condition():

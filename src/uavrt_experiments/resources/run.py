@@ -52,10 +52,7 @@ class Plan:
 def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceReport:
     """Run the experiment in real time.
 
-    Raises
-    ------
-    UavrtError
-        The drone side did not start, or ended by itself.
+    Raises `UavrtError`: the drone side did not start, or ended by itself.
     """
     moments, written, lost = _long_flight(plan, say)
     loads: list[Load] = []
@@ -76,10 +73,7 @@ def run_resources(plan: Plan, *, say: Say = lambda _line: None) -> ResourceRepor
 def run_written(tags: int, minutes: float) -> Written:
     """Fly, and measure what is written; the start is left out.
 
-    Raises
-    ------
-    UavrtError
-        The drone side did not start, or ended by itself.
+    Raises `UavrtError`: the drone side did not start, or ended by itself.
     """
     with SteadyFlight(tags) as flight:
         flight.upload()
@@ -158,21 +152,11 @@ def run_shapes(
 ) -> ShapesReport:
     """Fly the same load in each shape of the table of processes.
 
-    Parameters
-    ----------
-    tags : int
-        How many.
-    seconds : float
-        How long each is measured.
-    workers : int
-        Detectors of the shape that flies; 0: as many as the settings' default gives.
-    say : callable
-        Takes a line of progress.
-
-    Raises
-    ------
-    UavrtError
-        One of them did not start, or found nothing.
+    `tags`: how many.
+    `seconds`: how long each is measured.
+    `workers`: detectors of the shape that flies; 0: as many as the settings' default gives.
+    `say`: takes a line of progress.
+    Raises `UavrtError`: one of them did not start, or found nothing.
     """
     found = []
     for shape in SHAPES:

@@ -16,10 +16,7 @@ Row = tuple[str, Reading, float | None]
 def rotation_page(title: str, rows: Sequence[Row], texts: Sequence[Sequence[str]]) -> str:
     """Write one HTML file with the figures and the text below them; needs matplotlib.
 
-    Raises
-    ------
-    UsageError
-        The extra ``uavrt[analysis]`` is not installed.
+    Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     """
     with styled():
         pictures = [_picture(*row) for row in rows]

@@ -28,12 +28,8 @@ thesis's tag up to 5.0 s after a group's first pulse."""
 def original_poses(pulses: Sequence[Pulse], samples: Sequence[Pose]) -> list[PulsePose]:
     """Give pulses the poses that the original would have logged.
 
-    Parameters
-    ----------
-    pulses : sequence of Pulse
-        The pulses, times right.
-    samples : sequence of Pose
-        The pose every 500 ms since the program's start, in order of time.
+    `pulses`: the pulses, times right.
+    `samples`: the pose every 500 ms since the program's start, in order of time.
     """
     found = []
     for pulse in pulses:

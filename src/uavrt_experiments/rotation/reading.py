@@ -46,10 +46,7 @@ class Reading:
 def read_turn(pulse_poses: Sequence[PulsePose], *, antenna: str = "RA-23K") -> Reading:
     """Read a log; pulses without a pose are left out.
 
-    Raises
-    ------
-    UsageError
-        No pulse has a pose and an SNR.
+    Raises `UsageError`: no pulse has a pose and an SNR.
     """
     used = [one for one in pulse_poses if one.pose and np.isfinite(one.pulse.snr_db)]
     if not used:

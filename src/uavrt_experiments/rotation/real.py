@@ -99,12 +99,8 @@ def real_rotations(
 
     A log in which no turn is found is taken as one turn.
 
-    Raises
-    ------
-    FormatError
-        It is neither a flight nor a log.
-    UsageError
-        No pulse has a pose.
+    Raises `FormatError`: it is neither a flight nor a log.
+    Raises `UsageError`: no pulse has a pose.
     """
     survey = read_survey(path, ReadAs(antenna=antenna))
     spans = [(one.tag_id, one.start_time_ns, one.end_time_ns) for one in survey.bearings]

@@ -50,10 +50,7 @@ def heard_share(below_sigmas: float) -> float:
     A level that is heard tells its value, silence that it was below the threshold (Tobit's
     model).
 
-    Parameters
-    ----------
-    below_sigmas : float
-        Threshold minus mean level, over the fading's standard deviation.
+    `below_sigmas`: threshold minus mean level, over the fading's standard deviation.
     """
     u = below_sigmas
     if abs(u) > 8.0:
@@ -73,21 +70,10 @@ def pulse_information(
 ) -> _Floats:
     """Fisher information [1/m²] of one pulse on the place of its tag.
 
-    Parameters
-    ----------
-    level_db : callable
-        Mean level that is received of a tag at a place, shape (2,): east and north.
-    place_m : (2,) float64
-    sigma_db : float
-        Fading.
-    threshold_db : float
-        Lower levels are not heard.
-    missed_share : float
-        Pulses that are missed whatever their level.
-
-    Returns
-    -------
-    (2, 2) float64
+    `level_db`: mean level that is received of a tag at a place, shape (2,): east and north.
+    `sigma_db`: fading.
+    `threshold_db`: lower levels are not heard.
+    `missed_share`: pulses that are missed whatever their level.
     """
     steps = _STEP_M * np.eye(2)
     slope = np.array(
@@ -110,10 +96,7 @@ def after_a_second(information: _Floats, walk_m_per_root_s: float) -> _Floats:
 def least_rms_m(information: _Floats) -> float:
     """Least root mean square of errors [m].
 
-    Parameters
-    ----------
-    information : (tags, 2, 2) float64
-        Of each, in 1/m².
+    `information`: of each, in 1/m².
     """
     return float(np.sqrt(np.trace(np.linalg.inv(information.mean(axis=0)))))
 
@@ -131,11 +114,7 @@ class LeastErrors:
 
     Over hills there is none: who knew them exactly could learn from their edges alone.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    world : World
-        As it is in each second of the flight.
+    `world`: as it is in each second of the flight.
     """
 
     def __init__(self, scenario: Scenario, world: World) -> None:
@@ -146,10 +125,7 @@ class LeastErrors:
     def hear(self, states: Sequence[VehicleState]) -> None:
         """Take a second in which drones were here.
 
-        Parameters
-        ----------
-        states : sequence of VehicleState
-            Of each drone.
+        `states`: of each drone.
         """
         truth = self._truth
         for tag_id, known in self._known.items():
@@ -188,10 +164,6 @@ def needed_information(stop: StopRule) -> float | None:
     """Trace of the least information [1/m²] with which a stop rule holds; None: not known.
 
     Of all clouds that a rule takes the round one needs least.
-
-    Parameters
-    ----------
-    stop : StopRule
     """
     match stop:
         case DeterminantStop():
@@ -206,13 +178,8 @@ def needed_information(stop: StopRule) -> float | None:
 def tree_m(start_m: _Floats, circles_m: _Floats, radii_m: _Floats) -> float:
     """Length of the shortest tree from a start to circles: no way past all is shorter.
 
-    Parameters
-    ----------
-    start_m : (starts, 2) float64
-        Where drones begin; several count as one that is at all of them.
-    circles_m : (circles, 2) float64
-        Their middles.
-    radii_m : (circles,) float64
+    `start_m`: where drones begin; several count as one that is at all of them.
+    `circles_m`: their middles.
     """
     between = np.linalg.norm(circles_m[:, None] - circles_m[None], axis=2)
     between = np.maximum(between - radii_m[:, None] - radii_m[None], 0.0)
@@ -232,14 +199,8 @@ def least_time_s(
 ) -> float | None:
     """Time before which no search of a drawn world ends; None: not known.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    stop : StopRule
-    seed : int
-        Of the run.
-    starts : sequence of VehicleState
-        Where each drone begins.
+    `seed`: of the run.
+    `starts`: where each drone begins.
     """
     needed = needed_information(stop)
     if needed is None or scenario.truth.ground is not None:
@@ -267,12 +228,8 @@ def least_time_s(
 class MostInformative:
     """The most that a pulse can tell at a distance or beyond it, whatever the heading.
 
-    Parameters
-    ----------
-    distances_m : (n,) float64
-        Over ground, rising from 0.
-    information : (n,) float64
-        The most there, as traces [1/m²].
+    `distances_m`: over ground, rising from 0.
+    `information`: the most there, as traces [1/m²].
     """
 
     def __init__(self, distances_m: _Floats, information: _Floats) -> None:
@@ -297,13 +254,8 @@ def most_informative(
 ) -> MostInformative:
     """Look at all distances in a scenario, and turn the antenna in each.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    exponent : float
-        Drawn for a run.
-    level_1m_db : float
-        Of the strongest tag: a weaker one tells no more.
+    `exponent`: drawn for a run.
+    `level_1m_db`: of the strongest tag: a weaker one tells no more.
     """
     truth = scenario.truth
     distances, level, along, across = _levels_around(scenario)

@@ -85,15 +85,9 @@ def fly_all(
 ) -> list[Flown]:
     """Fly runs, and group them by contender in their order.
 
-    Parameters
-    ----------
-    planned : list of Run
-    kept : KeptOutcomes, optional
-        Runs in it are not flown again, and each that is flown is put into it at once.
-    workers : int
-        Processes; 1 flies in this one.
-    on_progress : callable
-        Takes the number of runs done.
+    `kept`: runs in it are not flown again, and each that is flown is put into it at once.
+    `workers`: processes; 1 flies in this one.
+    `on_progress`: takes the number of runs done.
     """
     kept = KeptOutcomes() if kept is None else kept
     to_fly = [run for run in planned if _name(run) not in kept]
@@ -107,13 +101,7 @@ def fly_all(
 
 
 def so_far(planned: list[Run], kept: KeptOutcomes) -> list[Flown]:
-    """Group those runs that are kept by contender, in their order.
-
-    Parameters
-    ----------
-    planned : list of Run
-    kept : KeptOutcomes
-    """
+    """Group those runs that are kept by contender, in their order."""
     groups: dict[Contender, list[Outcome]] = {}
     for run in planned:
         for told in kept.of(_name(run)):

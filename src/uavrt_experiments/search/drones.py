@@ -91,15 +91,7 @@ Maker = Callable[[Flavour, Frame, Limits, VehicleState], Aircraft]
 
 
 class Direct:
-    """An aircraft whose autopilot obeys each wish at once, without any takeover.
-
-    Parameters
-    ----------
-    flavour : {"px4", "ardupilot"}
-    frame : Frame
-    limits : Limits
-    start : VehicleState
-    """
+    """An aircraft whose autopilot obeys each wish at once, without any takeover."""
 
     def __init__(
         self, flavour: Flavour, frame: Frame, limits: Limits, start: VehicleState
@@ -235,15 +227,7 @@ class _AtOnce(Thinker):
 class Drone:
     """One drone, and what it has heard.
 
-    Parameters
-    ----------
-    number : int
-        From 0.
-    aircraft : Aircraft
-    order : Order
-    tags : sequence of Tag
-    limits : Limits
-    equipment : Equipment
+    `number`: from 0.
     """
 
     def __init__(
@@ -410,14 +394,8 @@ def _pulse(tag: Tag, time_ns: int, snr_db: float) -> Pulse:
 class FlightOfDrones:
     """Drones that search a world until every tag is found or the time is over.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    contender : Contender
-        Says how many drones start where.
-    seed : int
-    make : callable
-        Makes each drone; `Direct` obeys at once.
+    `contender`: says how many drones start where.
+    `make`: makes each drone; `Direct` obeys at once.
     """
 
     def __init__(

@@ -17,15 +17,9 @@ _SECTION = re.compile(r"<!-- begin ([\w-]+) -->\n.*?<!-- end \1 -->\n", re.DOTAL
 def page_section(scenario: Scenario, rows: Sequence[Row], command: str, measured: str) -> str:
     """Markdown of a table; figures that miss what is asked are bold.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    rows : sequence of Row
-        As `results` makes them.
-    command : str
-        What repeats it.
-    measured : str
-        Of which code it is.
+    `rows`: as `results` makes them.
+    `command`: what repeats it.
+    `measured`: of which code it is.
     """
 
     def cell(one: Row) -> str:
@@ -42,12 +36,7 @@ def put_section(page: Path, name: str, text: str) -> None:
 
     Tables are in the order of the catalogue; then comes that of the real processes.
 
-    Parameters
-    ----------
-    page : Path
-    name : str
-        Of the table.
-    text : str
+    `name`: of the table.
     """
     old = page.read_text(encoding="utf-8") if page.exists() else ""
     sections = {found[1]: found[0] for found in _SECTION.finditer(old)}

@@ -10,12 +10,7 @@ from uavrt_experiments.search.table import Flown
 def draw(scenario: Scenario, flown: list[Flown], path: Path) -> None:
     """Draw the first run of each contender into one picture.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    flown : list of Flown
-    path : Path
-        Of the PNG or SVG file.
+    `path`: of the PNG or SVG file.
     """
     import matplotlib as mpl
 

@@ -81,10 +81,7 @@ class RealFlight:
 def drawn_world(seed: int) -> Scenario:
     """Get the demo's world with its animals elsewhere: each turned about home by some angle.
 
-    Parameters
-    ----------
-    seed : int
-        Of the angles and of everything random in the world.
+    `seed`: of the angles and of everything random in the world.
     """
     world = search_world(None, limit_s=LIMIT_S, seed=seed, coded=False)
     turns = np.random.default_rng((seed, 5)).uniform(0.0, 360.0, len(world.tag))
@@ -112,17 +109,10 @@ def fly_for_real(
 ) -> None:
     """Fly searches one after another; what each brought is kept.
 
-    Parameters
-    ----------
-    flights : int
-    seed : int
-        Of the first; each other has the next.
-    kept : KeptOutcomes
-        Those in it are not flown again.
-    say : callable
-        Takes what a flight says while it flies, a line at a time.
-    on_progress : callable
-        Takes the number of flights done.
+    `seed`: of the first; each other has the next.
+    `kept`: those in it are not flown again.
+    `say`: takes what a flight says while it flies, a line at a time.
+    `on_progress`: takes the number of flights done.
     """
     for number in range(flights):
         kept.take(_name(seed + number), partial(_flown, drawn_world(seed + number), say))
@@ -170,10 +160,7 @@ def largest(values: NDArray[np.float64]) -> float:
 def process_rows(flights: Sequence[RealFlight]) -> list[Row]:
     """Make the figures over all flights, and what is asked of them.
 
-    Parameters
-    ----------
-    flights : sequence of RealFlight
-        A failed one has found none of its animals.
+    `flights`: a failed one has found none of its animals.
     """
     found = [float(n < one.found) for one in flights for n in range(one.animals)]
     errors = [pair for one in flights for pair in one.errors]
@@ -244,13 +231,8 @@ def process_page(
 ) -> str:
     """Write both as Markdown; figures that miss what is asked are bold.
 
-    Parameters
-    ----------
-    flights : sequence of RealFlight
-    rows : sequence of Row
-        As `process_rows` makes them.
-    command, code : str
-        What repeats it, and of which code it is.
+    `rows`: as `process_rows` makes them.
+    `command`, `code`: what repeats it, and of which code it is.
     """
     heads, lines = _figure_lines(rows)
     for line, one in zip(lines, rows, strict=True):

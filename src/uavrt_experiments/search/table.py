@@ -84,10 +84,7 @@ def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
 def honesty(tables: Sequence[Flown]) -> list[Row]:
     """Rows on the declared circles of all runs of ours with our stop rule.
 
-    Parameters
-    ----------
-    tables : sequence of Flown
-        Of all scenarios.
+    `tables`: of all scenarios.
     """
     all_runs = [
         run

@@ -21,13 +21,8 @@ _MAP_ERROR_M = 3.0
 class Hills:
     """A sum of waves in all directions, drawn from a seed.
 
-    Parameters
-    ----------
-    seed : int
-    relief_m : float
-        From the lowest valley to the highest top, roughly.
-    lengths_m : tuple of float
-        Shortest and longest wave.
+    `relief_m`: from the lowest valley to the highest top, roughly.
+    `lengths_m`: shortest and longest wave.
     """
 
     seed: int
@@ -83,16 +78,10 @@ def mapped(
 ) -> HillLosses:
     """What a searcher's map makes of hills: a height every 30 m, each somewhat wrong.
 
-    Parameters
-    ----------
-    ground : callable
-        Heights of places, east and north.
-    east_m, north_m : float
-        Size of the area, from the origin.
-    start_m : (float, float)
-        Take-off, east and north.
-    tag_m, frequency_hz : float
-        Of the tags.
+    `ground`: heights of places, east and north.
+    `east_m`, `north_m`: size of the area, from the origin.
+    `start_m`: take-off, east and north.
+    `tag_m`, `frequency_hz`: of the tags.
     """
     rng = np.random.default_rng(1)
 

@@ -37,11 +37,7 @@ class Heard:
 class World:
     """Tags that walk and beep once a second.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    seed : int
-        Of the run.
+    `seed`: of the run.
     """
 
     def __init__(self, scenario: Scenario, seed: int) -> None:

@@ -48,19 +48,10 @@ def rotation(
 ) -> Rotation:
     """Make a rotation.
 
-    Parameters
-    ----------
-    seed : int
-    enr_db : float or None
-        That of a pulse on boresight; None of no tag.
-    pulses : int
-    like : Rotation, optional
-        Another flight of the same tag, far away to the north.
-    east_m : float
-        Where the drone turns.
-    start_ns : int
-    then_s : float, optional
-        Interval of the second half; the tag is listed with both.
+    `enr_db`: that of a pulse on boresight; None of no tag.
+    `like`: another flight of the same tag, far away to the north.
+    `east_m`: where the drone turns.
+    `then_s`: interval of the second half; the tag is listed with both.
     """
     rng = np.random.default_rng(seed)
     tag = replace(THESIS_TAG, interval_uncertainty_s=0.030)

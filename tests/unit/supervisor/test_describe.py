@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-
-from uavrt.supervisor.describe import processes_markdown, topics_markdown
+from process_tables import processes_markdown, topics_markdown
 
 PAGE = Path(__file__).parents[3] / "docs/explanation/supervision.md"
 
@@ -13,4 +12,4 @@ PAGE = Path(__file__).parents[3] / "docs/explanation/supervision.md"
 def test_the_manual_shows_the_table_as_it_is(make: object) -> None:
     assert callable(make)
     text = PAGE.read_text(encoding="utf-8")
-    assert make() in text, "put in the output of python -m uavrt.supervisor.describe"
+    assert make() in text, "put in the output of python tests/drivers/process_tables.py"

@@ -1,4 +1,4 @@
-"""The tables as text for the manual: ``python -m uavrt.supervisor.describe``."""
+"""The tables as text for the manual: ``python tests/drivers/process_tables.py``."""
 
 import sys
 
