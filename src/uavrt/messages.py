@@ -838,3 +838,13 @@ class ChannelBlock:
     its limits, as far as no block before told of them."""
     carriers_hz: tuple[float, ...] = ()
     """Strong steady carriers in the radio's band, absolute: with them it makes ghosts."""
+
+
+@dataclass(frozen=True, slots=True)
+class TunnelPayload:
+    """A payload of MAVLink's TUNNEL on its way."""
+
+    payload: bytes
+    place: tuple[int, int] | None = None
+    """System and component id of the receiver; None: all ground stations."""
+    payload_type: int = 0

@@ -14,9 +14,9 @@ from enum import IntEnum
 from typing import Protocol
 
 from uavrt.errors import ConfigError
-from uavrt.mavlink.discovery import Peer
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.rate import FRAME_OVERHEAD, LinkRate
+from uavrt.messages import TunnelPayload
 from uavrt.units import ns_from_s
 
 MIN_GAP_S = 0.012
@@ -49,32 +49,7 @@ OTHER_PATIENCE_NS = ns_from_s(2.0)
 """However many pulses there are, whoever asked hears something."""
 
 
-@dataclass(frozen=True, slots=True)
-class Tunnelled:
-    """A tunnel payload on its way to one receiver, or to all ground stations (None)."""
-
-    payload: bytes
-    target: Peer | None = None
-    payload_type: int = 0
-
-
-Item = Tunnelled | Message
-
-
-class Payload(Protocol):
-    """A tunnel payload from a source."""
-
-    @property
-    def payload(self) -> bytes:
-        """The bytes."""
-
-    @property
-    def place(self) -> tuple[int, int] | None:
-        """System and component id of the receiver, None for all ground stations."""
-
-    @property
-    def payload_type(self) -> int:
-        """What it is, by the number in the tunnel message."""
+Item = TunnelPayload | Message
 
 
 class Source(Protocol):
@@ -83,7 +58,7 @@ class Source(Protocol):
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until it has one; None when it has none."""
 
-    def take(self, now_ns: int, rate_bytes_s: float) -> Payload | Message | None:
+    def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
         """Return one."""
 
 
@@ -198,16 +173,13 @@ class PacedQueue:
             if source.wait_ns(now_ns) != 0:
                 continue
             given = source.take(now_ns, self.rate.bytes_s(now_ns))
-            if isinstance(given, Message):
-                return given
             if given is not None:
-                target = None if given.place is None else Peer(*given.place)
-                return Tunnelled(given.payload, target, given.payload_type)
+                return given
         return None
 
 
 def _size(item: Item) -> int:
     """Bytes of the frame."""
-    if isinstance(item, Tunnelled):
+    if isinstance(item, TunnelPayload):
         return FRAME_OVERHEAD + len(item.payload)
     return HEADER_BYTES + len(item.pack().rstrip(b"\0"))

@@ -16,14 +16,13 @@ from uavrt.mavlink.pacing import (
     STRAIGHT_GAP_S,
     Item,
     PacedQueue,
-    Payload,
     Priority,
     Source,
-    Tunnelled,
 )
 from uavrt.mavlink.rate import STRAIGHT, LinkRate
 from uavrt.mavlink.routes import Routes
 from uavrt.mavlink.statustext import chunks_of
+from uavrt.messages import TunnelPayload
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 log = get_logger()
@@ -140,7 +139,7 @@ class PacedSender:
     def _message(self, item: Item) -> Message:
         if isinstance(item, Message):
             return item
-        target = item.target or self._target() or Peer(0, 0)
+        target = Peer(*item.place) if item.place else self._target() or Peer(0, 0)
         return Tunnel(
             target_system=target.system_id,
             target_component=target.component_id,
@@ -163,7 +162,7 @@ class OnLink:
         self, source: Source, link: int, group: "TunnelSender", views: list["OnLink"]
     ) -> None:
         self._source, self._link, self._group, self._views = source, link, group, views
-        self._copies: deque[Payload | Message] = deque(maxlen=COPIES)
+        self._copies: deque[Item] = deque(maxlen=COPIES)
 
     def wait_ns(self, now_ns: int) -> int | None:
         """A source's: time until it has one; None when it has none."""
@@ -171,7 +170,7 @@ class OnLink:
             return 0
         return self._source.wait_ns(now_ns) if self._group.link == self._link else None
 
-    def take(self, now_ns: int, rate_bytes_s: float) -> Payload | Message | None:
+    def take(self, now_ns: int, rate_bytes_s: float) -> Item | None:
         """A source's: give one, and leave a copy for the other links that need it."""
         if self._copies:
             return self._copies.popleft()
@@ -188,7 +187,7 @@ class OnLink:
                 return given
         return None
 
-    def leave(self, given: Payload | Message) -> None:
+    def leave(self, given: Item) -> None:
         """Add a copy; the oldest is dropped if necessary."""
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
@@ -260,7 +259,8 @@ class TunnelSender:
         """
         if len(payload) > TUNNEL_SIZE:
             raise TunnelError(f"a payload has at most 128 bytes, not {len(payload)}", payload)
-        item = Tunnelled(payload, target, payload_type)
+        place = None if target is None else target.place
+        item = TunnelPayload(payload, place, payload_type)
         if target is None:
             self._put(item, priority)
         else:

@@ -532,15 +532,11 @@ class Participant:
         return self._topics[name]
 
     def _info_type(self) -> Any:
-        if self._gid_bytes == 16:
-            return messages.ParticipantEntitiesInfo16
-        return messages.ParticipantEntitiesInfo24
+        return messages.graph_messages(self._gid_bytes)[2]
 
     def _introduce(self, nodes: Collection[str]) -> None:
         """Announce to ROS 2 which nodes there are and what is theirs."""
-        wide = self._gid_bytes == 24
-        gid: Any = messages.Gid24 if wide else messages.Gid16
-        node_info: Any = messages.NodeEntitiesInfo24 if wide else messages.NodeEntitiesInfo16
+        gid, node_info, _ = messages.graph_messages(self._gid_bytes)
 
         def gid_of(entity: Any) -> Any:
             return gid(data=entity.guid.bytes.ljust(self._gid_bytes, b"\0"))

@@ -7,7 +7,8 @@ types are those of ROS 2 Humble to Kilted. An absent number is NaN, an absent ti
 """
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar
 
 Bool = Annotated[bool, "bool"]
 Byte = Annotated[int, "byte"]
@@ -211,57 +212,31 @@ class RosCodedTag(RosMessage):
     """[ms]"""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gid16(RosMessage):
-    """Identifier of a participant or endpoint, ROS 2 Iron and newer."""
+@lru_cache
+def graph_messages(gid_bytes: int) -> tuple[type[Any], type[Any], type[Any]]:
+    """Identifier of a participant or endpoint, a node's endpoints, a participant's nodes.
 
-    ros_name: ClassVar[str] = "rmw_dds_common/Gid"
-    data: Annotated[bytes, 16] = bytes(16)
+    So ROS 2 knows the names of nodes. Identifiers have 16 bytes since Iron, 24 from Foxy to
+    Humble.
+    """
 
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Gid(RosMessage):
+        ros_name: ClassVar[str] = "rmw_dds_common/Gid"
+        data: Annotated[bytes, gid_bytes] = bytes(gid_bytes)
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NodeEntitiesInfo16(RosMessage):
-    """A node and the endpoints that are its own."""
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class NodeEntitiesInfo(RosMessage):
+        ros_name: ClassVar[str] = "rmw_dds_common/NodeEntitiesInfo"
+        node_namespace: Annotated[str, "string<=256"] = "/"
+        node_name: Annotated[str, "string<=256"] = ""
+        reader_gid_seq: tuple[Gid, ...] = ()
+        writer_gid_seq: tuple[Gid, ...] = ()
 
-    ros_name: ClassVar[str] = "rmw_dds_common/NodeEntitiesInfo"
-    node_namespace: Annotated[str, "string<=256"] = "/"
-    node_name: Annotated[str, "string<=256"] = ""
-    reader_gid_seq: tuple[Gid16, ...] = ()
-    writer_gid_seq: tuple[Gid16, ...] = ()
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class ParticipantEntitiesInfo(RosMessage):
+        ros_name: ClassVar[str] = "rmw_dds_common/ParticipantEntitiesInfo"
+        gid: Gid = Gid()
+        node_entities_info_seq: tuple[NodeEntitiesInfo, ...] = ()
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParticipantEntitiesInfo16(RosMessage):
-    """The nodes of one participant: how ROS 2 knows their names."""
-
-    ros_name: ClassVar[str] = "rmw_dds_common/ParticipantEntitiesInfo"
-    gid: Gid16 = Gid16()
-    node_entities_info_seq: tuple[NodeEntitiesInfo16, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gid24(RosMessage):
-    """Identifier of a participant or endpoint, ROS 2 Foxy to Humble."""
-
-    ros_name: ClassVar[str] = "rmw_dds_common/Gid"
-    data: Annotated[bytes, 24] = bytes(24)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NodeEntitiesInfo24(RosMessage):
-    """As `NodeEntitiesInfo16`, with the longer identifiers."""
-
-    ros_name: ClassVar[str] = "rmw_dds_common/NodeEntitiesInfo"
-    node_namespace: Annotated[str, "string<=256"] = "/"
-    node_name: Annotated[str, "string<=256"] = ""
-    reader_gid_seq: tuple[Gid24, ...] = ()
-    writer_gid_seq: tuple[Gid24, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParticipantEntitiesInfo24(RosMessage):
-    """As `ParticipantEntitiesInfo16`, with the longer identifiers."""
-
-    ros_name: ClassVar[str] = "rmw_dds_common/ParticipantEntitiesInfo"
-    gid: Gid24 = Gid24()
-    node_entities_info_seq: tuple[NodeEntitiesInfo24, ...] = ()
+    return Gid, NodeEntitiesInfo, ParticipantEntitiesInfo

@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 from typing import Generic, Literal, TypeVar
 
 from uavrt.allowance import Allowance
+from uavrt.messages import TunnelPayload
 from uavrt.tunnel.private import payload_hash
 from uavrt.tunnel.round_trips import FIRST_RTO_S, RoundTrips
 from uavrt.tunnel.wire import PAYLOAD_TYPE
@@ -143,16 +144,6 @@ class _Store:
         """Whether it was sent much for long, and has acknowledged nothing."""
         tried = self.sends >= DEAF_SENDS and now_ns - self.since_ns >= DEAF_NS
         return tried and not self.acknowledges
-
-
-@dataclass(frozen=True, slots=True)
-class Outgoing:
-    """A payload to send now."""
-
-    payload: bytes
-    place: Place | None
-    """One ground station, or None for all."""
-    payload_type: int = PAYLOAD_TYPE
 
 
 @dataclass(frozen=True, slots=True)
@@ -466,7 +457,7 @@ class ReliableSender(Generic[T]):
         """When a pulse may next go to stores that may not exist."""
         return max(self._probed_ns, now_ns - PROBES * PROBE_NS) + PROBE_NS
 
-    def take(self, now_ns: int, rate_bytes_s: float) -> Outgoing | None:
+    def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
         """Return the payload that goes now.
 
         `now_ns`: time now.
@@ -489,7 +480,7 @@ class ReliableSender(Generic[T]):
         else:
             self._forget(entry)
             self._sent_plain.append(entry.pulse)
-        return Outgoing(
+        return TunnelPayload(
             payload, place, PAYLOAD_TYPE if entry.inside is None else self._inside_type
         )
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.pacing import PacedQueue, Priority
 from uavrt.mavlink.rate import LinkRate
+from uavrt.messages import TunnelPayload
 from uavrt.simulation.forwarding import PASS_NS, ForwardRing
-from uavrt.tunnel.reliable import Outgoing
 from uavrt_experiments.capacity.thesis import FEW, ODD, RECEIVED, TOLERANCE
 from uavrt_experiments.result import Row
 
@@ -80,10 +80,10 @@ class _Supply:
         """A source's."""
         return 0 if self._left else None
 
-    def take(self, now_ns: int, rate_bytes_s: float) -> Outgoing:
+    def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload:
         """A source's."""
         self._left -= 1
-        return Outgoing(PAYLOAD, None)
+        return TunnelPayload(PAYLOAD, None)
 
 
 def our_sender_row(count: int, gap_s: float = 0.020, pass_ns: int = PASS_NS) -> CapacityRow:

@@ -12,7 +12,8 @@ from typing import Protocol
 from uavrt.mavlink import dialect
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.mavlink.message import Message
-from uavrt.mavlink.pacing import PacedQueue, Priority, Tunnelled
+from uavrt.mavlink.pacing import PacedQueue, Priority
+from uavrt.messages import TunnelPayload
 from uavrt.simulation.forwarding import ForwardRing
 from uavrt.tunnel.private import RECEIPT_TYPE, Receipt, payload_hash
 from uavrt.tunnel.reliable import ReliableSender
@@ -190,7 +191,7 @@ class LinkTrial:
         present = self._station_ns is not None and now_ns - self._station_ns < SILENCE_NS
         self.sender.station_present(present, now_ns)
         while (item := self.queue.take(now_ns)) is not None:
-            assert isinstance(item, Tunnelled)
+            assert isinstance(item, TunnelPayload)
             self._forward(self._drone.encode(_tunnel(item.payload, 0, GROUND)))
         wait_ns = self.queue.wait_ns(now_ns)
         if wait_ns is not None and (

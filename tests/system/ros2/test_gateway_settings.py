@@ -13,7 +13,7 @@ from uavrt.errors import ConfigError
 from uavrt.messages import StatusText
 from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.interface import type_hash
-from uavrt.ros2.messages import ParticipantEntitiesInfo16
+from uavrt.ros2.messages import graph_messages
 
 INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 
@@ -144,7 +144,7 @@ def test_the_node_list_has_a_type_hash_so_that_ros_2_prints_no_warning(
     launch()
     until(lambda: "ros_discovery_info" in ros_peer.endpoints())
     policies = {p.__scope__: p for p in ros_peer.endpoints()["ros_discovery_info"].qos}
-    expected = f"typehash={type_hash(ParticipantEntitiesInfo16)};"
+    expected = f"typehash={type_hash(graph_messages(16)[2])};"
     assert policies["Userdata"].data == expected.encode()
 
 

@@ -12,9 +12,10 @@ from uavrt.clock import Clock
 from uavrt.mavlink.component import Component, Handlers
 from uavrt.mavlink.dialect import MESSAGES, Ping, Statustext, Tunnel
 from uavrt.mavlink.frame import FrameParser, FrameWriter, crc16_mcrf4xx
-from uavrt.mavlink.pacing import CAPACITY, PacedQueue, Priority, Tunnelled
+from uavrt.mavlink.pacing import CAPACITY, PacedQueue, Priority
 from uavrt.mavlink.statustext import TextAssembler, chunks_of
 from uavrt.mavlink.timesync import TimeSync
+from uavrt.messages import TunnelPayload
 from uavrt.simulation.demo_world import demo_scenario
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
 
@@ -147,13 +148,13 @@ def test_messages_leave_by_priority_in_order_and_a_gap_apart(
 ) -> None:
     queue = PacedQueue(0.020)
     for priority, number in puts:
-        queue.put(Tunnelled(bytes([number])), priority)
+        queue.put(TunnelPayload(bytes([number])), priority)
     expected = [bytes([n]) for p in Priority for q, n in puts if q == p]
     taken, now_ns, last_ns = [], START_NS, None
     while (wait_ns := queue.wait_ns(now_ns)) is not None:
         now_ns += wait_ns
         item = queue.take(now_ns)
-        assert isinstance(item, Tunnelled)
+        assert isinstance(item, TunnelPayload)
         assert queue.take(now_ns) is None
         assert last_ns is None or now_ns - last_ns == 20_000_000
         last_ns = now_ns
@@ -167,7 +168,7 @@ def test_late_wake_ups_never_bring_two_messages_closer_than_the_floor(
 ) -> None:
     queue = PacedQueue(0.020)
     for _ in lateness_ns:
-        queue.put(Tunnelled(b""), Priority.STATUS)
+        queue.put(TunnelPayload(b""), Priority.STATUS)
     times, now_ns = [], START_NS
     for late_ns in lateness_ns:
         now_ns += (queue.wait_ns(now_ns) or 0) + late_ns

@@ -23,7 +23,7 @@ KINDS = (
     messages.DiagnosticArray,
     messages.Flag,
     messages.Log,
-    messages.ParticipantEntitiesInfo16,
+    messages.graph_messages(16)[2],
 )
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)

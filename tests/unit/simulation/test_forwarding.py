@@ -7,8 +7,8 @@ import pytest
 
 from uavrt.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.mavlink.pacing import PacedQueue, Priority
+from uavrt.messages import TunnelPayload
 from uavrt.simulation.forwarding import ForwardRing, Impairment, Routes
-from uavrt.tunnel.reliable import Outgoing
 
 START_NS = 1_700_000_000 * 10**9
 
@@ -56,9 +56,9 @@ class Endless:
     def wait_ns(self, now_ns: int) -> int | None:
         return 0 if self._left else None
 
-    def take(self, now_ns: int, rate_bytes_s: float) -> Outgoing:
+    def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload:
         self._left -= 1
-        return Outgoing(bytes(128), None)
+        return TunnelPayload(bytes(128), None)
 
 
 @pytest.mark.parametrize("gap_s", [0.012, 0.020])

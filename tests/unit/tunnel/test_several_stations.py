@@ -5,8 +5,9 @@ from random import Random
 
 import pytest
 
+from uavrt.messages import TunnelPayload
 from uavrt.tunnel.private import payload_hash
-from uavrt.tunnel.reliable import PLAIN, ItemKey, Outgoing, Place, ReliableSender
+from uavrt.tunnel.reliable import PLAIN, ItemKey, Place, ReliableSender
 
 SECOND = 1_000_000_000
 GROUND, OTHER = (255, 190), (245, 190)
@@ -28,7 +29,7 @@ def make_sender() -> ReliableSender[int]:
     return sender
 
 
-def taken(sender: ReliableSender[int], now_ns: int) -> list[Outgoing]:
+def taken(sender: ReliableSender[int], now_ns: int) -> list[TunnelPayload]:
     found = []
     while (outgoing := sender.take(now_ns, 1200.0)) is not None:
         found.append(outgoing)
@@ -132,7 +133,7 @@ class Station:
         self.got: set[bytes] = set()
         self._due: list[int] = []
 
-    def hear(self, outgoing: Outgoing) -> None:
+    def hear(self, outgoing: TunnelPayload) -> None:
         if outgoing.place in (None, self.place):
             self.got.add(outgoing.payload)
             self._due.append(payload_hash(outgoing.payload))
