@@ -102,7 +102,6 @@ class HeapKeeper:
     160 kB that way within eight minutes; and of pages that were inherited by a fork each
     becomes the process's own.
 
-    `now_s`: monotonic time [s].
     `period_s`: time between two trims [s].
     """
 

@@ -23,7 +23,6 @@ def write_maps(
     The picture is that of a report, and without matplotlib the map's squares alone.
 
     `directory`, `name`: where, and how the files are called before their endings.
-    `coverage`: the map.
     `way`: where the drone flies or flew [deg].
     Raises `RecordingError`: they cannot be written.
     """

@@ -46,7 +46,6 @@ class DetectionPlots:
     """Collects the data for plots while a detection runs, in almost constant memory.
 
     `directory`: where the pictures go; made if need be.
-    `tags`: what is looked for.
     `frequency_window_hz`: half-width of the search, shown with a margin.
     Raises `UsageError`: matplotlib is not installed.
     Raises `RecordingError`: the directory cannot be made.

@@ -325,7 +325,6 @@ def silent_maps(
     were heard, or may have been, have none: of them silence tells nothing.
 
     `tags`: that were judged.
-    `verdicts`: of each.
     `tag_power_dbm`: that they radiate.
     `elevation`: None takes the ground for level.
     `on_pulse`: takes how many pulses are done, and of how many.

@@ -19,8 +19,6 @@ def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:
 
     A windowed sinc of ``int(4 / 0.05)`` taps made odd, cut off at half the output rate
     (-6 dB *at* the output's Nyquist frequency), Hamming window, unity gain at 0 Hz.
-
-    `factor`: decimation factor.
     """
     offset = np.arange(81) - 40.0
     taps = np.sinc(offset / factor) * np.hamming(81)
@@ -34,8 +32,6 @@ def decimator_taps(factor: int) -> NDArray[np.float64]:
     transition lies between `CLEAN_FRACTION` and ``1 - CLEAN_FRACTION`` of the output rate,
     since what folds into the clean span lies beyond the second. Kaiser's formula asks for 88.5
     taps at 60 dB; 91 with this window reach 60.4 dB and are flat to 0.02 dB.
-
-    `factor`: decimation factor.
     """
     # Window shapes found by a scan of all factors: 60.0 to 61.6 dB.
     extra, beta = (3, 5.66) if factor >= 8 else (5, 5.8)

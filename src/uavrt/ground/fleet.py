@@ -34,7 +34,6 @@ class Fleet:
     """The sessions; `run` serves all until cancelled.
 
     `store`: the station's directory.
-    `clock`: the ground's clock.
     `on_event`: called with each thing heard from any vehicle, before it is shown.
     `keys`: secrets shared with the drones.
     `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.

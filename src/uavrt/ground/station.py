@@ -60,7 +60,6 @@ class StationSettings:
 class Station:
     """The ground station without a page; `PageStation` adds one.
 
-    `settings`: what to do.
     `show`: called with a dictionary for each event: ``event`` names it, the rest are its
     values.
     """

@@ -143,7 +143,6 @@ def sender_of(
     where this code has some, and none at the others; so has a burst of this code that is
     taken to begin at another of its pulses.
 
-    `row`: frequency.
     `time_s` (n,): starts of the bursts, from the first slot's beginning.
     `weight` (n,): by how strong each is expected.
     """

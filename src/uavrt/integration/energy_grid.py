@@ -278,7 +278,6 @@ def slot_energies(
 
     `samples`, `there`, `start_ns`: from `gather`.
     `tag`: its pulse width sets the window, its jitter how far beside a slot is looked.
-    `sample_rate_hz`, `center_frequency_hz`: of the channel.
     `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
     `slots_per_pulse`: 2, or 4 for a tag without jitter; 1 for a quick look.
     """

@@ -21,7 +21,6 @@ class GrowingEnergies:
     """Takes a channel's samples as they come; gives the energies of all that came.
 
     `start_ns`: time of the first sample [UTC].
-    `sample_rate_hz`, `center_frequency_hz`: of the channel.
     `frequency_window_hz`: half-width of the search around the tag's nominal frequency.
     `slots_per_pulse`: 1 is a quarter of the folding of 2.
     """

@@ -33,7 +33,6 @@ class ProcessFrame:
     """What every child process has in common.
 
     `link`: socket to the supervisor.
-    `assignment`: what to do.
     """
 
     def __init__(self, link: ChildLink, assignment: Assignment) -> None:

@@ -118,7 +118,6 @@ def record_of_search(report: SearchReport) -> PulseRecord:
 class PulseDatagramSender:
     """Sends pulse records and heartbeats; never waits, listener or not.
 
-    `host`, `port`: where to.
     `tag_ids`: tags that heartbeats are sent for.
     Raises `LinkError`: the name is unknown.
     """

@@ -38,7 +38,6 @@ def answer_command(
     A command to all components of the system is answered only when we can serve it: "not
     supported" from us would make a ground station believe that its take-off was refused.
 
-    `message`: the command.
     `sender`: whom to answer.
     `direct`: True when it names our component, False when it names all.
     `uptime_ms`: time since our start.

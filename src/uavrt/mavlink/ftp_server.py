@@ -131,7 +131,6 @@ class Crc:
 class FileServer:
     """Serves a `FileTree`; a source of the paced queue.
 
-    `tree`: what is served.
     `wake`: called when there is a new reply to send.
     `disk`: does what touches the disk; at once unless told otherwise.
     """

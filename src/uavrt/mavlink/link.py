@@ -59,7 +59,6 @@ class LinkCounters:
 class Link:
     """One link; subclasses know the transport.
 
-    `address`: where to.
     `on_frame`: called with each received frame.
     `parser`: of another protocol than MAVLink: then `on_frame` takes what it gives.
     """

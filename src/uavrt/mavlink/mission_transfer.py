@@ -52,7 +52,6 @@ _OURS = (
 class MissionTransfer(ABC):
     """What an upload and a download have in common.
 
-    `vehicle`: the autopilot.
     `own`: our system and component id.
     `done`: it has ended well.
     `fault`: why it has failed.

@@ -126,7 +126,6 @@ class LinkRate:
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
         """Time until something that is not urgent may go.
 
-        `now_ns`: time now.
         `room_bytes`: as much that a pulse after it waits for at most `PULSE_WAIT_S`; at most
         `BURST_BYTES`.
         """

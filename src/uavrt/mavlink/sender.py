@@ -39,9 +39,7 @@ meanwhile: a file client is no ground station, and its replies go behind them.""
 class PacedSender:
     """Sends messages for the ground over one link, one at a time, a gap apart.
 
-    `send`: sends a message now.
     `target`: gives the address of all ground stations, or None while there is none.
-    `clock_ns`: time now [ns].
     `gap_s`: time between two messages, at least 0.012 s.
     `straight`: no autopilot is on the way: quick, and with the shortest gap.
     `frame_extra_bytes`: what each frame has besides, as a signature.

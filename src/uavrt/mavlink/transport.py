@@ -50,7 +50,6 @@ async def keep_open(
 
     `address`: of the receiver.
     `take`: takes what the parser gives.
-    `parser`: of its protocol.
     `opened`: takes the link once it is open, and None when it is closed.
     `failed`: takes the reason each time that it cannot be opened.
     """

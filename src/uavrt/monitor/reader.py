@@ -50,7 +50,6 @@ def _never() -> None:
 class StatusReader:
     """Reads the records that the supervisor shows on its status socket.
 
-    `path`: the socket.
     `timeout_s`: how long to wait for the supervisor to open it [s].
     `check`: called while waiting; raises when a program has ended.
     Raises `UavrtError`: the supervisor did not open the socket in time.

@@ -81,8 +81,6 @@ class Rival:
 
     A tracker of its own, to which every pulse belongs as far as it explains it better than the
     tag does, and the probability that there is one at all.
-
-    `prior`: of the tag.
     """
 
     def __init__(self, prior: TagPrior, rng: Generator) -> None:

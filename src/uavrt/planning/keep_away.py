@@ -52,7 +52,6 @@ class KeepAway:
 
         `start_m`: east and north.
         `east_m`, `north_m`: their ends.
-        `speed_m_s`: of the drone.
         `stays_s`: at the end.
         """
         out = np.empty((len(beliefs), len(east_m)))

@@ -26,7 +26,6 @@ def shared_out(
     `found`: tags that need no more searching.
     `starts`: where and when each drone's round begins, by its number.
     `owners`: who had each tag before, by its number.
-    `speed_m_s`: of the drones.
     """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)

@@ -22,7 +22,6 @@ class PoseAttacher:
     centre have arrived; after `wait_s` with a pose marked as extrapolated, or, when even that
     is not to be had, with None.
 
-    `ring`: the poses.
     `wait_s`: longest a pulse waits, counted from its arrival here. 0: not at all, for a system
     without autopilot.
     """

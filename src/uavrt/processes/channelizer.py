@@ -29,7 +29,6 @@ BAND_SAMPLES = 32_768
 class BandSplitter:
     """Channelizes the band from one socket and sends the channels to others.
 
-    `frame`: the process.
     `flight`: the flight in progress: frequency, rate and tags.
     """
 

@@ -60,8 +60,6 @@ class Crowd:
     def admits(self, place: Place, now_ns: int, *, answers: int = 0) -> bool:
         """Whether a message is looked at.
 
-        `place`: who sent it.
-        `now_ns`: time now.
         `answers`: messages that the answer to it takes.
         """
         if place == self._commander:

@@ -293,7 +293,6 @@ def main() -> None:
 class Searcher:
     """Gives blocks to a bank of detectors, and sends what it finds.
 
-    `frame`: the process.
     `bank`: the detectors of its tags.
     """
 

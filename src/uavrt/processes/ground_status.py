@@ -50,7 +50,6 @@ class GroundStatus:
     """Decides which status messages are due.
 
     `exchange`: writes payloads in the ground's generation.
-    `sender`: takes them.
     `root`: the place whose free space is told.
     `disk`: asks for that space; at once unless told otherwise.
     """

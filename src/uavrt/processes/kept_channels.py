@@ -11,8 +11,6 @@ from uavrt.recording.channel_recorder import ChannelRecorder
 class KeptChannels:
     """Gives channels to their recorder, and tells what becomes of them.
 
-    `frame`: the process.
-    `flight`: the flight in progress.
     `switched_on`: False keeps none, whatever the settings say.
     """
 

@@ -32,7 +32,6 @@ PENDING = 64
 class ParameterDesk:
     """Answers requests and passes changes to the supervisor.
 
-    `settings`: in force now.
     `bytewise`: whether whole numbers travel as bytes.
     `send`: sends a value to the ground: to who asked, or to all (None).
     `ask`: gives a command to the supervisor.
@@ -78,7 +77,6 @@ class ParameterDesk:
         """Handle a request.
 
         `message`: what is asked.
-        `peer`: who asks.
         `refusal`: why this asker may not change anything.
         `request_id`: number for the command, if it becomes one.
         `sealed`: it came with a seal of the drone's key.

@@ -29,7 +29,6 @@ class SigningKept(msgspec.Struct):
 class SigningMemory:
     """Keeps the times of one `Signing`.
 
-    `signing`: whose.
     `directory`: where the file is.
     """
 

@@ -103,7 +103,6 @@ class _Channel:
 class ChannelRecorder:
     """Writes each channel as pieces ``channel_148124375_Hz_0001.sigmf-data`` and ``-meta``.
 
-    `flight`: the flight's directory.
     `budget_mb`: what the channels of all flights beside it may take.
     `minimum_free_mb`: nothing is written while the disk has less than `FREE_SPACE_FACTOR` times
     as much.

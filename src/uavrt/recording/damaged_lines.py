@@ -12,7 +12,6 @@ log = get_logger()
 class DamagedLines:
     """Collects the unreadable lines of one file.
 
-    `name`: the file.
     `remedy`: what to do when it is no such file.
     `warn`: called with a sentence about the lines passed over; by default they are told in the
     program's log.

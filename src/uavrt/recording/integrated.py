@@ -152,10 +152,7 @@ def write_integrated(
 ) -> Path:
     """Write what was found beside a flight; other tags' results stay.
 
-    `flight`: the flight's directory.
     `verdicts`: one for each tag that was judged.
-    `pulses`: theirs.
-    `folds`: theirs.
     Returns: the directory of the results.
     """
     judged = {one.tag_id for one in verdicts}

@@ -81,8 +81,6 @@ class Gateway:
     `bus`: the ROS 2 side.
     `settings`: the drone side's settings.
     `send`: takes a topic and a record for the supervisor.
-    `now_ns`: time [ns, UTC].
-    `flight`: the flight in progress.
     """
 
     def __init__(

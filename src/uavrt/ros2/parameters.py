@@ -59,10 +59,8 @@ class _Setting:
 class ParameterServices:
     """Answers; see the module's text.
 
-    `settings`: in force now.
     `running`: whether detection runs.
     `ask`: gives a wish to the supervisor.
-    `reply`: sends a reply.
     """
 
     def __init__(

@@ -195,7 +195,6 @@ def _gain(given: dict[str, str]) -> int:
 class Transmission:
     """The stream from the simulated receiver to the reader.
 
-    `synthesizer`: gives the samples.
     `write`: takes bytes, blocks while the reader is busy, raises OSError when it is gone.
     `clock`: paces the samples.
     `report`: takes a line for the person at the terminal.

@@ -64,9 +64,7 @@ def position_weights(
 ) -> NDArray[np.complex128]:
     """Complex amplitude at each position for a plane wave, re one antenna in the middle.
 
-    `switch`: the array.
     `direction_body`: unit vector to the source in the antenna's frame (FRD).
-    `wavelength_m`: of the wave.
     """
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":

@@ -26,7 +26,6 @@ _STEP_NS = 10_000_000
 class PathWriter:
     """Adds to the file; what is there from a run before is removed.
 
-    `path`: of the file.
     Raises `OSError`: it cannot be written.
     """
 

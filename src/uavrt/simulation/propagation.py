@@ -188,7 +188,6 @@ def link(
 ) -> Link:
     """Compute the link from a tag to the antenna, without fading.
 
-    `propagation`: how waves travel.
     `antenna`: pattern and polarization; the mounting is already in the quaternion.
     `tag_ned_m`, `antenna_ned_m`: places from home [m], down positive; both are kept above level
     ground by 0.1 m.

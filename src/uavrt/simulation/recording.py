@@ -61,7 +61,6 @@ def simulate_to_directory(
 ) -> SimulatedRecording:
     """Record a scenario from its start.
 
-    `scenario`: the world.
     `directory`: made if need be; must not hold anything yet.
     `duration_s`: length [s]; by default the scenario's.
     `sample_format`: little-endian pairs of float32, or of int16 with 32767 for full scale.

@@ -11,7 +11,6 @@ from uavrt.simulation.synthesis import CHUNK_SAMPLES, IQSynthesizer
 class SimulatedSource:
     """A `uavrt.radio.source.SampleSource` that hears a scenario from its start.
 
-    `scenario`: the world.
     `center_frequency_hz`, `sample_rate_hz`: tuning and rate [Hz]; by default the scenario's.
     `duration_s`: when the recording ends [s]; by default with the scenario.
     `block_samples`: samples of a block.

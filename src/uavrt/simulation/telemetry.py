@@ -37,7 +37,6 @@ def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -
     `message_id`: which.
     `pose`: of the vehicle at that instant.
     `boot_ms`: boot time of the instant [ms].
-    `time_ns`: the instant [ns, UTC].
     Raises `KeyError`: no such message is streamed.
     """
     boot_ms &= 0xFFFFFFFF

@@ -21,7 +21,6 @@ class PaceWatch:
     """Watches what one process sends.
 
     `name`: name of the instance, for the text.
-    `topics`: what it produces.
     """
 
     def __init__(self, name: str, topics: tuple[str, ...]) -> None:

@@ -195,7 +195,6 @@ class HillLosses:
         """Loss beyond that of level ground, from one place of the drone to places of any shape.
 
         `drone`: the last above the ground at the take-off.
-        `east_m`, `north_m`: of the tag.
         """
         seen = self.seen_from(*(np.array([one]) for one in drone))
         return seen.between(np.intp(0), east_m, north_m)

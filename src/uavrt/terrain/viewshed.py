@@ -29,7 +29,6 @@ def terrain_loss_map(
     """Loss [dB] beyond that of level ground, from a drone to tags at all cells.
 
     `ground`: the drone is over it.
-    `east_m`, `north_m`: of the drone.
     `antenna_m`, `tag_m`: heights of drone and tags above the ground beneath them.
     Returns: shape (rows, columns).
     Raises `UsageError`: the drone is not over the grid.

@@ -16,7 +16,6 @@ DECODERS = {**g0.DECODERS, **g1.DECODERS, **g2.DECODERS}
 def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessage:
     """Read a tunnel payload (its first ``payload_length`` bytes).
 
-    `payload`: what came.
     `generation`: what the drone speaks, where a length stands for several messages; ours need
     none.
     Raises `TunnelError`: unknown command, or a length that the command never has. Holds the

@@ -83,7 +83,6 @@ class Exchange:
     their own number.
     `version`: number told with G2, 4 to 7.
     `experimental`: whether layouts may be used that were inferred and never seen.
-    `clock_s`: monotonic time [s].
     Raises `ConfigError`: G2 without `experimental`.
     """
 

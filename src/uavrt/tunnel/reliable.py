@@ -460,7 +460,6 @@ class ReliableSender(Generic[T]):
     def take(self, now_ns: int, rate_bytes_s: float) -> TunnelPayload | None:
         """Return the payload that goes now.
 
-        `now_ns`: time now.
         `rate_bytes_s`: what the link takes, for the choice between oldest and newest.
         """
         self._expire(now_ns)

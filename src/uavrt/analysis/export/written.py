@@ -43,7 +43,6 @@ def export_survey(
 ) -> list[Path]:
     """Write a survey in each format asked for; files of the same name are replaced.
 
-    `survey`: what to write.
     `directory`: made if need be.
     `formats`: ``csv`` (pulses, track, positions; ways of tags that moved and marks where there
     are any), ``uavrt`` (the original's bearings.csv, positions.csv and TagTracker's pulse CSV),

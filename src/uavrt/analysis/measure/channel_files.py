@@ -39,7 +39,6 @@ def plan_channels(
 ) -> FrontEnd:
     """Set up the filters.
 
-    `source`: the band.
     `channels`: the original's numbers, 1 the centre; negative for the second port too; none:
     all.
     `mode`: the original's bank (3750 S/s), or twice oversampled without aliases (7500 S/s).

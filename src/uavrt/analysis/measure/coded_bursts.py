@@ -115,7 +115,6 @@ class BurstPulses:
     """Finds the starts of a coded tag's pulses in the stream of a channel.
 
     `frequency_hz`: where short pulses were seen.
-    `rate_hz`: rate of the channel.
     """
 
     def __init__(self, frequency_hz: float, rate_hz: float) -> None:

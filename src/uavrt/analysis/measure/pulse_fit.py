@@ -49,7 +49,6 @@ def fit_pulse(
 
     `samples`: around one pulse: it lies in their middle half, noise alone in the outer
     quarters.
-    `sample_rate_hz`: their rate.
     `frequency_hz`: about the carrier's frequency; to within a fifth of a pulse's bandwidth or
     so.
     """

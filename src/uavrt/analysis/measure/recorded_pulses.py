@@ -286,7 +286,6 @@ def detect(
     """Find the pulses of tags in all samples of a source.
 
     `source`: a recording or a live stream; the caller closes it.
-    `tags`: what to look for.
     `write`: takes pulses as soon as they are found.
     `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
     `operating_modes`, `excluded_hz`, `on_channel`, `on_band`: as of `DetectionChain`.

@@ -31,7 +31,6 @@ class FlightWriter:
 
     `flight`: the flight whose recording is searched.
     `source`: the recording, for its rate and frequency.
-    `tags`: what is searched.
     `directory`: where to write; None: a new directory beside the flight's.
     `searched`: window and operating mode of the search, for the new flight's settings.
     Raises `RecordingError`: the place cannot be written, or already holds a flight.
@@ -116,7 +115,6 @@ def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
     """Give pulses the antenna's poses in the flight in which they were received.
 
     `flight`: with the vehicle's poses, and how the antenna sits on it.
-    `pulses`: the pulses.
     Returns: in order of time and tag; without a pose outside of the flight.
     """
     settings = flight_settings(flight)

@@ -30,7 +30,6 @@ _MOST_OFF: Final = 0.75
 class MaximumHold:
     """The maxima of a row of values, ever coarser as it grows.
 
-    `rows`: values at each instant.
     `columns`: how many instants, or stretches of instants, are kept; even.
     """
 
@@ -66,7 +65,6 @@ class Waterfall:
 
     `offset_hz`: the tag's frequency relative to the channel's centre.
     `half_width_hz`: what to show on either side of it, as far as the channel goes.
-    `sample_rate_hz`: of the channel.
     `pulse_width_s`: sets the window: one and a half pulses of a Hann window see all of a pulse.
     """
 

@@ -11,7 +11,6 @@ from uavrt.recording.formats.whole_file import write_whole
 def write_report(survey: Survey, html: Path | None, pdf: Path | None) -> list[Path]:
     """Write the report.
 
-    `survey`: what it is about.
     `html`, `pdf`: where to; None leaves that form out.
     Raises `UsageError`: the extra ``uavrt[analysis]`` is not installed.
     Raises `RecordingError`: a file cannot be written.

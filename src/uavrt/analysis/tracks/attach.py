@@ -81,7 +81,6 @@ def attach_poses(
     to: so turns are told from what was carried.
 
     `pulse_poses`: the pulses; poses that they have are replaced.
-    `track`: the vehicle's way.
     `offset_s`: added to the track's times.
     `antenna`: how the antenna sits on the vehicle.
     """

@@ -103,7 +103,6 @@ class Folds:
     """Seeds of the codes with as many pulses as each other, and what becomes of them.
 
     `kept_s`: how long cells are kept.
-    `bandwidth_hz`: that is searched.
     `false_per_hour`: identities that noise may make, of each code.
     """
 

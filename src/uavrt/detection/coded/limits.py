@@ -43,8 +43,6 @@ def sum_limit(
 ) -> float:
     """Least sum that is this tag.
 
-    `bandwidth_hz`: that is searched.
-    `bursts`: summed.
     `pulses`: cells in the sum.
     `false_per_hour`: identities that noise may make.
     """

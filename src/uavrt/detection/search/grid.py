@@ -266,7 +266,6 @@ def make_grid(
     """Lay the grid around one tag.
 
     `sample_rate_hz`: rate of the channel's samples.
-    `pulse_width_s`: length of a pulse.
     `offset_hz`: middle of the search relative to the centre of the channel.
     `half_width_hz`: half-width of the search; infinite or large: the whole channel.
     """

@@ -71,7 +71,6 @@ class RateSearch(ABC):
     What all searches have; `uavrt.detection.search.anchors.AnchorSearch` and
     `uavrt.detection.search.long_groups.LongSearch` are the two ways to do it.
 
-    `rows`: rows of the grid.
     `hop_s`: time between two columns.
     `interval_s`, `uncertainty_s`, `jitter_s`: the tag's interval, the bound of its constant
     error and of each pulse's own.

@@ -188,7 +188,6 @@ def _polynomials(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Polynomials of an amplitude, and what fits them to the means of blocks.
 
-    `length`: samples.
     `block`: samples of a block; what is too few for one lies before the first.
     Returns: `fine` (length, degree + 1): legendre's, over all samples.
     Returns: `solve` (degree + 1, length // block): least squares.

@@ -66,7 +66,6 @@ def log_odds(
 ) -> float:
     """Log-likelihood ratio of what was found at a place: a tag's pulse to a burst.
 
-    `width_s`: of a pulse.
     `late_s`, `spread_s`: how much later than expected, and the standard deviation that a tag's
     pulse has.
     `beside_hz`: how far from the track's frequency.

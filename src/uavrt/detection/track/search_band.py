@@ -329,10 +329,7 @@ class SearchBand:
 def advance_together(
     bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
 ) -> list[list[tuple[RateSearch, list[Candidate]]]]:
-    """Do as `SearchBand.advance` for bands that have the same `company`.
-
-    `uptos`: for each.
-    """
+    """Do as `SearchBand.advance` for bands that have the same `company`."""
     power = push_together(
         [band._spectrogram for band in bands],
         [

@@ -34,7 +34,6 @@ class DroneFiles:
             for entry in (await client.tree("/")).files:
                 await fetch_file(client, entry, Path(entry.path.lstrip("/")))
 
-    `now_ns`: time now.
     `system_id`, `component_id`: our own numbers, different from the ground station's.
     `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`.
     """

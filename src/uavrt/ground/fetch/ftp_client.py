@@ -75,7 +75,6 @@ class FileClient:
     """One conversation with the drone's file server.
 
     `send`: sends a request's 251 bytes.
-    `now_ns`: time now.
     `session`: ours; any number serves.
     `unanswered`: called when nothing has come for a while; there may be another link.
     """
@@ -168,7 +167,6 @@ class FileClient:
     ) -> int:
         """Read a file from `start` to its end; return its size.
 
-        `path`: the file.
         `write`: gets the bytes in order; the link waits for nothing that it waits for.
         `start`: bytes that are here already.
         `progress`: gets the bytes that are here, and the size.
@@ -326,7 +324,6 @@ def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) 
     """Refuse a flight that is too large, for what it can be or for the disk here.
 
     `entries`: what is to be fetched.
-    `place`: where to.
     `samples`: recorded samples are among it, which may have any size.
     Raises `RecordingError`: it is too large.
     """

@@ -80,7 +80,6 @@ class GroundLink:
         async for event in link.events():
             ...
 
-    `clock_ns`: time now [ns].
     `on_event`: called at once with each event; without it they wait for `events`.
     `generation`: wire format; G1 unless the drone runs the thesis's software, or the original's
     numbered versions.
@@ -372,7 +371,6 @@ class GroundLink:
         is not confirmed. A stop waits for nothing else that is under way.
 
         `payload`: by `uavrt.tunnel.motion`.
-        `request_id`: the number in it.
         Raises `CommandRefused`: the drone refused; the text is its reason.
         Raises `LinkError`: it did not answer.
         """

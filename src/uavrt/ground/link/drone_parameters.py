@@ -25,7 +25,6 @@ class DroneParameters:
     """Lists and sets the drone's parameters.
 
     `protocol`: knows the drone, and seals.
-    `send`: sends a message.
     `answer_wait_s`: how long to wait for each answer.
     """
 

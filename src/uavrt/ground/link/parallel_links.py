@@ -122,7 +122,6 @@ class Ways:
 
     `own`: system and component id.
     `receive`: gets each frame and the number of its link.
-    `clock_ns`: time now [ns].
     `signing`: signs what leaves, with a link id for each link.
     `links`: those that are shared with others; without it they are this one's alone.
     """

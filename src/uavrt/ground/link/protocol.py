@@ -117,7 +117,6 @@ GroundEvent = (
 class GroundProtocol:
     """Decodes and counts what the ground receives; no I/O.
 
-    `system_id`, `component_id`: our own numbers.
     `receipts`: what to acknowledge; None for a station that does not.
     `sealer`: seals what is sent.
     `generation`: what the drone speaks.

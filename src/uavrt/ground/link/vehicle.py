@@ -67,7 +67,6 @@ class RadioLevels:
 class VehicleWatch:
     """Reads the autopilot's frames on the ground link.
 
-    `own`: our own numbers.
     `identity`: which vehicle is served; until that is known the first autopilot is watched.
     """
 

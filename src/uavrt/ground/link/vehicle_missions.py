@@ -54,8 +54,6 @@ class _Autopilot:
 class VehicleMissions:
     """Uploads and downloads, one at a time.
 
-    `own`: our own numbers.
-    `send`: sends a message.
     `system_id`: of the vehicle that is served; None while that is not known.
     """
 

@@ -67,7 +67,6 @@ class FlightKeeper:
     how much of it is durable.
 
     `directory`: where flights are made.
-    `clock`: the ground's clock.
     `disk`: where the writing is done; without one `commit` does it before it returns.
     `also`: called where the writing is done, with each pulse and content of a burst before its
     flight is committed. A `RecordingError` has it called again, and the flight waits.
@@ -147,7 +146,6 @@ class FlightKeeper:
     def begin(self, tags: Iterable[Tag], flown: Path | None = None) -> str:
         """Begin a flight; gives its name.
 
-        `tags`: that are searched for.
         `flown`: the drone's own recording of it in the same directory: ours is a copy of that.
         """
         self.close()

@@ -41,7 +41,6 @@ class Operations:
     `settings`: where flights are, and where they are copied to.
     `publish`: gets each step.
     `tell`: sends a text (severity, text) to the operator.
-    `clock_s`: monotonic time [s].
     """
 
     def __init__(

@@ -23,7 +23,6 @@ class Commander:
     """The station in command.
 
     `pinned`: False: everybody may command.
-    `clock_s`: monotonic time [s].
     `name`: who commanded before a restart.
     """
 

@@ -27,7 +27,6 @@ class BudgetWatch:
     def check(self, now_s: float, cpu_s: float, memory_mb: float) -> str | None:
         """Add a measurement; get a warning when it is too much, at most every five minutes.
 
-        `now_s`: monotonic time [s].
         `cpu_s`: CPU time since the start [s].
         `memory_mb`: resident memory [MB].
         """
