@@ -45,11 +45,8 @@ COMMANDS = {
 def make_app(*, summaries: bool = False) -> App:
     """Make the command line.
 
-    Parameters
-    ----------
-    summaries : bool
-        Describe each command by its line above; else by its own text, for which its module
-        is imported.
+    `summaries`: describe each command by its line above; else by its own text, for which its
+    module is imported.
     """
     made = App(
         name="uavrt",

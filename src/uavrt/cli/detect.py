@@ -313,10 +313,7 @@ def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] |
 def start_time_ns(text: str | None) -> int | None:
     """Read --start-time.
 
-    Raises
-    ------
-    ConfigError
-        Not a time.
+    Raises `ConfigError`: not a time.
     """
     if text is None:
         return None
@@ -338,10 +335,8 @@ def open_source(
 ) -> SampleSource:
     """Open a channel's port, standard input or a recording.
 
-    Raises
-    ------
-    ConfigError, FormatError, RadioError
-        It cannot be opened, or something is not told.
+    Raises `ConfigError`, `FormatError`, `RadioError`: it cannot be opened, or something is not
+    told.
     """
     if is_udp_address(recording):
         return open_channel(
@@ -421,11 +416,8 @@ def stop_on_signals(within_s: float | None = None) -> Iterator[Callable[[], int 
 
     A second Ctrl-C ends at once.
 
-    Parameters
-    ----------
-    within_s : float, optional
-        What has not ended so long after the first is interrupted by KeyboardInterrupt, and the
-        program is ended after the same time again: for work that any end leaves whole.
+    `within_s`: what has not ended so long after the first is interrupted by KeyboardInterrupt,
+    and the program is ended after the same time again: for work that any end leaves whole.
     """
     seen: list[int] = []
     timers: list[threading.Timer] = []

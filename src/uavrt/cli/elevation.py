@@ -12,12 +12,9 @@ if TYPE_CHECKING:
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
     """Open elevation files; None where none are named.
 
-    Raises
-    ------
-    ConfigError
-        Water is told of files that are not named.
-    FormatError
-        There are none, or one is cut off, damaged, or of a kind that is not read.
+    Raises `ConfigError`: water is told of files that are not named.
+    Raises `FormatError`: there are none, or one is cut off, damaged, or of a kind that is not
+    read.
     """
     if dem is None and sea:
         raise ConfigError(

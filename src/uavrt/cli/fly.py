@@ -353,10 +353,8 @@ def _print(what: str, text: str, *, json_lines: bool) -> None:
 def read_area(path: Path) -> Places:
     """Read the outline of an area.
 
-    Raises
-    ------
-    FormatError
-        It is not GeoJSON, KML or a QGroundControl plan with one outline without holes.
+    Raises `FormatError`: it is not GeoJSON, KML or a QGroundControl plan with one outline
+    without holes.
     """
     return area_in(_text_of(path), str(path))
 

@@ -316,10 +316,7 @@ def _text_of(event: dict[str, Any]) -> str | None:
 def _refuse_unused(**given: bool) -> None:
     """Refuse options that only the page obeys, where there is none.
 
-    Raises
-    ------
-    ConfigError
-        Some were given.
+    Raises `ConfigError`: some were given.
     """
     unused = [f"--{name.replace('_', '-')}" for name, is_given in given.items() if is_given]
     if unused:

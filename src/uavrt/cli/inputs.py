@@ -11,10 +11,7 @@ _HEAD_BYTES = 65_536
 def require_content(paths: Sequence[Path]) -> None:
     """Refuse files that are all empty, before they are taken for flights without pulses.
 
-    Raises
-    ------
-    UsageError
-        There is nothing in any of them.
+    Raises `UsageError`: there is nothing in any of them.
     """
     empty = [path for path in paths if path.is_file() and _is_empty(path)]
     if empty and len(empty) == len(paths):

@@ -459,10 +459,7 @@ def _keep(
 def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
     """Pick the tags that are asked for.
 
-    Raises
-    ------
-    ConfigError
-        One is not listed, or none is.
+    Raises `ConfigError`: one is not listed, or none is.
     """
     if not known:
         raise ConfigError("there are no tags to look for", remedy="Name a tag file with --tags")
@@ -478,10 +475,7 @@ def _wanted(known: "Sequence[Tag]", ids: tuple[int, ...]) -> "list[Tag]":
 def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
     """Find what a flight recorded of the band; None when the channels that it kept will do.
 
-    Raises
-    ------
-    ConfigError
-        It kept no samples, or several recordings.
+    Raises `ConfigError`: it kept no samples, or several recordings.
     """
     from uavrt.analysis.kept_samples import channel_of, kept_channels
     from uavrt.recording.layout import FlightLayout

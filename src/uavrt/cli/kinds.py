@@ -15,14 +15,9 @@ from cyclopts import Parameter
 class Between:
     """A validator: the number is finite and within limits.
 
-    Parameters
-    ----------
-    least, most : float, optional
-        Smallest and largest allowed value.
-    above : float, optional
-        The value is larger than this.
-    unit : str
-        For the message.
+    `least`, `most`: smallest and largest allowed value.
+    `above`: the value is larger than this.
+    `unit`: for the message.
     """
 
     least: float | None = None

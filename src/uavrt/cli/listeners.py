@@ -65,14 +65,9 @@ def remote_node_name() -> str:
 class RosPulses(Listener):
     """Publishes pulses on ROS 2, as the node of a detector.
 
-    Parameters
-    ----------
-    interfaces : str
-        Network interfaces with commas; ``lo``: this computer only.
-    tags : sequence of Tag
-        For each a sign of life once a second while samples come.
-    namespace : str
-        That of the drone that takes the pulses.
+    `interfaces`: network interfaces with commas; ``lo``: this computer only.
+    `tags`: for each a sign of life once a second while samples come.
+    `namespace`: that of the drone that takes the pulses.
     """
 
     def __init__(self, interfaces: str, tags: Sequence[Tag], namespace: str = "") -> None:

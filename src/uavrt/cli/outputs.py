@@ -12,12 +12,8 @@ from uavrt.errors import ConfigError
 def print_json(value: object, *, indent: int = 0) -> None:
     """Print a value as JSON: what is not a number becomes null (RFC 8259, section 6).
 
-    Parameters
-    ----------
-    value : object
-        Plain values, dates, dataclasses and lists of them.
-    indent : int
-        Spaces of each level; 0 prints one line.
+    `value`: plain values, dates, dataclasses and lists of them.
+    `indent`: spaces of each level; 0 prints one line.
     """
     print(msgspec.json.format(msgspec.json.encode(value), indent=indent).decode())
 
@@ -27,17 +23,9 @@ def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None
 
     Of a SigMF recording one file is named and the other is meant as well.
 
-    Parameters
-    ----------
-    output : str or Path
-        File to be written; it need not exist.
-    inputs : iterable of str, Path or None
-        Files that are read; None and what is no file are passed over.
-
-    Raises
-    ------
-    ConfigError
-        It is one of them, by whatever name.
+    `output`: file to be written; it need not exist.
+    `inputs`: files that are read; None and what is no file are passed over.
+    Raises `ConfigError`: it is one of them, by whatever name.
     """
     target = Path(output)
     if not target.is_file():
@@ -54,17 +42,9 @@ def keep_inputs(output: str | Path, inputs: Iterable[str | Path | None]) -> None
 def check_place(output: Path, *, overwrite: bool = False) -> None:
     """Refuse a place where a file cannot be written, before the work that fills it.
 
-    Parameters
-    ----------
-    output : Path
-        The file to be written.
-    overwrite : bool
-        It may exist already.
-
-    Raises
-    ------
-    ConfigError
-        The text says why not.
+    `output`: the file to be written.
+    `overwrite`: it may exist already.
+    Raises `ConfigError`: the text says why not.
     """
     if output.is_dir():
         raise ConfigError(f"{output} is a directory", remedy="Name a file in it")
@@ -81,10 +61,7 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 def make_directory(path: Path, option: str) -> None:
     """Make a directory to write into, before the work that fills it.
 
-    Raises
-    ------
-    ConfigError
-        It cannot be made, or not written; `option` is what it was named by.
+    Raises `ConfigError`: it cannot be made, or not written; `option` is what it was named by.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)

@@ -97,10 +97,7 @@ def run(
 def without_autopilot(settings: Settings) -> Settings:
     """Leave the autopilot out where the pose comes from elsewhere.
 
-    Raises
-    ------
-    ConfigError
-        An autopilot is named, too; or a setting of that pose is missing.
+    Raises `ConfigError`: an autopilot is named, too; or a setting of that pose is missing.
     """
     if settings.pose.source == "autopilot":
         return settings

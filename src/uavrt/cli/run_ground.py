@@ -34,23 +34,13 @@ def run_both(
     Ctrl-C reaches both from the terminal; SIGINT and SIGTERM to this process are passed on. The
     flight continues if the page ends first. If this process is killed, both continue.
 
-    Parameters
-    ----------
-    supervisor : list of str
-        The supervisor's whole command.
-    address : str
-        MAVLink address of the drone side for the page.
-    settings : Settings
-        Of the drone side. The page has its flights, to show their samples, and its keys.
-    port : int
-        Of the page.
-    browser : bool
-        Open it in a browser.
-
-    Returns
-    -------
-    int
-        The supervisor's exit status.
+    `supervisor`: the supervisor's whole command.
+    `address`: MAVLink address of the drone side for the page.
+    `settings`: of the drone side. The page has its flights, to show their samples, and its
+    keys.
+    `port`: of the page.
+    `browser`: open it in a browser.
+    Returns: the supervisor's exit status.
     """
     if not has_page():
         raise ConfigError(

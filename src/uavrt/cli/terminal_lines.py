@@ -23,12 +23,8 @@ class TerminalLines:
 
     When its reader has gone it prints no more; what cannot wait is left out. Both are counted.
 
-    Parameters
-    ----------
-    stream : TextIO, optional
-        Where to; standard output unless told.
-    most : int
-        Lines that wait at most.
+    `stream`: where to; standard output unless told.
+    `most`: lines that wait at most.
     """
 
     def __init__(self, stream: TextIO | None = None, *, most: int = MOST_WAITING) -> None:

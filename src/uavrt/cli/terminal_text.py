@@ -19,10 +19,7 @@ def harmless(text: str) -> str:
 class TerminalText:
     """A terminal to which only harmless text is written; all else is the stream's.
 
-    Parameters
-    ----------
-    stream : TextIO
-        The terminal.
+    `stream`: the terminal.
     """
 
     def __init__(self, stream: TextIO) -> None:

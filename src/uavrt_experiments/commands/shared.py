@@ -16,10 +16,7 @@ from uavrt_experiments.tables import bars_kept, drawn, write_rows
 def chosen(only: str | None, known: Iterable[str]) -> tuple[str, ...]:
     """Names of experiments that ``--only`` asks for, in the order of `known`.
 
-    Raises
-    ------
-    UsageError
-        One is unknown.
+    Raises `UsageError`: one is unknown.
     """
     names = tuple(known)
     asked = names if only is None else [one.strip().upper() for one in only.split(",")]
