@@ -1,9 +1,10 @@
 """What a reader of pulse logs hands out, whichever format it read."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
-from uavrt.messages import PulsePose
+from uavrt.messages import Pulse, PulsePose
 
 LogKind = Literal[
     "flight",
@@ -46,3 +47,33 @@ class PulseLog:
     """What somebody who works with these pulses must know; sentences."""
     passed_over: int = 0
     """Rows that report no pulse: rotation slices with nothing found."""
+
+
+def heard_pulse(
+    tag_id: int,
+    frequency_hz: float,
+    start_ns: int,
+    end_ns: int,
+    snr_db: float,
+    *,
+    noise_db: float = math.nan,
+    confirmed: bool = False,
+) -> Pulse:
+    """Make a pulse of a log that knows no groups of pulses; `noise_db` is its noise density."""
+    return Pulse(
+        tag_id=tag_id,
+        frequency_hz=frequency_hz,
+        start_time_ns=start_ns,
+        end_time_ns=end_ns,
+        snr_db=snr_db,
+        group_snr_db=snr_db,
+        score=math.nan,
+        group_index=1,
+        group_sequence=0,
+        noise_psd=10.0 ** (noise_db / 10.0),
+        detection_status="confirmed" if confirmed else "detected",
+        confirmed=confirmed,
+        rate=1,
+        predicted_next_start_ns=None,
+        predicted_next_end_ns=None,
+    )

@@ -9,20 +9,18 @@ still and name no place, so the pulses have no pose. That system's SNR is averag
 noise power in its FFT bin; it is kept as it is. Tags are numbered by frequency.
 """
 
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
 
 from uavrt.messages import Pulse, PulsePose
-from uavrt.recording.formats.log import PulseLog
+from uavrt.recording.formats.log import PulseLog, heard_pulse
 from uavrt.recording.formats.text import (
     any_time_ns,
     cells_of,
     finite,
     number_or_nan,
-    read_lines,
-    wrong_line,
+    parsed_rows,
 )
 from uavrt.recording.formats.ucsd import tag_numbers
 from uavrt.units import ns_from_s
@@ -39,27 +37,15 @@ def read_pyradiotracking(path: str | os.PathLike[str]) -> PulseLog:
 
     Raises `FormatError`: it cannot be read, or a row is no signal; its line is named.
     """
-    lines = read_lines(path)
-    names: list[str] | None = None
-    pulses: list[Pulse] = []
-    devices: set[str] = set()
-    for number, line in enumerate(lines, start=1):
-        cells = cells_of(line, ";")
-        if not cells:
-            continue
-        try:
-            if names is None:
-                names = column_names(cells)
-                if missing := set(NAMES) - set(names):
-                    raise ValueError(f"the heading lacks {', '.join(sorted(missing))}")
-                continue
-            row = [cells[names.index(name)] for name in NAMES]
-            pulses.append(_pulse(row))
-            devices.add(row[0])
-        except (ValueError, IndexError, OverflowError) as error:
-            if number == len(lines) and pulses:
-                break  # cut off while it was written
-            raise wrong_line(path, number, error, _REMEDY) from None
+    heard = parsed_rows(
+        path,
+        NAMES,
+        lambda row: (row[0], _pulse(row)),
+        _REMEDY,
+        cells=lambda line: cells_of(line, ";"),
+        names=column_names,
+    )
+    pulses, devices = [pulse for _, pulse in heard], {device for device, _ in heard}
     tags = tag_numbers([pulse.frequency_hz for pulse in pulses], SAME_TAG_HZ)
     warnings = ["Pulses of this log have no place. Tags are numbered by frequency."]
     if len(devices) > 1:
@@ -89,23 +75,8 @@ def _pulse(cells: Sequence[str]) -> Pulse:
     snr_db = number_or_nan(cells[8])
     if abs(noise_dbw) > 1000.0:
         raise ValueError(f"{cells[7]} is not a level in dBW")
-    return Pulse(
-        tag_id=1,
-        frequency_hz=finite(cells[2]),
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + ns_from_s(_duration_s(cells[3])),
-        snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=math.nan,
-        group_index=1,
-        group_sequence=0,
-        noise_psd=10.0 ** (noise_dbw / 10.0),
-        detection_status="detected",
-        confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
-    )
+    end_ns = start_ns + ns_from_s(_duration_s(cells[3]))
+    return heard_pulse(1, finite(cells[2]), start_ns, end_ns, snr_db, noise_db=noise_dbw)
 
 
 def _duration_s(cell: str) -> float:

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 from uavrt.messages import Pose, Pulse, PulsePose
 from uavrt.recording.damaged_lines import passed_over
-from uavrt.recording.formats.log import PulseLog
+from uavrt.recording.formats.log import PulseLog, heard_pulse
 from uavrt.recording.formats.text import (
     cells_of,
     finite,
@@ -137,41 +137,14 @@ def _pulse(cells: Sequence[str], tuned_hz: float) -> Pulse:
     signal_db, noise_db = number_or_nan(cells[3]), number_or_nan(cells[4])
     if abs(noise_db) > 300.0:
         raise ValueError(f"{cells[4]} is not a level in dB")
-    return _detected(
-        tag_id=1,
-        frequency_hz=tuned_hz + 1e3 * finite(cells[2]),
-        start_ns=start_ns,
-        snr_db=signal_db - noise_db,
+    return heard_pulse(
+        1,
+        tuned_hz + 1e3 * finite(cells[2]),
+        start_ns,
+        start_ns + _PULSE_NS,
+        signal_db - noise_db,
         noise_db=noise_db,
         confirmed=False,
-    )
-
-
-def _detected(
-    *,
-    tag_id: int,
-    frequency_hz: float,
-    start_ns: int,
-    snr_db: float,
-    noise_db: float,
-    confirmed: bool,
-) -> Pulse:
-    return Pulse(
-        tag_id=tag_id,
-        frequency_hz=frequency_hz,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + _PULSE_NS,
-        snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=math.nan,
-        group_index=1,
-        group_sequence=0,
-        noise_psd=10.0 ** (noise_db / 10.0),
-        detection_status="confirmed" if confirmed else "detected",
-        confirmed=confirmed,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
 
 
@@ -261,11 +234,13 @@ def _detection(row: dict[str, str]) -> PulsePose:
     signal_db = number("sig")
     nominal_mhz = next((number(name) for name in _NOMINAL if row.get(name)), math.nan)
     away_khz = number("freq")
-    pulse = _detected(
-        tag_id=tag_id,
-        frequency_hz=1e6 * nominal_mhz + (1e3 * away_khz if math.isfinite(away_khz) else 0.0),
-        start_ns=start_ns,
-        snr_db=signal_db - (noise_db if math.isfinite(noise_db) else 0.0),
+    away_hz = 1e3 * away_khz if math.isfinite(away_khz) else 0.0
+    pulse = heard_pulse(
+        tag_id,
+        1e6 * nominal_mhz + away_hz,
+        start_ns,
+        start_ns + _PULSE_NS,
+        signal_db - (noise_db if math.isfinite(noise_db) else 0.0),
         noise_db=noise_db,
         confirmed=True,
     )

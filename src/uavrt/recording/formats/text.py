@@ -4,7 +4,8 @@ import math
 import os
 import re
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
@@ -13,6 +14,7 @@ from uavrt.on_earth import latitude_on_earth, longitude_on_earth, place_on_earth
 from uavrt.recording.damaged_lines import words_of
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
+T = TypeVar("T")
 MAX_TIME_NS = 2**62
 """The year 2116; also well inside SQLite's integers."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
@@ -66,6 +68,52 @@ def cells_of(line: str, separator: str = ",") -> list[str]:
     while cells and not cells[-1]:
         cells.pop()
     return cells
+
+
+def _parted(line: str) -> list[str]:
+    return [cell.strip() for cell in line.split(",")]
+
+
+def lower_names(heading: Sequence[str]) -> list[str]:
+    """Names of columns without regard to capitals."""
+    return [name.lower() for name in heading]
+
+
+def parsed_rows(
+    path: str | os.PathLike[str],
+    columns: Sequence[str],
+    parse: Callable[[Sequence[str]], T],
+    remedy: str,
+    *,
+    cells: Callable[[str], list[str]] = _parted,
+    names: Callable[[Sequence[str]], list[str]] = lower_names,
+) -> list[T]:
+    """Parse the rows of a table with a heading, their cells in the order of `columns`.
+
+    A last row that cannot be parsed was cut off while it was written, and is left out.
+
+    `cells`: parts a line.
+    `names`: columns of a heading.
+    Raises `FormatError`: the file cannot be read, or a row cannot be parsed; its line is named.
+    """
+    lines, places, rows = read_lines(path), list[int](), list[T]()
+    for number, line in enumerate(lines, start=1):
+        found = cells(line)
+        if not any(found):
+            continue
+        try:
+            if places:
+                rows.append(parse([found[place] for place in places]))
+                continue
+            heading = names(found)
+            if missing := set(columns) - set(heading):
+                raise ValueError(f"the heading lacks {', '.join(sorted(missing))}")
+            places = [heading.index(column) for column in columns]
+        except (ValueError, IndexError, OverflowError) as error:
+            if number == len(lines) and rows:
+                break
+            raise wrong_line(path, number, error, remedy) from None
+    return rows
 
 
 def separator_of(lines: Sequence[str]) -> str:

@@ -12,21 +12,19 @@ it is given the tags' numbers 1, 2 … in the order of the frequencies.
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uavrt.attitude import from_euler_deg
 from uavrt.geodesy import geodetic_of_epsg
-from uavrt.messages import Pose, Pulse, PulsePose
-from uavrt.recording.formats.log import PulseLog
+from uavrt.messages import Pose, PulsePose
+from uavrt.recording.formats.log import PulseLog, heard_pulse
 from uavrt.recording.formats.text import (
     any_time_ns,
-    cells_of,
     finite,
     number_or_nan,
-    read_lines,
+    parsed_rows,
     whole,
-    wrong_line,
 )
 
 PING_COLUMNS = (
@@ -54,10 +52,10 @@ def read_ucsd_pings(path: str | os.PathLike[str]) -> PulseLog:
 
     Raises `FormatError`: it cannot be read, or a row is no ping; its line is named.
     """
-    pings = [_ping(cells) for cells in _rows(path, PING_COLUMNS, _ping)]
+    pings = parsed_rows(path, PING_COLUMNS, _ping, _REMEDY)
     tags = tag_numbers([frequency for frequency, _, _, _ in pings])
     found = tuple(
-        PulsePose(pulse=_pulse(tag_id, frequency, time_ns, level), pose=pose)
+        PulsePose(pulse=heard_pulse(tag_id, frequency, time_ns, time_ns, level), pose=pose)
         for tag_id, (frequency, time_ns, level, pose) in zip(tags, pings, strict=True)
     )
     warning = (
@@ -72,7 +70,7 @@ def read_ucsd_estimates(path: str | os.PathLike[str]) -> tuple[TargetEstimate, .
 
     Raises `FormatError`: it cannot be read, or a row is no estimate; its line is named.
     """
-    return tuple(_estimate(cells) for cells in _rows(path, ESTIMATE_COLUMNS, _estimate))
+    return tuple(parsed_rows(path, ESTIMATE_COLUMNS, _estimate, _REMEDY))
 
 
 def tag_numbers(frequencies_hz: Sequence[float], same_hz: float = SAME_TARGET_HZ) -> list[int]:
@@ -84,35 +82,6 @@ def tag_numbers(frequencies_hz: Sequence[float], same_hz: float = SAME_TARGET_HZ
             number += 1
         numbers[index], last = number, frequencies_hz[index]
     return numbers
-
-
-def _rows(
-    path: str | os.PathLike[str],
-    columns: tuple[str, ...],
-    check: Callable[[Sequence[str]], object],
-) -> list[list[str]]:
-    """Rows in the order of `columns`, each read once on trial by `check`."""
-    lines = read_lines(path)
-    names: list[str] | None = None
-    rows: list[list[str]] = []
-    for number, line in enumerate(lines, start=1):
-        cells = [cell.strip() for cell in line.split(",")]
-        if not cells_of(line):
-            continue
-        try:
-            if names is None:
-                names = [cell.lower() for cell in cells]
-                if missing := set(columns) - set(names):
-                    raise ValueError(f"the heading lacks {', '.join(sorted(missing))}")
-                continue
-            row = [cells[names.index(column)] for column in columns]
-            check(row)
-        except (ValueError, IndexError, OverflowError) as error:
-            if number == len(lines) and rows:
-                break  # cut off while it was written
-            raise wrong_line(path, number, error, _REMEDY) from None
-        rows.append(row)
-    return rows
 
 
 def _ping(cells: Sequence[str]) -> tuple[float, int, float, Pose]:
@@ -142,24 +111,4 @@ def _estimate(cells: Sequence[str]) -> TargetEstimate:
         time_ns=any_time_ns(cells[1]),
         latitude_deg=lat,
         longitude_deg=lon,
-    )
-
-
-def _pulse(tag_id: int, frequency_hz: float, time_ns: int, level_db: float) -> Pulse:
-    return Pulse(
-        tag_id=tag_id,
-        frequency_hz=frequency_hz,
-        start_time_ns=time_ns,
-        end_time_ns=time_ns,
-        snr_db=level_db,
-        group_snr_db=level_db,
-        score=math.nan,
-        group_index=1,
-        group_sequence=0,
-        noise_psd=math.nan,
-        detection_status="detected",
-        confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
