@@ -53,8 +53,8 @@ from uavrt.planning.energy import Battery
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.planners.registry import planner_named
-from uavrt.planning.search import Found, Search, SearchSettings
-from uavrt.planning.situation import Decision, Planner
+from uavrt.planning.search import Found, Search
+from uavrt.planning.situation import Decision, Planner, SearchSettings
 from uavrt.planning.stopping import HonestStop
 from uavrt.planning.vehicle import VehicleState
 from uavrt.tangent_plane import TangentPlane

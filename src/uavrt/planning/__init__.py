@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from uavrt.planning.planners.registry import planner_named as planner_named
     from uavrt.planning.propagation import GroundReflection as GroundReflection
     from uavrt.planning.search import Search as Search
-    from uavrt.planning.search import SearchSettings as SearchSettings
     from uavrt.planning.situation import Candidate as Candidate
     from uavrt.planning.situation import Decision as Decision
     from uavrt.planning.situation import Planner as Planner
+    from uavrt.planning.situation import SearchSettings as SearchSettings
     from uavrt.planning.situation import Situation as Situation
     from uavrt.planning.stopping import HonestStop as HonestStop
     from uavrt.planning.stopping import StopRule as StopRule
@@ -52,8 +52,8 @@ __all__, __getattr__ = lazily(
         "planners.mi_rate": "MiRate",
         "planners.registry": "PLANNERS planner_named",
         "propagation": "GroundReflection",
-        "search": "Search SearchSettings",
-        "situation": "Candidate Decision Planner Situation",
+        "search": "Search",
+        "situation": "Candidate Decision Planner SearchSettings Situation",
         "stopping": "HonestStop StopRule",
         "vehicle": "FixedWing Multirotor Path Vehicle VehicleState Wind",
     },

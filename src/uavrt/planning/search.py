@@ -10,15 +10,13 @@ from uavrt.errors import PlanError
 from uavrt.localization.position.level_belief import Listening
 from uavrt.localization.position.trackers import TrackEstimate
 from uavrt.planning.actions import FlyTo, Return
-from uavrt.planning.area import SearchArea, check_reach
+from uavrt.planning.area import check_reach
 from uavrt.planning.beliefs import Beliefs
 from uavrt.planning.beside import Beside
 from uavrt.planning.common_fall import CommonFall
 from uavrt.planning.energy import Battery, EnergyModel
-from uavrt.planning.keep_away import KeepAway
-from uavrt.planning.situation import Decision, Planner, Situation
-from uavrt.planning.stopping import StopRule
-from uavrt.planning.vehicle import Vehicle, VehicleState, Wind, flown, headwind
+from uavrt.planning.situation import Decision, Planner, SearchSettings, Situation
+from uavrt.planning.vehicle import VehicleState, Wind, flown, headwind
 
 _Floats = NDArray[np.float64]
 
@@ -30,26 +28,6 @@ class Found:
     time_s: float
     estimate: TrackEstimate
     reason: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SearchSettings:
-    """What does not change during a search."""
-
-    vehicle: Vehicle
-    area: SearchArea
-    stop: StopRule
-    keep_away: KeepAway | None = None
-    energy: EnergyModel | None = None
-    """None: the battery is not looked at (experiments that have none)."""
-    worst_wind_m_s: float = 0.0
-    """That blows against the way home, where no wind is told."""
-    return_height_m: float = 0.0
-    """To which the autopilot climbs before it flies home."""
-    cycle_s: float = 5.0
-    pulse_s: float = 1.0
-    threshold_db: float = 10.0
-    tag_height_m: float = 0.0
 
 
 class Search:
@@ -177,21 +155,13 @@ class Search:
         self, state: VehicleState, wind: Wind, beside: Beside | None = None
     ) -> Situation:
         """What the planner is told."""
-        settings = self.settings
-        return Situation(
+        return Situation.of(
+            self.settings,
             state=state,
-            vehicle=settings.vehicle,
-            area=settings.area,
             beliefs=self.beliefs,
             found=frozenset(self.found),
-            stop=settings.stop,
             rng=self._rng,
             wind=wind,
-            keep_away=settings.keep_away,
-            cycle_s=settings.cycle_s,
-            pulse_s=settings.pulse_s,
-            threshold_db=settings.threshold_db,
-            tag_height_m=settings.tag_height_m,
             beside=beside,
         )
 

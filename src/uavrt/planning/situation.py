@@ -1,8 +1,8 @@
 """Input and output of a planner."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
 
 from numpy.random import Generator
 
@@ -10,6 +10,7 @@ from uavrt.planning.actions import Action
 from uavrt.planning.area import SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
 from uavrt.planning.beside import Beside
+from uavrt.planning.energy import EnergyModel
 from uavrt.planning.information import Listener
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.stopping import StopRule
@@ -17,19 +18,19 @@ from uavrt.planning.vehicle import Vehicle, VehicleState, Wind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
-    """Everything that a decision may depend on."""
+class SearchSettings:
+    """What does not change during a search."""
 
-    state: VehicleState
     vehicle: Vehicle
     area: SearchArea
-    beliefs: Beliefs
-    found: frozenset[int]
-    """Tags that need no more searching."""
     stop: StopRule
-    rng: Generator
-    wind: Wind = field(default_factory=Wind)
     keep_away: KeepAway | None = None
+    energy: EnergyModel | None = None
+    """None: the battery is not looked at (experiments that have none)."""
+    worst_wind_m_s: float = 0.0
+    """That blows against the way home, where no wind is told."""
+    return_height_m: float = 0.0
+    """To which the autopilot climbs before it flies home."""
     cycle_s: float = 5.0
     """Time until the next decision, unless the action ends before."""
     pulse_s: float = 1.0
@@ -38,8 +39,26 @@ class Situation:
     """SNR from which a pulse is heard."""
     tag_height_m: float = 0.0
     """Above ground."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation(SearchSettings):
+    """Everything that a decision may depend on."""
+
+    state: VehicleState
+    beliefs: Beliefs
+    found: frozenset[int]
+    """Tags that need no more searching."""
+    rng: Generator
+    wind: Wind = field(default_factory=Wind)
     beside: Beside | None = None
     """Other drones of the same search."""
+
+    @classmethod
+    def of(cls, settings: SearchSettings, **now: Any) -> "Situation":
+        """Make the situation of a search from its settings and what changes."""
+        fixed = {one.name: getattr(settings, one.name) for one in fields(settings)}
+        return cls(**fixed, **now)
 
     @property
     def wanted(self) -> list[TagBelief]:

@@ -14,8 +14,8 @@ from uavrt.planning.actions import Action, FlyTo, Hold, Return
 from uavrt.planning.area import Polygon, SearchArea
 from uavrt.planning.beliefs import Beliefs, TagBelief
 from uavrt.planning.propagation import GroundReflection
-from uavrt.planning.search import Found, Search, SearchSettings
-from uavrt.planning.situation import Planner
+from uavrt.planning.search import Found, Search
+from uavrt.planning.situation import Planner, SearchSettings
 from uavrt.planning.vehicle import Path, Vehicle, VehicleState, Wind, flown
 from uavrt.terrain.hill_losses import HillLosses
 from uavrt_experiments.search.baselines.names import any_planner

@@ -19,8 +19,8 @@ from uavrt.planning.information import Listener, information_nats, minus_quarter
 from uavrt.planning.keep_away import KeepAway
 from uavrt.planning.planners.registry import PLANNERS, planner_named
 from uavrt.planning.planners.ways import headings, sampled
-from uavrt.planning.search import Search, SearchSettings
-from uavrt.planning.situation import Decision
+from uavrt.planning.search import Search
+from uavrt.planning.situation import Decision, SearchSettings
 from uavrt.planning.stopping import HonestStop
 from uavrt.planning.vehicle import FixedWing, Multirotor, Vehicle, VehicleState, Wind, flown
 from uavrt_experiments.search.baselines.names import BASELINES, any_planner

@@ -13,8 +13,8 @@ from uavrt.planning.division import Start, divided
 from uavrt.planning.information import information_nats
 from uavrt.planning.planners.mi_rate import MiRate
 from uavrt.planning.planners.ways import checked, sampled
-from uavrt.planning.search import Search, SearchSettings
-from uavrt.planning.situation import Situation
+from uavrt.planning.search import Search
+from uavrt.planning.situation import SearchSettings, Situation
 from uavrt.planning.vehicle import Multirotor, VehicleState, Wind, flown
 from uavrt_experiments.search.catalogue import SCENARIOS
 from uavrt_experiments.search.drones import FlightOfDrones
