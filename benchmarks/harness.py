@@ -13,9 +13,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from pathlib import Path
 
-from uavrt_experiments.measured import measured_now
+from uavrt_experiments.measured import measured_now, processor
 
 FOLDERS = ("detection", "dsp", "localization", "tunnel")
 """Of the package: code whose changes may change a figure here …"""
@@ -105,11 +104,6 @@ def _row(case: Case, times: dict[str, list[float]], baseline: str | None) -> lis
 
 def machine() -> str:
     """What this was measured on, in one line."""
-    model = platform.processor() or platform.machine()
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        found = re.search(r"^model name\s*:\s*(.+)$", cpuinfo.read_text(), re.MULTILINE)
-        model = found.group(1) if found else model
     import numpy as np
     import scipy
 
@@ -117,7 +111,7 @@ def machine() -> str:
 
     load = os.getloadavg()[0]
     return (
-        f"{os.cpu_count()} × {model}, {platform.system()} {platform.machine()}, "
+        f"{os.cpu_count()} × {processor()}, {platform.system()} {platform.machine()}, "
         f"Python {platform.python_version()}, NumPy {np.__version__}, "
         f"SciPy {scipy.__version__}, {native.description()}, one thread, load {load:.1f}; "
         f"yardsticks: {yardsticks()}"

@@ -150,10 +150,18 @@ def in_history(named: str, root: Path = ROOT) -> bool | None:
     return git("merge-base", "--is-ancestor", bare, "HEAD").returncode == 0
 
 
+def processor() -> str:
+    """Name of the processor, as it calls itself."""
+    cpuinfo = Path("/proc/cpuinfo")
+    text = cpuinfo.read_text(encoding="utf-8") if cpuinfo.exists() else ""
+    found = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return re.sub("[`,]", "", found[1]) if found else platform.machine()
+
+
 def measured_now(folders: Sequence[str]) -> str:
     """Line to write beneath the title of what is measured with the code as it is."""
     day = f"{datetime.now(tz=UTC):%Y-%m-%d}"
-    machine = f"{os.cpu_count()} cores of {platform.processor() or platform.machine()}"
+    machine = f"{os.cpu_count()} cores of {processor()}"
     code = f"code `{digest(folders)}` of {', '.join(folders)}"
     return f"Measured on commit `{commit()}`, {day}, {machine}, {code}."
 
