@@ -132,6 +132,8 @@ def level_for(
 
     Returns: level, its 95 % interval (delta method), and the standard error [dB]. Where all or
     none were found no curve can be fitted: the level is then beyond the levels tried.
+
+    `points`: each (level_db, hits, trials).
     """
     if not any(hits for _, hits, _ in points):
         beyond = max(at for at, _, _ in points)

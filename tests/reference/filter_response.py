@@ -9,9 +9,10 @@ def response_db(
 ) -> NDArray[np.float64]:
     """Magnitude response of a filter, evaluated directly.
 
-    `frequencies_hz`: frequencies [Hz].
+    `frequencies_hz` (m,): frequencies [Hz].
     `sample_rate_hz`: rate at which the taps run [Hz].
     Returns: 20 log10 of the magnitude, at least -400 [dB].
+    `taps`: shape (n,).
     """
     turns = np.outer(frequencies_hz / sample_rate_hz, np.arange(taps.size))
     magnitude = np.abs(np.exp(-2j * np.pi * turns) @ taps)

@@ -19,12 +19,12 @@ def switched_amplitudes(
 ) -> tuple[_Complex, _Floats]:
     """Complex amplitude of a pulse at each position of the switch.
 
-    `samples`: the pulse, from its first to its last sample.
+    `samples` (n,): the pulse, from its first to its last sample.
     `selected`: position of the switch at each sample; negative while it settles.
     `frequency_hz`: carrier of the pulse in the samples.
     `sample_rate_hz`: rate.
     `elements`: positions of the switch.
-    Returns: `amplitudes`: common carrier phase.
+    Returns: `amplitudes` (elements,): common carrier phase.
     Returns: `counts`: samples behind each; its noise power is that of a sample over the count.
     Raises `UsageError`: a position was never selected during the pulse.
     """

@@ -18,7 +18,7 @@ def terrain_loss_db(
 ) -> float:
     """Loss [dB] of one profile beyond that of level ground.
 
-    `distance_m`: from the drone, 0 at the first point and rising; the tag is at the last.
+    `distance_m` (n,): from the drone, 0 at the first point and rising; the tag is at the last.
     `height_m`: of the ground, of any datum.
     `antenna_m`, `tag_m`: heights above the ground at either end.
     """

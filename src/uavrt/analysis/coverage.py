@@ -50,7 +50,7 @@ class MapSize:
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
     """Read the way of a plan; of an area, the lines of its survey.
 
-    Returns: `corners`: in the plane [m].
+    Returns: `corners`: each (east, north); in the plane [m].
     Raises `FormatError`: the file holds neither.
     Raises `PlanError`: the area cannot be surveyed.
     """
@@ -74,7 +74,7 @@ def corners_over_area(
 ) -> tuple[TangentPlane, list[tuple[float, float]]]:
     """Lay the lines of a survey over an outline; returns as `read_places`.
 
-    `outline`: its corners [deg].
+    `outline`: each (latitude, longitude); its corners [deg].
     `spacing_m`: between the lines.
     `most`: lines.
     Raises `PlanError`: the area cannot be surveyed, or takes more lines.

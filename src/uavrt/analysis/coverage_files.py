@@ -23,7 +23,7 @@ def write_maps(
     The picture is that of a report, and without matplotlib the map's squares alone.
 
     `directory`, `name`: where, and how the files are called before their endings.
-    `way`: where the drone flies or flew [deg].
+    `way`: each (longitude, latitude); where the drone flies or flew [deg].
     Raises `RecordingError`: they cannot be written.
     """
     ground = coverage.ground

@@ -122,6 +122,8 @@ def compatible_cost(
 
     With d the distance of a tag from its channel's edge, rounded to 1 Hz, and w half a shoulder
     (7.5 % of the channel), a tag costs ``|w / d - 1|`` where d < w, else nothing.
+    `tags_hz`: shape (tags,).
+    `centers_hz`: shape (candidates,).
     """
     offsets = tags_hz - centers_hz[:, None]
     channels = _nearest_channels(offsets, spacing_hz, channel_count)

@@ -102,7 +102,7 @@ def listening_way(
 ) -> ListeningWay:
     """Lay the pulses of a tag along a way that is not flown yet.
 
-    `corners_m`: of the way; the drone flies straight between them.
+    `corners_m`: each (east, north); of the way; the drone flies straight between them.
     `height_m`: above the ground, which the drone keeps.
     `nose_first`: the antenna looks along the way; else it hears alike on all sides.
     """

@@ -37,7 +37,7 @@ def divided(
     tags move to other rounds as long as the longest becomes shorter, or the same with less in
     all.
 
-    `east_m`, `north_m`: where the tags are.
+    `east_m`, `north_m` (tags,): where the tags are.
     `stay_s`: at each tag.
     `owners`: which drone had each tag before, if any: another takes it only if the time that it
     saves is worth the change.

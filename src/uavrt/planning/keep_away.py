@@ -51,7 +51,7 @@ class KeepAway:
         A tag that may not exist is counted as if it did; one that travels goes on meanwhile.
 
         `start_m`: east and north.
-        `east_m`, `north_m`: their ends.
+        `east_m`, `north_m` (ways,): their ends.
         `stays_s`: at the end.
         """
         out = np.empty((len(beliefs), len(east_m)))

@@ -20,8 +20,9 @@ from uavrt.messages import Pose
 class Mounting:
     """How the antenna sits on the vehicle.
 
-    `rotation`: antenna frame to vehicle frame.
-    `offset_m`: antenna from the point whose position the autopilot tells [m].
+    `rotation` (w, x, y, z): antenna frame to vehicle frame.
+    `offset_m` (forward, right, down): antenna from the point whose position the autopilot
+    reports [m].
     """
 
     rotation: Quaternion = IDENTITY

@@ -65,6 +65,7 @@ def position_weights(
     """Complex amplitude at each position for a plane wave, re one antenna in the middle.
 
     `direction_body`: unit vector to the source in the antenna's frame (FRD).
+    Returns: shape (positions,).
     """
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":
@@ -90,7 +91,10 @@ def gate(
     count: int,
     sample_rate_hz: float,
 ) -> NDArray[np.complex64]:
-    """Factor of a wave at consecutive samples: the position's weight, 0 while settling."""
+    """Factor of a wave at consecutive samples: the position's weight, 0 while settling.
+
+    Returns: shape (count,).
+    """
     dwell = switch.dwell_samples(sample_rate_hz)
     step, within = np.divmod(first_sample + np.arange(count), dwell)
     factor: NDArray[np.complex64] = weights[step % switch.positions].astype(np.complex64)

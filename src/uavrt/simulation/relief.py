@@ -76,7 +76,7 @@ class Relief:
     ) -> float:
         """What the ground between takes, beyond what level ground would.
 
-        `drone`, `tag`: from the ground at home [m].
+        `drone`, `tag` (north, east, down): from the ground at home [m].
         """
         far = math.hypot(tag[0] - drone[0], tag[1] - drone[1])
         if far < 2.0 * _STEP_M:

@@ -77,7 +77,7 @@ class IQSynthesizer:
         `first_sample_index`: index of the first sample since the scenario's start; before it
         there is noise.
         `count`: how many.
-        Returns: samples, full scale 1.0; a new array.
+        Returns (count,): samples, full scale 1.0; a new array.
         """
         result = np.empty(count, dtype=np.complex64)
         done = 0
@@ -89,7 +89,10 @@ class IQSynthesizer:
         return result
 
     def chunk(self, chunk_index: int) -> NDArray[np.complex64]:
-        """Get one chunk of the fixed grid; valid until the next call, not to be changed."""
+        """Get one chunk of the fixed grid; valid until the next call, not to be changed.
+
+        Returns: shape (CHUNK_SAMPLES,).
+        """
         if chunk_index != self._chunk_index:
             self._make_chunk(chunk_index)
             self._chunk_index = chunk_index
@@ -239,6 +242,8 @@ def phasor(
     """Make a complex tone as the outer product of a coarse and a fine phasor.
 
     One complex multiplication a sample in place of a sine and a cosine: 1 ns against 25 ns.
+
+    Returns: shape (count,).
     """
     fine = np.exp(2j * np.pi * turns_per_sample * np.arange(_PHASOR_STEP))
     starts = np.arange(0, count, _PHASOR_STEP)

@@ -59,10 +59,10 @@ def edge_parameters(
 ) -> _Floats:
     """ν of the one edge that stands for each profile (P.526-15, equations 53 to 57).
 
-    `x`: from the drone [m]; points at or beyond `far` do not count.
+    `x` (paths, points): from the drone [m]; points at or beyond `far` do not count.
     `ground`: heights, with the earth's bulge taken off: x² / (2 · 8500 km).
-    `far`, `antenna`, `tag`: distance to the tag, and heights of both antennas, with the bulge
-    taken off.
+    `far`, `antenna`, `tag` (paths,): distance to the tag, and heights of both antennas,
+    with the bulge taken off.
     Returns: -10 where nothing lies between.
     """
     if not x.shape[1]:

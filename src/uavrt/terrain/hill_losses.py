@@ -194,7 +194,7 @@ class HillLosses:
     ) -> NDArray[np.float32]:
         """Loss beyond that of level ground, from one place of the drone to places of any shape.
 
-        `drone`: the last above the ground at the take-off.
+        `drone` (east, north, up): the last above the ground at the take-off.
         """
         seen = self.seen_from(*(np.array([one]) for one in drone))
         return seen.between(np.intp(0), east_m, north_m)

@@ -258,7 +258,7 @@ class ReliableSender(Generic[T]):
         """Add pulses from disk that a store does not have.
 
         `store`: the store, or `PLAIN`.
-        `items`: at most `CAPACITY` less what is here.
+        `items`: each (key, pulse); at most `CAPACITY` less what is here.
         `more`: whether there are others on disk.
         """
         for key, item in items:

@@ -149,7 +149,8 @@ def polarization_table(
 ) -> list[tuple[float, int, float | None, int, float | None]]:
     """Bearing errors from samples under polarization mismatch, open field and wall.
 
-    Returns: degrees; an error is None when fewer than three pulses were heard.
+    Returns: each (mismatch, pulses, error, pulses with wall, error with wall), in degrees; an
+    error is None when fewer than three pulses were heard.
     """
     rows = []
     for mismatch in mismatches_deg:

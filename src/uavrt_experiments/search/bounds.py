@@ -74,6 +74,7 @@ def pulse_information(
     `sigma_db`: fading.
     `threshold_db`: lower levels are not heard.
     `missed_share`: pulses that are missed whatever their level.
+    Returns: shape (2, 2).
     """
     steps = _STEP_M * np.eye(2)
     slope = np.array(
@@ -96,7 +97,7 @@ def after_a_second(information: _Floats, walk_m_per_root_s: float) -> _Floats:
 def least_rms_m(information: _Floats) -> float:
     """Least root mean square of errors [m].
 
-    `information`: of each, in 1/m².
+    `information` (tags, 2, 2): of each, in 1/m².
     """
     return float(np.sqrt(np.trace(np.linalg.inv(information.mean(axis=0)))))
 
@@ -178,8 +179,9 @@ def needed_information(stop: StopRule) -> float | None:
 def tree_m(start_m: _Floats, circles_m: _Floats, radii_m: _Floats) -> float:
     """Length of the shortest tree from a start to circles: no way past all is shorter.
 
-    `start_m`: where drones begin; several count as one that is at all of them.
-    `circles_m`: their middles.
+    `start_m` (starts, 2): where drones begin; several count as one that is at all of them.
+    `circles_m` (circles, 2): their middles.
+    `radii_m`: shape (circles,).
     """
     between = np.linalg.norm(circles_m[:, None] - circles_m[None], axis=2)
     between = np.maximum(between - radii_m[:, None] - radii_m[None], 0.0)
@@ -228,7 +230,7 @@ def least_time_s(
 class MostInformative:
     """The most that a pulse can tell at a distance or beyond it, whatever the heading.
 
-    `distances_m`: over ground, rising from 0.
+    `distances_m` (n,): over ground, rising from 0.
     `information`: the most there, as traces [1/m²].
     """
 

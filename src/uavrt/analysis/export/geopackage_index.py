@@ -28,7 +28,7 @@ def add_index(
 
     `database`: the GeoPackage.
     `table`: the layer; its geometry is ``geom``, its key ``fid``.
-    `boxes`: in degrees.
+    `boxes`: each (west, east, south, north); in degrees.
     """
     tree = f"rtree_{table}_geom"
     database.execute(f"CREATE VIRTUAL TABLE {tree} USING rtree(id, minx, maxx, miny, maxy)")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
     """Encode a picture.
 
-    `pixels`: red, green, blue, opacity; the first row is the top.
+    `pixels` (rows, columns, 4): red, green, blue, opacity; the first row is the top.
     """
     rows, columns, _ = pixels.shape
     header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
@@ -39,7 +39,7 @@ def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
 def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Color a probability: yellow to dark red, clear where there is next to none.
 
-    `probability`: of each cell; the first row is the top.
+    `probability` (rows, columns): of each cell; the first row is the top.
     """
     peak = float(probability.max())
     share = probability / peak if peak > 0.0 else np.zeros_like(probability)
@@ -53,7 +53,7 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
 def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Color a signal map: blue is weak, yellow strong, clear where nothing is known.
 
-    `snr_db`: the first row is the top; NaN is unknown.
+    `snr_db` (rows, columns): the first row is the top; NaN is unknown.
     """
     known = np.isfinite(snr_db)
     low, high = (snr_db[known].min(), snr_db[known].max()) if known.any() else (0.0, 1.0)
@@ -69,7 +69,7 @@ def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
 def chance(probability: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Color a probability on a scale from 0 to 1: dark blue to yellow, clear where unknown.
 
-    `probability`: the first row is the top; NaN is unknown.
+    `probability` (rows, columns): the first row is the top; NaN is unknown.
     """
     known = np.isfinite(probability)
     share = np.where(known, probability, 0.0)

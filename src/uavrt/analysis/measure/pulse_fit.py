@@ -47,7 +47,7 @@ def fit_pulse(
 ) -> FittedPulse:
     """Measure the strongest pulse in some samples.
 
-    `samples`: around one pulse: it lies in their middle half, noise alone in the outer
+    `samples` (n,): around one pulse: it lies in their middle half, noise alone in the outer
     quarters.
     `frequency_hz`: about the carrier's frequency; to within a fifth of a pulse's bandwidth or
     so.

@@ -47,6 +47,7 @@ class MaximumHold:
         """Add consecutive frames.
 
         `first`: number of the first; frames that never come stay zero.
+        `frames`: shape (n, rows).
         """
         if not len(frames):
             return

@@ -52,7 +52,7 @@ def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
 def coverage_png(coverage: Coverage, way: Sequence[tuple[float, float]]) -> bytes:
     """Draw a map for itself, as the report has it: with way, degrees, scale and colours.
 
-    `way`: where the drone flies or flew [deg].
+    `way`: each (longitude, latitude); where the drone flies or flew [deg].
     """
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():

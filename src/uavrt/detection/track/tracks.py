@@ -172,7 +172,8 @@ class Track:
     ) -> None:
         """Start from a detected group.
 
-        `pulses`: in order of time; places count intervals from 0.
+        `pulses`: each (place, time_s, time_ns, Measured), in order of time; places count
+        intervals from 0.
         `around`: tells what else is on air around a track's place.
         """
         tag = self.tag
@@ -239,6 +240,7 @@ class Track:
 
         `base`: place in the lattice of the group's place 0.
         `around`: tells what else is on air around a track's place.
+        `pulses`: each (place, time_s, time_ns, Measured).
         """
         width_s = self.tag.pulse_width_s
         floor = least_real([measured.power for *_, measured in pulses])

@@ -55,7 +55,7 @@ def checked(
 ) -> Ways:
     """Look which ways the area and the rule of keeping away allow.
 
-    `east_m`, `north_m`: their ends.
+    `east_m`, `north_m` (ways,): their ends.
     `stays_s`: at the end, of which the same is asked.
     """
     state = situation.state
