@@ -23,19 +23,24 @@ def tags(count: int, **changed: object) -> list[Tag]:
     ]
 
 
+def cost(searched: list[Tag]) -> float:
+    """Get the least of three measurements: a busy machine spoils one of them."""
+    return min(search_cost(searched, cpu_s) for _ in range(3))
+
+
 def test_a_short_list_is_not_measured() -> None:
     assert search_cost(tags(10), cpu_s) == 0.0
 
 
 def test_the_cost_goes_with_the_number_of_tags_and_with_k() -> None:
-    fifty = search_cost(tags(60), cpu_s)
+    fifty = cost(tags(60))
     assert 0.0 < fifty < 5.0  # a busy machine takes several times as long
-    assert search_cost(tags(240), cpu_s) == pytest.approx(4.0 * fifty, rel=0.6)
+    assert cost(tags(240)) == pytest.approx(4.0 * fifty, rel=0.6)
     assert search_cost(tags(60, k=12), cpu_s) > 1.2 * fifty
 
 
 def test_few_tags_of_long_groups_or_over_the_whole_channel_are_dear() -> None:
-    usual = search_cost(tags(60), cpu_s) / 60.0
+    usual = cost(tags(60)) / 60.0
     long = search_cost(tags(3, k=40, interval_uncertainty_s=0.025), cpu_s)
     assert long > 30.0 * usual
     wide = DetectionSettings(frequency_window_hz=math.inf)
