@@ -215,7 +215,9 @@ class Source:
         failed = re.search(r"^(?:FAILED|ERROR) (\S.*?)(?: - |$)", done.stdout, re.M)
         if failed:
             return failed[1]
-        return None if done.returncode in (0, 5) else f"{selection[0]} (exit {done.returncode})"
+        if done.returncode in (0, 5) or "ERROR: not found" in done.stderr + done.stdout:
+            return None  # a test that is no more catches nothing
+        return f"{selection[0]} (exit {done.returncode})"
 
 
 def tests_of_lines(coverage_file: Path) -> Callable[[str, int], list[str]]:

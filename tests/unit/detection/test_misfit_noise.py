@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth import share
 from made import detector as made_detector
 from numpy.typing import NDArray
 
@@ -54,7 +55,7 @@ def false_groups(make: Noise, *, seconds: float = 180.0) -> tuple[float, int]:
     return found.groups / (0.05 * found.intervals), found.confirmed
 
 
-@pytest.mark.parametrize("name", NEIGHBOURS)
+@pytest.mark.parametrize("name", share([*NEIGHBOURS], 2))
 def test_a_silent_tag_beside_a_neighbour_is_not_found(name: str) -> None:
     # 2.5 groups are asked for; up to 60 were found, nearly all of them confirmed.
     ratio, confirmed = false_groups(NEIGHBOURS[name])
@@ -62,7 +63,7 @@ def test_a_silent_tag_beside_a_neighbour_is_not_found(name: str) -> None:
     assert confirmed == 0
 
 
-@pytest.mark.parametrize("name", SPARKS)
+@pytest.mark.parametrize("name", share([*SPARKS], 2))
 def test_a_silent_tag_in_sparks_is_not_found(name: str) -> None:
     # Up to 34 groups were found of the 2.5 asked for.
     ratio, confirmed = false_groups(SPARKS[name])
