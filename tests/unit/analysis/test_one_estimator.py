@@ -34,10 +34,6 @@ NOT_IN_TABLES = {"interval90_deg", "paths_deg", "remarks", "outlier_probabilitie
 """Columns of batch's tables are plain, under other names, or not there."""
 
 
-def page_of(found: Estimates) -> tuple[list[Record], list[Record]]:
-    return found.bearings, found.positions
-
-
 def live(flight: TurnedFlight, directory: Path) -> Estimates:
     """The page's estimates as the flight went on, and after its end."""
     keeper = FlightKeeper(directory, Clock.start())
