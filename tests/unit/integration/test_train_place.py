@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth import seeds
 
 from uavrt.integration.cells import Cells, LikelyGround
 from uavrt.integration.heard_train import HeardTrain, slot_logs, train_pulses
@@ -157,11 +158,11 @@ def test_a_loud_tag_tells_how_much_it_fades(fading_db: float, exponent: float) -
     course = lawnmower(tag="inside", legs=4, side_m=1000.0, exponent=exponent)
     flown = [
         placed(np.random.default_rng((13, seed)), course, 45.0, 0.0, fading_db=fading_db)
-        for seed in range(6)
+        for seed in seeds(4, 6)
     ]
     found = [one for one in flown if one is not None]
-    assert len(found) == 6
-    assert sum(one.held for one in found) >= 5
+    assert len(found) == len(flown)
+    assert sum(one.held for one in found) >= len(found) - 1
     told_db = [one.fading_db for one in found]
     assert np.median(told_db) == pytest.approx(fading_db or 1.0, abs=0.5)
     assert np.median([one.off_m for one in found]) < 8.0
