@@ -11,13 +11,7 @@ from uavrt import native
 from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.folds import Waiting
 from uavrt.detection.coded.judging import Burst, Covered, could_be, weigh
-from uavrt.detection.coded.sums import (
-    FIELDS,
-    CodeBook,
-    find_seeds,
-    fold,
-    make_code_book,
-)
+from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold, make_code_book
 from uavrt_experiments.detection.coded import some_codes
 
 COLUMN_S = 2.7e-4

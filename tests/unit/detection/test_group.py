@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.group import DetectorGroup
 from uavrt.messages import Pulse, Tag
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 RATE_HZ = 3750.0
 CENTER_HZ = THESIS_TAG.frequency_hz

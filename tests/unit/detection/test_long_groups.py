@@ -9,11 +9,7 @@ import pytest
 from uavrt.detection.search.hypotheses import Candidate
 from uavrt.detection.search.long_groups import LongSearch
 from uavrt.messages import Tag
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 RATE_HZ = 3750.0
 LONG = replace(

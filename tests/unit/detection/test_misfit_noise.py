@@ -10,18 +10,8 @@ from numpy.typing import NDArray
 
 from uavrt.detection.signal.whitening import Whitener
 from uavrt_experiments.detection.false_alarms import count_false
-from uavrt_experiments.detection.neighbours import (
-    MainsSparks,
-    Neighbour,
-    Noise,
-    over_noise,
-)
-from uavrt_experiments.detection.signals import (
-    THESIS_TAG,
-    add_pulse,
-    noise,
-    pulse_train,
-)
+from uavrt_experiments.detection.neighbours import MainsSparks, Neighbour, Noise, over_noise
+from uavrt_experiments.detection.signals import THESIS_TAG, add_pulse, noise, pulse_train
 from uavrt_experiments.detection.trials import blocks_of, compare, detect
 
 RATE_HZ = 3750.0

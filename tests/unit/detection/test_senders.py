@@ -15,12 +15,7 @@ from uavrt.detection.group import DetectorGroup
 from uavrt.detection.track.senders import part, small_ratio
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.one_band import OneBand
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    TruePulse,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
 pytestmark = pytest.mark.slow

@@ -9,12 +9,7 @@ from depth import seeds
 
 from uavrt.detection.track.two_rates import log_evidence
 from uavrt.messages import Pulse
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    TruePulse,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import detect
 
 RATES_S = (1.254, 2.508)

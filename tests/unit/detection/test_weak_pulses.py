@@ -17,13 +17,7 @@ from uavrt_experiments.detection.signals import (
     make_samples,
     noise,
 )
-from uavrt_experiments.detection.trials import (
-    RATE_HZ,
-    Decision,
-    compare,
-    detect,
-    group_found,
-)
+from uavrt_experiments.detection.trials import RATE_HZ, Decision, compare, detect, group_found
 
 pytestmark = pytest.mark.slow
 

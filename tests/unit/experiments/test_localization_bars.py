@@ -84,15 +84,7 @@ def test_a_result_knows_its_bar_and_says_so() -> None:
 
 
 def test_a_result_without_a_bar_passes() -> None:
-    free = Row(
-        experiment="X",
-        case="",
-        quantity="",
-        figure=1.0,
-        low=0.0,
-        high=2.0,
-        n=3,
-    )
+    free = Row(experiment="X", case="", quantity="", figure=1.0, low=0.0, high=2.0, n=3)
     assert free.met
     assert "met" not in drawn([free])
 

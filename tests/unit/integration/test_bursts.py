@@ -22,10 +22,7 @@ INTERVAL_S = 3.001
 def codes() -> tuple[Tag, Tag]:
     """Two codes with one interval on one frequency."""
     one, other = some_codes(np.random.default_rng(1), 2)
-    return (
-        replace(one, pulse_intervals_s=(3.0,)),
-        replace(other, pulse_intervals_s=(3.0,)),
-    )
+    return (replace(one, pulse_intervals_s=(3.0,)), replace(other, pulse_intervals_s=(3.0,)))
 
 
 def sent(tag: Tag, enr_db: float, *, seed: int = 5) -> NDArray[np.complex64]:

@@ -58,9 +58,7 @@ def still(course: Course) -> Course:
     """The same turn in the middle of its way."""
     middle = np.ones_like(course.east_m)
     return replace(
-        course,
-        east_m=course.east_m.mean() * middle,
-        north_m=course.north_m.mean() * middle,
+        course, east_m=course.east_m.mean() * middle, north_m=course.north_m.mean() * middle
     )
 
 

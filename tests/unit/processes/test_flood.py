@@ -65,12 +65,7 @@ def flood_of_names_and_stores() -> Iterator[bytes]:
             message = tunnel(60_001, Receipt(store=number).encode())
             yield FrameWriter(1 + number % 250, 195).encode(message)
         elif kind == 11:
-            full = dialect.RadioStatus(
-                rssi=1,
-                remrssi=1,
-                noise=1,
-                remnoise=1,
-            )
+            full = dialect.RadioStatus(rssi=1, remrssi=1, noise=1, remnoise=1)
             yield FrameWriter(1 + number % 250, 195).encode(full)
         else:
             yield next(frames)
