@@ -153,7 +153,9 @@ def exchange_unseen(path: Path) -> None:
     os.utime(path, ns=(about.st_atime_ns, about.st_mtime_ns))
 
 
-@pytest.mark.parametrize("damage", [delete, cut_short, exchange, exchange_unseen])
+@pytest.mark.parametrize(
+    "damage", depth.share([exchange_unseen, exchange, cut_short, delete], 2)
+)
 def test_every_damaged_file_is_named_and_made_again(
     found: Found, whole: Path, tmp_path: Path, damage: Callable[[Path], None]
 ) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth import share
 from numpy.typing import NDArray
 
 from uavrt import native
@@ -143,7 +144,7 @@ def _bursts(energies: NDArray[np.float32], good: NDArray[np.bool_]) -> list[Burs
     ]
 
 
-@pytest.mark.parametrize("foreign_per_hour", [0.1, 7000.0])
+@pytest.mark.parametrize("foreign_per_hour", share([7000.0, 0.1], 2))
 def test_nothing_that_would_be_weighed_is_left_out_before(foreign_per_hour: float) -> None:
     rng = np.random.default_rng(4)
     limits = {3: 34.0, 4: 38.0}

@@ -236,8 +236,10 @@ def test_a_tag_at_the_edge_of_the_channel_is_reported_where_it_is(
     assert max(map(abs, result.frequency_errors_hz)) < 15.0
 
 
-@pytest.mark.parametrize("offset_hz", [1870.0, -1870.0])
-@pytest.mark.parametrize("mode", [OperatingMode.SEARCH_SOFT_LOCK, OperatingMode.ALL_NEVER_LOCK])
+@pytest.mark.parametrize(
+    ("mode", "offset_hz"),
+    [(OperatingMode.SEARCH_SOFT_LOCK, 1870.0), (OperatingMode.ALL_NEVER_LOCK, -1870.0)],
+)
 def test_a_stranger_at_the_edge_of_the_channel_is_reported_where_it_is(
     offset_hz: float, mode: OperatingMode
 ) -> None:

@@ -107,8 +107,17 @@ def test_a_tag_alone_is_not_told_twice_and_may_be_the_other(at: int) -> None:
     assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {(TWO[1 - at].tag_id,)}
 
 
-@pytest.mark.parametrize("levels_db", [(16.0, 16.0), (24.0, 14.0), (14.0, 24.0)])
-@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(
+    ("levels_db", "order"),
+    share(
+        [
+            (one, order)
+            for one in ((16.0, 16.0), (24.0, 14.0), (14.0, 24.0))
+            for order in (1, -1)
+        ],
+        3,
+    ),
+)
 def test_two_tags_at_once_are_told_apart_also_when_one_is_10_db_stronger(
     levels_db: tuple[float, float], order: int
 ) -> None:

@@ -102,12 +102,15 @@ def test_a_table_takes_the_place_of_its_earlier_one_on_the_page(tmp_path: Path) 
 
 @pytest.mark.parametrize(
     ("name", "tags", "most_s", "most_m"),
-    [
-        ("T3", 5, 130.0, 25.0),
-        ("T5", 6, 650.0, 30.0),
-        ("T5-19", 3, 1665.0, 35.0),
-        ("T7", 1, 500.0, 40.0),
-    ],
+    share(
+        [
+            ("T5", 6, 650.0, 30.0),
+            ("T3", 5, 130.0, 25.0),
+            ("T7", 1, 500.0, 40.0),
+            ("T5-19", 3, 1665.0, 35.0),
+        ],
+        2,
+    ),
 )
 def test_animals_of_each_table_are_found(
     name: str, tags: int, most_s: float, most_m: float

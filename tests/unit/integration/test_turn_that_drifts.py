@@ -7,6 +7,7 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
+from depth import share
 from tests.unit.integration.conftest import WINDOW_HZ
 
 from uavrt.analysis.whole_flight import IntegratedTag, integrate_flight
@@ -137,7 +138,7 @@ def turned(
     )
 
 
-@pytest.mark.parametrize("speed_m_s", [0.5, 1.0])
+@pytest.mark.parametrize("speed_m_s", share([1.0, 0.5], 2))
 def test_a_turn_carried_off_by_the_wind_finds_and_places_its_tag(
     tmp_path: Path, speed_m_s: float
 ) -> None:
