@@ -21,6 +21,7 @@ from uavrt.mavlink.discovery import station_heartbeat
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.simulation.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.flying import Flavour
 from uavrt.units import ns_from_s
 from world import World
 
@@ -41,7 +42,7 @@ WRONG_ARDUPILOT = {
 
 @asynccontextmanager
 async def autopilot_of(
-    world: World, flavour: str, wrong: Mapping[str, float], *, armed: bool = False
+    world: World, flavour: Flavour, wrong: Mapping[str, float], *, armed: bool = False
 ) -> AsyncIterator[FakeAutopilot]:
     """A simulated autopilot, in the loop of who examines it."""
     settings = replace(world.settings, flavour=flavour, parameters=wrong, armed=armed)
@@ -92,7 +93,7 @@ async def examine(world: World, *, fix: bool = False) -> list[Finding]:
     ],
 )
 async def test_wrong_parameters_are_named_and_set_only_when_asked(
-    world: World, flavour: str, wrong: dict[str, float], right: dict[str, float]
+    world: World, flavour: Flavour, wrong: dict[str, float], right: dict[str, float]
 ) -> None:
     async with autopilot_of(world, flavour, wrong) as autopilot:
         before = dict(autopilot.parameters.values)
@@ -149,7 +150,7 @@ def test_wrong_parameters_let_nothing_through_and_right_ones_do(world: World) ->
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 @pytest.mark.parametrize("as_gcs", [False, True])
 def test_our_ground_station_does_not_hide_the_loss_of_the_operators_own(
-    world: World, flavour: str, as_gcs: bool
+    world: World, flavour: Flavour, as_gcs: bool
 ) -> None:
     autopilot = FakeAutopilot(
         world.vehicle, replace(world.settings, flavour=flavour), world.clock
@@ -171,11 +172,12 @@ def test_our_ground_station_does_not_hide_the_loss_of_the_operators_own(
 async def test_the_doctor_tells_what_happens_when_the_operators_station_is_lost(
     world: World,
 ) -> None:
-    for flavour, wrong, words in (
+    cases: tuple[tuple[Flavour, dict[str, float], str], ...] = (
         ("px4", {"NAV_DLL_ACT": 2}, "NAV_DLL_ACT = 2"),
         ("ardupilot", {}, "is lost: none"),
         ("ardupilot", {"MAV_GCS_SYSID": 254}, "would go unnoticed"),
-    ):
+    )
+    for flavour, wrong, words in cases:
         async with autopilot_of(world, flavour, wrong):
             (told,) = [line for line in await examine(world) if "operator's" in line.text]
         assert words in told.text
