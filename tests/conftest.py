@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from depth import count
 from hypothesis import HealthCheck, settings
 from ros_peer import GatewayProcess, RosPeer
 
@@ -20,11 +21,12 @@ from uavrt import native
 from uavrt.config.settings import Ros2Settings, Settings
 from uavrt.messages import FlightInfo
 
-# The same examples in each run; `make claims` sets UAVRT_NEW_EXAMPLES and draws others.
+# The same examples in each run; `make claims` sets UAVRT_NEW_EXAMPLES: others, and more.
 # An example is not wrong because a shared machine is late.
 settings.register_profile(
     "here",
     settings(
+        max_examples=count(40, 100),
         deadline=None,
         suppress_health_check=[HealthCheck.too_slow],
         derandomize="UAVRT_NEW_EXAMPLES" not in os.environ,

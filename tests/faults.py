@@ -212,10 +212,21 @@ class Source:
             )
         except subprocess.TimeoutExpired:
             return f"{selection[0]} (hangs)"
+        gone = set(re.findall(r"^ERROR: not found: (\S.*)$", done.stderr + done.stdout, re.M))
+        if gone:  # of cases that are no more, all of the function's are tried
+            others = {
+                _function(one) if any(path.endswith(_function(one)) for path in gone) else one
+                for one in selection
+            }
+            return self._first_failure(*others) if others != {*selection} else None
         failed = re.search(r"^(?:FAILED|ERROR) (\S.*?)(?: - |$)", done.stdout, re.M)
         if failed:
             return failed[1]
         return None if done.returncode in (0, 5) else f"{selection[0]} (exit {done.returncode})"
+
+
+def _function(test: str) -> str:
+    return test.partition("[")[0]
 
 
 def tests_of_lines(coverage_file: Path) -> Callable[[str, int], list[str]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import made
 import pytest
-from tests.unit.experiments.test_detection_bars import CASES, IDS, missed
+from tests.unit.experiments.test_detection_bars import CASES, missed
 
 from uavrt.detection.coded.detector import CodedDetector
 from uavrt.detection.detector import PulseDetector
@@ -46,7 +46,7 @@ def babbling_in_company(self: PulseDetector) -> list[Pulse]:
     return babbling(self, None, round(self.time_ns(self.now_s)))
 
 
-@pytest.mark.parametrize("which", CASES, ids=IDS)
+@pytest.mark.parametrize("which", CASES, ids=" ".join)
 def test_a_detector_that_hears_nothing_or_everything_misses_a_bar_of_each_case(
     which: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

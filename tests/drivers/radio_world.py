@@ -48,15 +48,15 @@ def needs(kind: str) -> None:
 
 
 @cache
-def _built() -> Path:
-    """Compile the stand-in libraries once."""
+def _built(soapy: bool) -> Path:
+    """Compile the stand-in libraries once; that of SoapySDR takes the longest."""
     directory = Path(mkdtemp(prefix="radio_library"))
     shared = ("-shared", "-fPIC", "-O2", "-o")
     source, library = DRIVERS / "radio_library.c", directory / "radio_library.so"
     subprocess.run(
         ["cc", *shared, library, source, "-ldl", "-lpthread", "-lm"], check=True, timeout=60
     )
-    if missing("soapy") is None:
+    if soapy:
         source, library = DRIVERS / "soapy_driver.cpp", directory / "libstandin.so"
         subprocess.run(["c++", *shared, library, source, "-lSoapySDR"], check=True, timeout=120)
         for file in SOAPY_MODULES.glob("*SoapySDR*"):
@@ -70,7 +70,7 @@ class RadioWorld:
     def __init__(
         self, directory: Path, kind: str, *, serials: Sequence[str] = (), rates: str = ""
     ) -> None:
-        built = _built()
+        built = _built(kind == "soapy")
         self.directory, self.kind = directory, kind
         self._serials = serials or (SERIALS[kind],)
         directory.mkdir(parents=True, exist_ok=True)

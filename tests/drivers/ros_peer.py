@@ -118,6 +118,17 @@ class RosPeer:
         cdr = self.types.serialize_cdr(message, message.__msgtype__)
         self.publish_bytes(topic, bytes(cdr))
 
+    def publish_first(self, topic: str, message: Any) -> None:
+        """Publish a message and wait until it was received.
+
+        A reader that has not noticed this publisher yet gets its messages a moment later, after
+        those of a publisher that it knows.
+        """
+        from cyclonedds.util import duration
+
+        self.publish(topic, message)
+        assert self._writers[topic].wait_for_acks(duration(seconds=30))
+
     def order(self, what: str, **values: str) -> Any:
         """Make what an operator publishes to start or stop."""
         stamp = self.new("builtin_interfaces/msg/Time", 0, 0)

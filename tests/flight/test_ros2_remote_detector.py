@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import made
@@ -192,13 +193,16 @@ def test_a_detector_on_another_computer_takes_part_in_the_flight_and_may_be_cut_
     assert pulses()[REMOTE_TAG.tag_id] == cut
     start_remote(port)
     more_of(own, REMOTE_TAG.tag_id)
-    # A hundredth of the datagrams was lost, and each recorded pulse is a true one.
+    # A hundredth of the datagrams was lost, and each recorded pulse is a true one. One whose
+    # first half was in a lost datagram begins with its second half, 10 ms late.
     until(lambda: sender.lost >= 1, 60.0)
     assert sender.lost < sender.sent / 10
     flight = read_flight(newest[0].flight_directory or "")
     found = [item.pulse for item in flight.pulse_poses if item.pulse.tag_id == 44]
     offsets_ns = [(p.start_time_ns - sender.first_ns) % 10**9 for p in found]
-    assert max(min(o, 10**9 - o) for o in offsets_ns) < 5_000_000
+    late_ns = [min(one, 10**9 - one) for one in offsets_ns]
+    assert median(late_ns) < 1_000_000
+    assert max(late_ns) < 10_500_000
     assert all(abs(p.frequency_hz - REMOTE_TAG.frequency_hz) < 10.0 for p in found)
     restarts = {p.process: p.restarts for p in newest[0].processes}
     assert set(restarts.values()) == {0}

@@ -26,10 +26,13 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Flown]:
     """Fly with all radios at the same time: it is mostly waiting."""
     kinds = [kind for kind in SERIALS if missing(kind) is None]
     places = [tmp_path_factory.mktemp(kind) for kind in kinds]
+
+    def one(place: Path, kind: str) -> Flown:
+        # The first has the time: a late station waits while the others go on.
+        return fly(place, kind, RATES_HZ[kind], late=kind == kinds[0])
+
     with ThreadPoolExecutor(len(SERIALS)) as pool:
-        return dict(
-            zip(kinds, pool.map(fly, places, kinds, map(RATES_HZ.get, kinds)), strict=True)
-        )
+        return dict(zip(kinds, pool.map(one, places, kinds), strict=True))
 
 
 @pytest.mark.parametrize("number", range(len(STEPS)), ids=[*STEPS])
@@ -45,10 +48,11 @@ def test_a_fault_shows_the_same_sentence_wherever_one_looks(
     check(seen, kind, fault, RATES_HZ[kind])
 
 
-@pytest.mark.parametrize("kind", SERIALS)
 def test_a_ground_station_that_comes_after_a_fault_reads_its_reason(
-    flown: dict[str, Flown], kind: str
+    flown: dict[str, Flown],
 ) -> None:
+    """The radios differ in nothing here; `make claims` has all."""
+    kind = next((kind for kind in SERIALS if missing(kind) is None), "airspy")
     needs(kind)
     words = expected(kind, STEPS[-1], RATES_HZ[kind])
     assert words in flown[kind].late_page

@@ -84,7 +84,10 @@ def test_a_hundred_tags_their_release_and_the_start_at_once_are_taken_in_their_o
     messages = [tag_message(ros_peer, tag) for tag in tags]
     release = ros_peer.new("std_msgs/msg/Bool", True)
     start = ros_peer.order("start")
-    for message in messages:
+    ros_peer.publish_first("release_tag_information", ros_peer.new("std_msgs/msg/Bool", False))
+    ros_peer.publish_first("control_start_subprocess", ros_peer.order("nothing"))
+    ros_peer.publish_first("store_tag_information", messages[0])
+    for message in messages[1:]:
         ros_peer.publish("store_tag_information", message)
     ros_peer.publish("release_tag_information", release)
     ros_peer.publish("control_start_subprocess", start)

@@ -1,7 +1,10 @@
 """Which bursts are a tag's beat: rates in a small ratio, and pulses that are only lost."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from depth import share
 from numpy.typing import NDArray
 
 from uavrt.detection.beeps.beats import FoundBeat, find_beats
@@ -30,8 +33,7 @@ def stretches(found: list[FoundBeat], times_s: NDArray[np.float64]) -> list[tupl
     )
 
 
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize(("ratio", "turned"), share([*product(RATIOS, (False, True))], 3))
 def test_rates_in_a_small_ratio_are_two_beats_one_after_the_other(
     ratio: tuple[float, float], turned: bool
 ) -> None:

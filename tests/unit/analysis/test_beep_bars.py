@@ -47,7 +47,7 @@ def test_bands_in_which_nothing_beeps_have_no_trains() -> None:
 
 
 def test_the_cost_of_trains_grows_with_the_length() -> None:
-    def spent_s(duration_s: float) -> float:
+    def spent_once_s(duration_s: float) -> float:
         rng = np.random.default_rng(6)
         tags = [regular(duration_s, interval_s, 0.5) for interval_s in (0.9, 1.1, 1.333, 2.2)]
         voice = rng.uniform(0.0, duration_s, round(5.0 * duration_s))
@@ -63,6 +63,9 @@ def test_the_cost_of_trains_grows_with_the_length() -> None:
         trains, _ = find_trains(points.moved(times_s), duration_s, Receiver(0.0, 3e6))
         assert len(trains) == len(tags)
         return time.process_time() - begun_s
+
+    def spent_s(duration_s: float) -> float:
+        return min(spent_once_s(duration_s) for _ in range(3))
 
     assert spent_s(400.0) < 16.0 * spent_s(50.0) + 0.2
 

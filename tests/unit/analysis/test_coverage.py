@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from depth import share
 
 from uavrt.cli.coverage import coverage
 from uavrt.cli.report import report
@@ -212,7 +213,7 @@ def test_a_scenario_file_flies_over_hills(tmp_path: Path) -> None:
     assert levels[0] < levels[1] - 15.0
 
 
-@pytest.mark.parametrize("antenna", [None, "H3"])
+@pytest.mark.parametrize("antenna", share(["H3", None], 2))
 def test_the_flights_own_antenna_is_that_of_report_and_command(
     write_flight: WriteFlight,
     tmp_path: Path,

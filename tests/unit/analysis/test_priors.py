@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from depth import share
 
 from uavrt.cli.export import export
 from uavrt.cli.localize import localize
@@ -20,12 +21,9 @@ PRIORS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("antenna", PRIORS)
+@pytest.mark.parametrize("antenna", share([*PRIORS], 2))
 def test_report_and_export_trust_the_flight_as_localize_does(
-    antenna: str,
-    write_flight: WriteFlight,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    antenna: str, write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     flight, priors = write_flight(tags=2, heard=1), PRIORS[antenna]
     localize(flight, place=Placing(antenna=antenna), as_json=True)

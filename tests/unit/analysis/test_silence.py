@@ -50,10 +50,23 @@ def around(flight: Path, half_m: float) -> list[list[float]]:
     return [list(one) for one in zip(longitude.tolist(), latitude.tolist(), strict=True)]
 
 
+@pytest.fixture
+def flight(write_flight: WriteFlight) -> Path:
+    """Two tags, of which one was heard."""
+    return write_flight(tags=2, heard=1)
+
+
+@pytest.fixture
+def area(flight: Path, tmp_path: Path) -> Path:
+    corners = around(flight, 600.0)
+    path = tmp_path / "area.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
+    return path
+
+
 def test_the_report_maps_where_each_tag_would_have_been_heard(
-    write_flight: WriteFlight, tmp_path: Path
+    flight: Path, tmp_path: Path
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     report(flight, tag_power=-60.0, output=tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     first, second = (tag.tag_id for tag in read_flight(flight).info.tags)
@@ -66,10 +79,7 @@ def test_the_report_maps_where_each_tag_would_have_been_heard(
     assert (tmp_path / "report.pdf").stat().st_size > 10_000
 
 
-def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(
-    write_flight: WriteFlight,
-) -> None:
-    flight = write_flight(tags=2, heard=1)
+def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(flight: Path) -> None:
     heard, silent = (tag.tag_id for tag in read_flight(flight).info.tags)
     desk, found = SilenceDesk(), {}
     for tag_id in (silent, heard):
@@ -95,8 +105,7 @@ def test_the_page_is_told_how_probably_a_silent_tag_is_not_in_an_area(
     assert not found[silent]["heard_pulses"]
 
 
-def test_what_cannot_be_mapped_is_told(write_flight: WriteFlight, tmp_path: Path) -> None:
-    flight = write_flight(tags=2, heard=1)
+def test_what_cannot_be_mapped_is_told(flight: Path, tmp_path: Path) -> None:
     unknown = Silence.asked(flight, ANTENNA, {"tag_id": 77, "tag_power_dbm": -25})
     answer = answered(SilenceDesk(), unknown)
     assert answer["state"] == "failed"
@@ -146,14 +155,9 @@ def covered(flight: Path, area: Path, capsys: pytest.CaptureFixture[str]) -> dic
 
 
 def test_silence_over_the_whole_flight_tells_more_than_that_of_groups(
-    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, area: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     heard, silent = (tag.tag_id for tag in read_flight(flight).info.tags)
-    corners = around(flight, 600.0)
-    outline = {"type": "Polygon", "coordinates": [[*corners, corners[0]]]}
-    area = tmp_path / "area.geojson"
-    area.write_text(json.dumps(outline))
     before = covered(flight, area, capsys)[silent]
     assert not before["whole_flight"]
     assert any("uavrt integrate" in text for text in before["limitations"])
@@ -170,15 +174,11 @@ def test_silence_over_the_whole_flight_tells_more_than_that_of_groups(
 
 
 def test_silence_says_nothing_of_the_time_without_samples(
-    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, area: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     read = read_flight(flight)
     silent, begin = read.info.tags[1].tag_id, read.poses[0].time_ns
     length_ns = read.poses[-1].time_ns - begin
-    corners = around(flight, 600.0)
-    area = tmp_path / "area.geojson"
-    area.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
     not_here = []
     for share in (1.0, 0.3, 0.02):
         listened = iso_intervals([(begin, begin + round(share * length_ns))])
@@ -197,13 +197,10 @@ def test_silence_says_nothing_of_the_time_without_samples(
 
 
 def test_a_tag_found_in_hindsight_is_not_silent(
-    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, area: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     silent = read_flight(flight).info.tags[1].tag_id
     corners = around(flight, 600.0)
-    area = tmp_path / "area.geojson"
-    area.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
     hindsight(flight, silent, found=True)
     told = covered(flight, area, capsys)[silent]
     assert told["in_hindsight"]
@@ -216,13 +213,10 @@ def test_a_tag_found_in_hindsight_is_not_silent(
 
 
 def test_a_tag_that_may_be_another_train_is_not_silent(
-    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, area: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     silent = read_flight(flight).info.tags[1].tag_id
     corners = around(flight, 600.0)
-    area = tmp_path / "area.geojson"
-    area.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
     hindsight(flight, silent, found=False, ambiguous=True)
     told = covered(flight, area, capsys)[silent]
     assert told["not_here"] is None
@@ -234,14 +228,6 @@ def test_a_tag_that_may_be_another_train_is_not_silent(
         desk.absence(asked, wanted | {"outline": corners})
 
 
-@pytest.fixture
-def area(write_flight: WriteFlight, tmp_path: Path) -> Path:
-    corners = around(write_flight(tags=2, heard=1), 600.0)
-    path = tmp_path / "area.geojson"
-    path.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
-    return path
-
-
 @pytest.mark.parametrize(
     ("searched", "why"),
     [
@@ -251,13 +237,12 @@ def area(write_flight: WriteFlight, tmp_path: Path) -> Path:
     ],
 )
 def test_a_search_of_less_than_the_tag_may_be_is_no_silence(
-    write_flight: WriteFlight,
+    flight: Path,
     area: Path,
     capsys: pytest.CaptureFixture[str],
     searched: dict[str, Any],
     why: str,
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     silent = read_flight(flight).info.tags[1].tag_id
     by_groups = covered(flight, area, capsys)[silent]
     hindsight(flight, silent, found=False, searched=searched)
@@ -269,12 +254,8 @@ def test_a_search_of_less_than_the_tag_may_be_is_no_silence(
 
 
 def test_a_list_that_allows_more_than_was_searched_is_no_silence(
-    write_flight: WriteFlight,
-    area: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    flight: Path, area: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     tag = read_flight(flight).info.tags[1]
     hindsight(flight, tag.tag_id, found=False, searched={})
     wider = replace(tag, interval_uncertainty_s=0.06, interval_jitter_s=0.02)
@@ -294,9 +275,8 @@ def test_a_list_that_allows_more_than_was_searched_is_no_silence(
 
 
 def test_silence_is_that_of_the_search_that_was_made(
-    write_flight: WriteFlight, area: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, area: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     silent = read_flight(flight).info.tags[1].tag_id
     not_here = []
     for searched in ({}, {"frequency_window_hz": 1800.0}, {"most_drift": 0.05}):
@@ -333,9 +313,8 @@ def test_where_nothing_tells_that_a_detector_ran_silence_is_not_called_sure(
 
 
 def test_an_antenna_that_nobody_told_is_told_as_assumed(
-    write_flight: WriteFlight, area: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, area: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flight = write_flight(tags=2, heard=1)
     told = covered(flight, area, capsys)
     assert read_flight(flight).settings_json is None
     for one in told.values():

@@ -10,6 +10,7 @@ import made
 import numpy as np
 import pytest
 from command_line import uavrt
+from depth import share
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from some import some
@@ -318,9 +319,7 @@ def test_gpx_gives_places_and_says_that_headings_are_courses(
 
 
 @pytest.mark.parametrize(
-    ("posed", "offset_s"),
-    [(True, 0.0), (True, 7.35), (True, -41.2), (False, -41.2)],
-    ids=["poses", "poses early", "poses late", "powers"],
+    ("posed", "offset_s"), share([(False, -41.2), (True, 0.0), (True, 7.35), (True, -41.2)], 2)
 )
 def test_the_clocks_offset_is_found_from_what_is_common(
     flight: Flight, tmp_path: Path, offset_s: float, posed: bool

@@ -4,9 +4,11 @@ import os
 import random
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import depth
 import pyarrow.parquet as pq
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record, write_flight
@@ -106,8 +108,10 @@ def cut_run(found: Found, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pat
     return disk, cuts
 
 
-@pytest.mark.parametrize("names", ["synced", "all"])
-@pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0])
+@pytest.mark.parametrize(
+    ("share", "names"),
+    depth.share([*product((0.1, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0), ("synced", "all"))], 3),
+)
 def test_a_power_cut_at_any_moment_leaves_an_archive_that_goes_on_by_itself(
     found: Found,
     whole: Path,
@@ -149,7 +153,9 @@ def exchange_unseen(path: Path) -> None:
     os.utime(path, ns=(about.st_atime_ns, about.st_mtime_ns))
 
 
-@pytest.mark.parametrize("damage", [delete, cut_short, exchange, exchange_unseen])
+@pytest.mark.parametrize(
+    "damage", depth.share([exchange_unseen, exchange, cut_short, delete], 2)
+)
 def test_every_damaged_file_is_named_and_made_again(
     found: Found, whole: Path, tmp_path: Path, damage: Callable[[Path], None]
 ) -> None:

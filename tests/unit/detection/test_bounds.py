@@ -5,6 +5,7 @@ from dataclasses import replace
 import made
 import numpy as np
 import pytest
+from depth import share
 
 from uavrt.detection.modes import OperatingMode
 from uavrt.messages import Pulse, Tag
@@ -50,8 +51,13 @@ def heard(
     return found + detector.flush()
 
 
-@pytest.mark.parametrize("enr_db", [14.0, 22.0, 40.0])
-@pytest.mark.parametrize("interval_s", [1.22, 1.30, 1.32])
+@pytest.mark.parametrize(
+    ("interval_s", "enr_db"),
+    share(
+        [(one_s, level_db) for one_s in (1.22, 1.30, 1.32) for level_db in (14.0, 22.0, 40.0)],
+        4,
+    ),
+)
 def test_a_tag_that_is_silent_is_not_confirmed_by_one_of_another_interval(
     interval_s: float, enr_db: float
 ) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import made
 import numpy as np
 import pytest
+from depth import share
 
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search.thresholds import decision_interval_s
@@ -79,7 +80,9 @@ def test_a_hopper_confirms_no_tag_that_is_not_there() -> None:
     assert confirmed == 0
 
 
-@pytest.mark.parametrize("on_air", [Hopper(6.0), Slots(0.060, slot_s=0.015, busy=0.05)])
+@pytest.mark.parametrize(
+    "on_air", share([Hopper(6.0), Slots(0.060, slot_s=0.015, busy=0.05)], 2)
+)
 def test_bursts_confirm_no_tag_of_long_groups(on_air: Hopper | Slots) -> None:
     rng = np.random.default_rng([7, 0])
     samples = noise(rng, round(40.0 * RATE_HZ))

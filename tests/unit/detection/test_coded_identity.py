@@ -149,10 +149,7 @@ def test_older_tags_with_longer_pulses_are_found(enr_db: float) -> None:
     rng = np.random.default_rng(9)
     samples = white_noise(rng, 60.0, RATE_HZ)
     one = Transmitter(
-        gaps_s=TAG.gaps_s,
-        interval_s=5.3,
-        keys_s=(0.0075, 0.005, 0.005, 0.005),
-        offset_hz=-60.0,
+        gaps_s=TAG.gaps_s, interval_s=5.3, keys_s=(0.0075, 0.005, 0.005, 0.005), offset_hz=-60.0
     )
     # Their energy is that of two and three usual pulses.
     sent = send(samples, one, rng, first_s=1.0, bursts=11, enr_db=enr_db, rate_hz=RATE_HZ)

@@ -5,19 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth import share
 from numpy.typing import NDArray
 
 from uavrt import native
 from uavrt.detection.coded.cells import Cells
 from uavrt.detection.coded.folds import Waiting
 from uavrt.detection.coded.judging import Burst, Covered, could_be, weigh
-from uavrt.detection.coded.sums import (
-    FIELDS,
-    CodeBook,
-    find_seeds,
-    fold,
-    make_code_book,
-)
+from uavrt.detection.coded.sums import FIELDS, CodeBook, find_seeds, fold, make_code_book
 from uavrt_experiments.detection.coded import some_codes
 
 COLUMN_S = 2.7e-4
@@ -149,7 +144,7 @@ def _bursts(energies: NDArray[np.float32], good: NDArray[np.bool_]) -> list[Burs
     ]
 
 
-@pytest.mark.parametrize("foreign_per_hour", [0.1, 7000.0])
+@pytest.mark.parametrize("foreign_per_hour", share([7000.0, 0.1], 2))
 def test_nothing_that_would_be_weighed_is_left_out_before(foreign_per_hour: float) -> None:
     rng = np.random.default_rng(4)
     limits = {3: 34.0, 4: 38.0}

@@ -11,13 +11,8 @@ from some import some
 
 from uavrt.detection.modes import OperatingMode
 from uavrt.errors import ConfigError
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    make_samples,
-    noise,
-)
-from uavrt_experiments.detection.trials import compare, detect
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, noise
+from uavrt_experiments.detection.trials import blocks_of, compare, detect
 
 pytestmark = pytest.mark.slow
 
@@ -152,12 +147,9 @@ def test_stale_and_repeated_blocks_are_refused_and_counted() -> None:
     samples = make_samples(rng, truth, duration_s=20.0)
     detector = made.detector(THESIS_TAG)
     pulses = []
-    for first in range(0, len(samples), 375):
-        time_ns = START_NS + round(first / 3750.0 * 1e9)
-        block = samples[first : first + 375]
-        pulses += detector.process(block, time_ns)
-        if first % 3750 == 0:
-            pulses += detector.process(block, time_ns)
+    for number, block in enumerate(blocks_of(samples, block=375)):
+        for _ in range(1 if number % 10 else 2):
+            pulses += detector.process(*block)
     pulses += detector.flush()
     assert detector.counters.blocks_stale == 20
     assert compare(pulses, truth, THESIS_TAG).matched == len(truth) == len(pulses)
@@ -172,9 +164,8 @@ def test_a_jump_of_the_clock_is_survived(jump_s: float) -> None:
         truth = made.train(rng, 15.0, 20.0)
         samples = make_samples(rng, truth, duration_s=15.0)
         pulses = []
-        for first in range(0, len(samples), 375):
-            time_ns = start_ns + round(first / 3750.0 * 1e9)
-            pulses += detector.process(samples[first : first + 375], time_ns)
+        for block in blocks_of(samples, block=375, start_ns=start_ns):
+            pulses += detector.process(*block)
         pulses += detector.flush() if found else []
         found += compare(pulses, truth, THESIS_TAG, start_ns=start_ns).matched >= 9
     assert found == 2
@@ -185,8 +176,8 @@ def test_searching_without_finding_is_reported_once_a_second_with_the_noise() ->
     rng = np.random.default_rng(37)
     detector = made.detector(THESIS_TAG)
     samples = 2.0 * noise(rng, 75_000)
-    for first in range(0, len(samples), 375):
-        detector.process(samples[first : first + 375], START_NS + round(first / 3750.0 * 1e9))
+    for block in blocks_of(samples, block=375):
+        detector.process(*block)
     reports = detector.search_reports()
     assert 14 <= len(reports) <= 19
     assert all(0.0 < report.best_score < 1.0 for report in reports)
@@ -237,10 +228,7 @@ def test_a_tag_at_the_edge_of_the_channel_is_reported_where_it_is(
     samples = make_samples(rng, truth, duration_s=30.0)
     tag = replace(THESIS_TAG, frequency_hz=THESIS_TAG.frequency_hz + offset_hz)
     pulses, _ = detect(
-        samples,
-        tag,
-        center_frequency_hz=THESIS_TAG.frequency_hz,
-        frequency_window_hz=window_hz,
+        samples, tag, center_frequency_hz=THESIS_TAG.frequency_hz, frequency_window_hz=window_hz
     )
     result = compare(pulses, truth, THESIS_TAG)
     assert result.matched == len(truth)
@@ -248,8 +236,10 @@ def test_a_tag_at_the_edge_of_the_channel_is_reported_where_it_is(
     assert max(map(abs, result.frequency_errors_hz)) < 15.0
 
 
-@pytest.mark.parametrize("offset_hz", [1870.0, -1870.0])
-@pytest.mark.parametrize("mode", [OperatingMode.SEARCH_SOFT_LOCK, OperatingMode.ALL_NEVER_LOCK])
+@pytest.mark.parametrize(
+    ("mode", "offset_hz"),
+    [(OperatingMode.SEARCH_SOFT_LOCK, 1870.0), (OperatingMode.ALL_NEVER_LOCK, -1870.0)],
+)
 def test_a_stranger_at_the_edge_of_the_channel_is_reported_where_it_is(
     offset_hz: float, mode: OperatingMode
 ) -> None:

@@ -10,12 +10,7 @@ from uavrt.detection.search.hypotheses import Candidate, best_first
 from uavrt.detection.search.noise import RowNoise
 from uavrt.detection.search.thresholds import USUAL_NOISE_ERROR, young_margin
 from uavrt.messages import Pulse
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    make_samples,
-    noise,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, noise
 from uavrt_experiments.detection.trials import Flight, compare, detect
 
 RATE_HZ = 7500.0

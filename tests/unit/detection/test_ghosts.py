@@ -14,12 +14,7 @@ from uavrt.config.ghost_places import Receiver
 from uavrt.messages import Pulse, Tag
 from uavrt.radio.opening import open_recording
 from uavrt_experiments.detection.ghosts import WITH_CARRIER, WITH_SECOND, Ghosts
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    TruePulse,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 
 RATE_HZ = 96_000.0
 CENTER_HZ = 148_700_000.0

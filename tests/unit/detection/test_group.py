@@ -5,16 +5,13 @@ from dataclasses import dataclass, replace
 import made
 import numpy as np
 import pytest
+from depth import share
 from numpy.typing import NDArray
 
 from uavrt.detection.detector import PulseDetector
 from uavrt.detection.group import DetectorGroup
 from uavrt.messages import Pulse, Tag
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 RATE_HZ = 3750.0
 CENTER_HZ = THESIS_TAG.frequency_hz
@@ -119,7 +116,7 @@ def fed_together(
     return found + group.flush(), group.detectors
 
 
-@pytest.mark.parametrize("collect_every", [1, 3])
+@pytest.mark.parametrize("collect_every", share([3, 1], 2))
 def test_detectors_fed_together_find_the_pulses_of_detectors_alone(collect_every: int) -> None:
     lines = [channel(number) for number in range(4)]
     together, members = fed_together(lines, collect_every)

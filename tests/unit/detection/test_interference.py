@@ -31,12 +31,7 @@ def noise_told(seconds: float, *, per_s: float, length_s: float, level_db: float
     samples = noise(rng, round(seconds * RATE_HZ))
     if per_s:
         samples += impulses(
-            rng,
-            len(samples),
-            per_s=per_s,
-            level_db=level_db,
-            length_s=length_s,
-            regular=True,
+            rng, len(samples), per_s=per_s, level_db=level_db, length_s=length_s, regular=True
         )
     detector = made.detector(THESIS_TAG, RATE_HZ)
     for first in range(0, len(samples), 653):
@@ -129,9 +124,7 @@ def test_a_tag_is_heard_between_the_lines_of_hum(offset_hz: float) -> None:
     for pulse in sent:
         add_pulse(samples, pulse, sample_rate_hz=RATE_HZ, width_s=0.02, phase=1.0)
     pulses, _ = detect(
-        samples,
-        THESIS_TAG,
-        center_frequency_hz=THESIS_TAG.frequency_hz - offset_hz,
+        samples, THESIS_TAG, center_frequency_hz=THESIS_TAG.frequency_hz - offset_hz
     )
     heard = [p for p in pulses if abs(p.frequency_hz - THESIS_TAG.frequency_hz) < 30.0]
     assert len(heard) >= 0.95 * len(sent)

@@ -7,6 +7,7 @@ from functools import cache
 import made
 import numpy as np
 import pytest
+from depth import share
 from numpy.typing import NDArray
 
 from uavrt import native
@@ -65,15 +66,18 @@ def found_by_numpy(tag: Tag, *, window_hz: float, enr_db: float) -> list[Pulse]:
 @pytest.mark.usefixtures("processor")
 @pytest.mark.parametrize(
     ("tag", "window_hz", "enr_db"),
-    [
-        (THESIS_TAG, 500.0, 20.0),
-        (THESIS_TAG, 500.0, 11.0),
-        (THESIS_TAG, math.inf, 14.0),
-        (replace(THESIS_TAG, k=1), 500.0, 18.0),
-        (replace(THESIS_TAG, k=5), 200.0, 10.0),
-        (NARROW, 100.0, 9.0),
-        (replace(THESIS_TAG, false_alarm_probability=0.5), 500.0, -20.0),
-    ],
+    share(
+        [
+            (THESIS_TAG, 500.0, 20.0),
+            (THESIS_TAG, 500.0, 11.0),
+            (NARROW, 100.0, 9.0),
+            (replace(THESIS_TAG, k=1), 500.0, 18.0),
+            (replace(THESIS_TAG, k=5), 200.0, 10.0),
+            (THESIS_TAG, math.inf, 14.0),
+            (replace(THESIS_TAG, false_alarm_probability=0.5), 500.0, -20.0),
+        ],
+        2,
+    ),
 )
 def test_the_pulses_are_the_same(tag: Tag, window_hz: float, enr_db: float) -> None:
     one = found(tag, window_hz=window_hz, enr_db=enr_db, seed=5)

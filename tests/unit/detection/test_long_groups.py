@@ -9,11 +9,7 @@ import pytest
 from uavrt.detection.search.hypotheses import Candidate
 from uavrt.detection.search.long_groups import LongSearch
 from uavrt.messages import Tag
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples
 
 RATE_HZ = 3750.0
 LONG = replace(
@@ -21,8 +17,11 @@ LONG = replace(
 )
 
 
-@pytest.mark.parametrize("tag", [replace(THESIS_TAG, k=10), LONG], ids=["K = 10", "K = 20"])
-@pytest.mark.parametrize("enr_db", [20.0, 50.0])
+@pytest.mark.parametrize(
+    ("tag", "enr_db"),
+    [(replace(THESIS_TAG, k=10), 50.0), (LONG, 20.0)],
+    ids=["K = 10", "K = 20"],
+)
 def test_each_pulse_of_a_strong_tag_is_found_where_it_is(
     tag: Tag, enr_db: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

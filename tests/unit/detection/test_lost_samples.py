@@ -3,6 +3,7 @@
 import functools
 
 import numpy as np
+from depth import count
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -82,7 +83,7 @@ def lost_share(begin_s: float, gap_s: tuple[float, float]) -> float:
     return max(both_s, 0.0) / WIDTH_S
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=count(20, 60), deadline=None, derandomize=True)
 @given(
     length_s=st.one_of(st.floats(0.001, 0.1), st.floats(0.1, 2.0)),
     offset_s=st.floats(-0.05, 0.35),

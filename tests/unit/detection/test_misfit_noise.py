@@ -4,23 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth import share
 from made import detector as made_detector
 from numpy.typing import NDArray
 
 from uavrt.detection.signal.whitening import Whitener
 from uavrt_experiments.detection.false_alarms import count_false
-from uavrt_experiments.detection.neighbours import (
-    MainsSparks,
-    Neighbour,
-    Noise,
-    over_noise,
-)
-from uavrt_experiments.detection.signals import (
-    THESIS_TAG,
-    add_pulse,
-    noise,
-    pulse_train,
-)
+from uavrt_experiments.detection.neighbours import MainsSparks, Neighbour, Noise, over_noise
+from uavrt_experiments.detection.signals import THESIS_TAG, add_pulse, noise, pulse_train
 from uavrt_experiments.detection.trials import blocks_of, compare, detect
 
 RATE_HZ = 3750.0
@@ -54,7 +45,7 @@ def false_groups(make: Noise, *, seconds: float = 180.0) -> tuple[float, int]:
     return found.groups / (0.05 * found.intervals), found.confirmed
 
 
-@pytest.mark.parametrize("name", NEIGHBOURS)
+@pytest.mark.parametrize("name", share([*NEIGHBOURS], 2))
 def test_a_silent_tag_beside_a_neighbour_is_not_found(name: str) -> None:
     # 2.5 groups are asked for; up to 60 were found, nearly all of them confirmed.
     ratio, confirmed = false_groups(NEIGHBOURS[name])
@@ -62,7 +53,7 @@ def test_a_silent_tag_beside_a_neighbour_is_not_found(name: str) -> None:
     assert confirmed == 0
 
 
-@pytest.mark.parametrize("name", SPARKS)
+@pytest.mark.parametrize("name", share([*SPARKS], 2))
 def test_a_silent_tag_in_sparks_is_not_found(name: str) -> None:
     # Up to 34 groups were found of the 2.5 asked for.
     ratio, confirmed = false_groups(SPARKS[name])

@@ -12,12 +12,7 @@ from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
 from uavrt.detection.search.grid import make_grid
 from uavrt.detection.search.rates import make_searches
 from uavrt.messages import Pulse
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    TruePulse,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import compare, detect
 
 HARD = OperatingMode.SEARCH_HARD_LOCK

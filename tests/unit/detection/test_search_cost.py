@@ -23,23 +23,28 @@ def tags(count: int, **changed: object) -> list[Tag]:
     ]
 
 
+def cost(searched: list[Tag]) -> float:
+    """Get the least of three measurements: a busy machine spoils one of them."""
+    return min(search_cost(searched, cpu_s) for _ in range(3))
+
+
 def test_a_short_list_is_not_measured() -> None:
     assert search_cost(tags(10), cpu_s) == 0.0
 
 
 def test_the_cost_goes_with_the_number_of_tags_and_with_k() -> None:
-    fifty = search_cost(tags(60), cpu_s)
+    fifty = cost(tags(60))
     assert 0.0 < fifty < 5.0  # a busy machine takes several times as long
-    assert search_cost(tags(240), cpu_s) == pytest.approx(4.0 * fifty, rel=0.6)
-    assert search_cost(tags(60, k=12), cpu_s) > 1.2 * fifty
+    assert cost(tags(240)) == pytest.approx(4.0 * fifty, rel=0.6)
+    assert search_cost(tags(60, k=6), cpu_s) > 1.2 * fifty
 
 
 def test_few_tags_of_long_groups_or_over_the_whole_channel_are_dear() -> None:
-    usual = search_cost(tags(60), cpu_s) / 60.0
-    long = search_cost(tags(3, k=40, interval_uncertainty_s=0.025), cpu_s)
+    usual = cost(tags(60)) / 60.0
+    long = search_cost(tags(8, k=12, interval_uncertainty_s=0.025), cpu_s)
     assert long > 30.0 * usual
     wide = DetectionSettings(frequency_window_hz=math.inf)
-    assert search_cost(tags(1, k=20), cpu_s, settings=wide) > 30.0 * usual
+    assert search_cost(tags(1, k=8), cpu_s, settings=wide) > 30.0 * usual
     assert search_cost(tags(1, k=20, interval_uncertainty_s=0.002), cpu_s) == 0.0
 
 
@@ -47,10 +52,10 @@ def test_few_tags_of_long_groups_or_over_the_whole_channel_are_dear() -> None:
 def test_a_list_dearer_than_real_time_is_told(
     live: bool, effect: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    dear = tags(60, k=40, interval_uncertainty_s=0.025)
+    dear = tags(120, k=10)
     detect._warn_of_cost(dear, DetectionSettings(), live=live)
     told = capsys.readouterr().err
-    assert "these 60 tags needs" in told
+    assert "these 120 tags needs" in told
     assert effect in told
     detect._warn_of_cost(tags(3), DetectionSettings(), live=live)
     assert not capsys.readouterr().err

@@ -9,17 +9,13 @@ from itertools import pairwise
 import made
 import numpy as np
 import pytest
+from depth import share
 
 from uavrt.detection.group import DetectorGroup
 from uavrt.detection.track.senders import part, small_ratio
 from uavrt.messages import Pulse, Tag
 from uavrt_experiments.detection.one_band import OneBand
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    TruePulse,
-    make_samples,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, make_samples
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 
 pytestmark = pytest.mark.slow
@@ -111,8 +107,17 @@ def test_a_tag_alone_is_not_told_twice_and_may_be_the_other(at: int) -> None:
     assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {(TWO[1 - at].tag_id,)}
 
 
-@pytest.mark.parametrize("levels_db", [(16.0, 16.0), (24.0, 14.0), (14.0, 24.0)])
-@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(
+    ("levels_db", "order"),
+    share(
+        [
+            (one, order)
+            for one in ((16.0, 16.0), (24.0, 14.0), (14.0, 24.0))
+            for order in (1, -1)
+        ],
+        3,
+    ),
+)
 def test_two_tags_at_once_are_told_apart_also_when_one_is_10_db_stronger(
     levels_db: tuple[float, float], order: int
 ) -> None:
@@ -163,12 +168,18 @@ def test_of_many_tags_in_a_chain_of_overlapping_bands_all_are_told() -> None:
         assert kept(own, others, of(tag, pulses)) >= 0.8
 
 
-MULTIPLES = [(1.5, 0.75), (2.508, 1.254), (1.5, 0.5), (1.254, 0.836)]
-"""Intervals as 2 to 1, 3 to 1 and 3 to 2."""
+MULTIPLES = share(
+    [
+        (*one, slow_first)
+        for one in ((1.5, 0.75), (1.5, 0.5), (2.508, 1.254), (1.254, 0.836))
+        for slow_first in (False, True)
+    ],
+    3,
+)
+"""Intervals as 2 to 1, 3 to 1 and 3 to 2, and whether the slow one has the lower number."""
 
 
-@pytest.mark.parametrize(("slow_s", "fast_s"), MULTIPLES)
-@pytest.mark.parametrize("slow_first", [False, True])
+@pytest.mark.parametrize(("slow_s", "fast_s", "slow_first"), MULTIPLES)
 def test_the_pulses_of_a_fast_tag_are_not_those_of_an_absent_one_at_a_ratio_of_its_interval(
     slow_s: float, fast_s: float, slow_first: bool
 ) -> None:
@@ -179,8 +190,7 @@ def test_the_pulses_of_a_fast_tag_are_not_those_of_an_absent_one_at_a_ratio_of_i
     assert {p.also_possible_tag_ids for p in pulses if p.confirmed} == {()}
 
 
-@pytest.mark.parametrize(("slow_s", "fast_s"), MULTIPLES)
-@pytest.mark.parametrize("slow_first", [False, True])
+@pytest.mark.parametrize(("slow_s", "fast_s", "slow_first"), MULTIPLES)
 def test_a_slow_tag_alone_is_not_a_fast_one_that_misses_pulses(
     slow_s: float, fast_s: float, slow_first: bool
 ) -> None:
@@ -190,8 +200,7 @@ def test_a_slow_tag_alone_is_not_a_fast_one_that_misses_pulses(
     assert not [p for p in of(fast, pulses) if p.confirmed]
 
 
-@pytest.mark.parametrize(("slow_s", "fast_s"), MULTIPLES)
-@pytest.mark.parametrize("slow_first", [False, True])
+@pytest.mark.parametrize(("slow_s", "fast_s", "slow_first"), MULTIPLES)
 def test_two_tags_at_a_ratio_of_intervals_are_both_told(
     slow_s: float, fast_s: float, slow_first: bool
 ) -> None:
@@ -274,7 +283,7 @@ def test_what_has_hardly_a_pulse_of_its_own_changes_no_tags_places() -> None:
 
 @pytest.mark.parametrize(
     ("interval_s", "apart_hz", "enr_db"),
-    [(1.5, 200.0, 30.0), (1.0, 200.0, 20.0), (1.7, 0.0, 40.0), (2.0, 400.0, 20.0)],
+    share([(1.5, 200.0, 30.0), (1.0, 200.0, 20.0), (1.7, 0.0, 40.0), (2.0, 400.0, 20.0)], 2),
 )
 def test_pulses_of_one_tag_and_noise_beside_them_are_not_another_silent_one(
     interval_s: float, apart_hz: float, enr_db: float

@@ -6,6 +6,7 @@ the synthetic tests beside this file do not have.
 
 import made
 import pytest
+from depth import share
 from some import some
 
 from uavrt.demo.summary import summarize_tag
@@ -19,7 +20,7 @@ from uavrt.simulation.world import World
 RATE_HZ = 375_000.0
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", share([1, 3], 2))
 def test_the_pulses_of_a_turning_drone_are_found(seed: int) -> None:
     scenario = demo_scenario(60.0, seed)
     source = SimulatedSource(

@@ -14,12 +14,7 @@ from uavrt.messages import SearchReport, Tag
 from uavrt.recording.flight_reader import read_search_reports
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt_experiments.detection.neighbours import MainsSparks, Neighbour, Noise
-from uavrt_experiments.detection.signals import (
-    THESIS_TAG,
-    add_pulse,
-    noise,
-    pulse_train,
-)
+from uavrt_experiments.detection.signals import THESIS_TAG, add_pulse, noise, pulse_train
 from uavrt_experiments.detection.trials import Decision, blocks_of
 
 RATE_HZ = 3750.0

@@ -6,6 +6,7 @@ from dataclasses import replace
 import made
 import numpy as np
 import pytest
+from depth import share
 from numpy.typing import NDArray
 
 from uavrt_experiments.detection.integration import long_decision, long_tag
@@ -16,13 +17,7 @@ from uavrt_experiments.detection.signals import (
     make_samples,
     noise,
 )
-from uavrt_experiments.detection.trials import (
-    RATE_HZ,
-    Decision,
-    compare,
-    detect,
-    group_found,
-)
+from uavrt_experiments.detection.trials import RATE_HZ, Decision, compare, detect, group_found
 
 pytestmark = pytest.mark.slow
 
@@ -140,9 +135,16 @@ def beside_another(
     return own.true, own.confirmed if own_db is not None else own.false_confirmed
 
 
-@pytest.mark.parametrize("k", [20, 40])
 @pytest.mark.parametrize(
-    ("apart_s", "enr_db"), [(0.005, 25.0), (0.01, 25.0), (0.002, 10.0), (0.003, 10.0)]
+    ("k", "apart_s", "enr_db"),
+    share(
+        [
+            (k, *other)
+            for other in ((0.005, 25.0), (0.01, 25.0), (0.002, 10.0), (0.003, 10.0))
+            for k in (20, 40)
+        ],
+        3,
+    ),
 )
 def test_a_silent_tag_of_many_pulses_is_not_confirmed_by_another(
     k: int, apart_s: float, enr_db: float

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from depth import share
 
 from uavrt.errors import UsageError
 from uavrt_experiments.commands.integrate import integrate
@@ -60,12 +61,15 @@ def test_gumbels_law_counts_right_chances_as_nominal() -> None:
 
 @pytest.mark.parametrize(
     ("course", "enr_db"),
-    [
-        (turning(), 3.2),
-        (stops(), 3.3),
-        (passing(exponent=2.0), 1.9),
-        (passing(exponent=4.0), 2.9),
-    ],
+    share(
+        [
+            (turning(), 3.2),
+            (passing(exponent=2.0), 1.9),
+            (passing(exponent=4.0), 2.9),
+            (stops(), 3.3),
+        ],
+        2,
+    ),
     ids=lambda one: one.name if isinstance(one, Course) else "",
 )
 def test_a_tag_a_decibel_above_the_bar_is_found(course: Course, enr_db: float) -> None:
@@ -129,7 +133,7 @@ def test_an_unknown_experiment_is_named() -> None:
         integrate(only="I9")
 
 
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("number", share(range(3), 2))
 def test_noise_of_several_flights_shows_no_tag(number: int) -> None:
     case = EXPERIMENTS["I6"].cases[number]
     expected = [case.trial(np.random.default_rng((5, index)), index) for index in range(5)]

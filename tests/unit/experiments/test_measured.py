@@ -6,11 +6,7 @@ import pytest
 
 from uavrt_experiments.detection.catalogue import EXPERIMENTS
 from uavrt_experiments.detection.tables import FOLDERS, read_results
-from uavrt_experiments.measured import (
-    ROOT,
-    digest,
-    read_parts,
-)
+from uavrt_experiments.measured import ROOT, digest, read_parts
 
 
 def test_every_table_of_bars_names_the_code_that_it_was_measured_with() -> None:

@@ -13,11 +13,7 @@ from uavrt_experiments.resources.report import (
 
 def report(first: dict[str, float], last: dict[str, float]) -> ResourceReport:
     moments = tuple(
-        Moment(
-            minute=minute,
-            cpu_percent=dict.fromkeys(pss, 1.0),
-            pss_mb=pss,
-        )
+        Moment(minute=minute, cpu_percent=dict.fromkeys(pss, 1.0), pss_mb=pss)
         for minute, pss in ((1.0, first), (30.0, last))
     )
     written = Written(mb_h={"a": 30.0, KEEPER: 100.0, RADIO: 999.0}, syncs_h=1200.0)

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import pytest
+from depth import share
 
 from uavrt.ground.link.delivery_receipts import Receipts
 from uavrt.tunnel.reliable import CAPACITY
@@ -20,7 +21,7 @@ def trial(times_s: list[float], *, aware: bool = True, **settings: object) -> Tr
     return LinkTrial(times_s, link, Receipts if aware else None).run()
 
 
-@pytest.mark.parametrize("loss", [0.0, 0.05, 0.2, 0.4])
+@pytest.mark.parametrize("loss", share([0.0, 0.05, 0.4, 0.2], 2))
 def test_of_the_thesis_load_none_is_missing_at_any_loss(loss: float) -> None:
     result = trial(THESIS_LOAD_S, radio=RadioLinkSettings(loss=loss, seed=11))
     assert result.missing == ()

@@ -79,11 +79,7 @@ def rotation(
             pulse = TruePulse(start_s=at_s, offset_hz=offset_hz, enr_db=enr_db + gain_db)
             phase = rng.uniform(0.0, 2.0 * math.pi)
             add_pulse(
-                samples,
-                pulse,
-                sample_rate_hz=RATE_HZ,
-                width_s=tag.pulse_width_s,
-                phase=phase,
+                samples, pulse, sample_rate_hz=RATE_HZ, width_s=tag.pulse_width_s, phase=phase
             )
     return Rotation(
         tag=tag,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth import share
 from numpy.typing import NDArray
 
 from uavrt.integration.energy_grid import SlotEnergies, slot_energies
@@ -22,10 +23,7 @@ INTERVAL_S = 3.001
 def codes() -> tuple[Tag, Tag]:
     """Two codes with one interval on one frequency."""
     one, other = some_codes(np.random.default_rng(1), 2)
-    return (
-        replace(one, pulse_intervals_s=(3.0,)),
-        replace(other, pulse_intervals_s=(3.0,)),
-    )
+    return (replace(one, pulse_intervals_s=(3.0,)), replace(other, pulse_intervals_s=(3.0,)))
 
 
 def sent(tag: Tag, enr_db: float, *, seed: int = 5) -> NDArray[np.complex64]:
@@ -75,7 +73,7 @@ def test_all_pulses_of_a_burst_count() -> None:
     assert alone.train.false_alarm_probability > 0.01
 
 
-@pytest.mark.parametrize("enr_db", [8.0, 25.0])
+@pytest.mark.parametrize("enr_db", share([8.0, 25.0], 2))
 def test_another_code_is_told_as_such_and_hides_none(enr_db: float) -> None:
     tag, other = codes()
     _, silent = judged(other, sent(tag, enr_db))
@@ -100,7 +98,7 @@ def test_another_code_is_told_as_such_and_hides_none(enr_db: float) -> None:
     assert (first_s - 2.6 + 0.5) % 2.9985 == pytest.approx(0.5, abs=0.004)
 
 
-@pytest.mark.parametrize("enr_db", [14.0, 30.0])
+@pytest.mark.parametrize("enr_db", share([14.0, 30.0], 2))
 def test_a_strong_tag_is_found_with_its_bursts_where_they_begin(enr_db: float) -> None:
     tag, _ = codes()
     energies, found = judged(tag, sent(tag, enr_db))

@@ -245,11 +245,7 @@ def test_what_nobody_told_of_a_recording_is_a_limitation(
     ],
 )
 def test_a_recording_that_lacks_something_is_told_what(  # type: ignore[no-untyped-def]
-    recorded: list[str],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    change,
-    fault: str,
+    recorded: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], change, fault: str
 ) -> None:
     assert uavrt(*change(recorded, tmp_path)) != 0
     assert fault in " ".join(capsys.readouterr().err.split())

@@ -116,9 +116,7 @@ def test_a_train_that_may_be_the_tags_own_is_kept_with_the_verdict(
     assert heard[1] - heard[0] > 0.98 * (flight.poses[-1].time_ns - flight.poses[0].time_ns)
 
 
-def test_a_tag_of_two_rates_has_pulses_only_where_it_was_at_that_rate(
-    tmp_path: Path,
-) -> None:
+def test_a_tag_of_two_rates_has_pulses_only_where_it_was_at_that_rate(tmp_path: Path) -> None:
     flown = rotation(5, 24.0, pulses=96, then_s=0.987)
     directory = str(tmp_path / "flight_log_2023-11-14_22-13-20")
     flight = replace(flown.flight, info=replace(flown.flight.info, directory=directory))

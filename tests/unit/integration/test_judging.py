@@ -79,11 +79,7 @@ def test_a_tag_is_found_behind_another_on_its_frequency() -> None:
     rng = np.random.default_rng(3)
     samples = flight(3, 8.0)
     other = Truth(
-        east_m=-900.0,
-        north_m=1500.0,
-        interval_s=1.2 * INTERVAL_S,
-        offset_hz=20.0,
-        first_s=0.9,
+        east_m=-900.0, north_m=1500.0, interval_s=1.2 * INTERVAL_S, offset_hz=20.0, first_s=0.9
     )
     add_pulses(rng, samples, WORLD.pulses(rng, other, 10.0))
     found = judged(samples)

@@ -9,6 +9,7 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
+from depth import share
 from tests.unit.integration.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
 from tests.unit.integration.test_from_arrays_and_tracks import FIXED
 from tests.unit.integration.test_whole_flight import judged
@@ -75,7 +76,7 @@ def each(
     return alone(flown, tmp_path_factory.mktemp("alone"))
 
 
-@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("moves", share([True, False], 2))
 def test_a_tag_too_weak_in_each_flight_is_found_in_all_together(
     flown: list[Rotation], each: list[IntegratedTag], moves: bool
 ) -> None:

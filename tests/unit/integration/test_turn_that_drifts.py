@@ -7,6 +7,7 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
+from depth import share
 from tests.unit.integration.conftest import WINDOW_HZ
 
 from uavrt.analysis.whole_flight import IntegratedTag, JudgeAs, integrate_flight
@@ -58,9 +59,7 @@ def still(course: Course) -> Course:
     """The same turn in the middle of its way."""
     middle = np.ones_like(course.east_m)
     return replace(
-        course,
-        east_m=course.east_m.mean() * middle,
-        north_m=course.north_m.mean() * middle,
+        course, east_m=course.east_m.mean() * middle, north_m=course.north_m.mean() * middle
     )
 
 
@@ -138,7 +137,7 @@ def turned(
     )
 
 
-@pytest.mark.parametrize("speed_m_s", [0.5, 1.0])
+@pytest.mark.parametrize("speed_m_s", share([1.0, 0.5], 2))
 def test_a_turn_carried_off_by_the_wind_finds_and_places_its_tag(
     tmp_path: Path, speed_m_s: float
 ) -> None:

@@ -8,13 +8,7 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import PATTERNS
 from uavrt.planning.whole_flight import WholeFlightSum
-from uavrt_experiments.integrate.flights import (
-    Truth,
-    World,
-    add_pulses,
-    silence,
-    turning,
-)
+from uavrt_experiments.integrate.flights import Truth, World, add_pulses, silence, turning
 
 FALSE_ALARM = 0.01
 LEVELS_DB = (2.0, 3.5, 4.5, 5.5, 7.0)

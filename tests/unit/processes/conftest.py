@@ -22,15 +22,7 @@ from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.link import ChildLink, LineBuffer
 from uavrt.ipc.process import ProcessFrame
 from uavrt.ipc.topics import decode_record, encode_record
-from uavrt.messages import (
-    Command,
-    CommandReply,
-    Health,
-    Pose,
-    Pulse,
-    PulsePose,
-    Recorded,
-)
+from uavrt.messages import Command, CommandReply, Health, Pose, Pulse, PulsePose, Recorded
 from uavrt.processes.connection import ConnectionProcess
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
@@ -67,8 +59,7 @@ class Bay:
             flight=None,
         )
         self.autopilot_settings = AutopilotSettings(
-            companion=("127.0.0.1", self.companion_port),
-            ground=("127.0.0.1", self.ground_port),
+            companion=("127.0.0.1", self.companion_port), ground=("127.0.0.1", self.ground_port)
         )
         self.autopilot: FakeAutopilot | None = None
         self.records: list[tuple[str, Any]] = []

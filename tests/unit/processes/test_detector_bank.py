@@ -95,10 +95,7 @@ def test_a_bank_with_a_hard_lock_keeps_to_the_frequency_that_it_found() -> None:
 @pytest.mark.parametrize("times", [1, 2])
 @pytest.mark.parametrize("where", ["conclude", "next_step", "process"])
 def test_a_tag_at_which_the_search_fails_twice_is_left_out_and_the_others_go_on(
-    where: str,
-    times: int,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    where: str, times: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     original, left = getattr(PulseDetector, where), [times]
 

@@ -15,16 +15,7 @@ from typing import Any
 
 import made
 import pytest
-from attacked import (
-    BATCH_S,
-    CONFIRMER,
-    DRONE,
-    SECRET,
-    Attacker,
-    Guided,
-    key_file,
-    tunnel,
-)
+from attacked import BATCH_S, CONFIRMER, DRONE, SECRET, Attacker, Guided, key_file, tunnel
 from serial_line import ADDRESS, BYTE_S, SerialLine
 from some import some
 

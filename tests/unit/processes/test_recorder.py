@@ -240,9 +240,7 @@ def test_what_was_sent_to_a_recorder_whose_supervisor_is_killed_reaches_the_disk
     assert len(drone.logged()) == 2
 
 
-def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(
-    drone: Drone,
-) -> None:
+def test_a_pulse_whose_pose_never_comes_gets_one_from_the_recorded_poses(drone: Drone) -> None:
     drone.fly()
     one = pulse(2.03)
     drone.send("pulse", one)

@@ -1,9 +1,11 @@
 """Samples lost without a word: found, placed and counted; nothing else is called a loss."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from depth import share
 
 from uavrt.radio.losses import most_lost
 from uavrt.radio.placing import Placer
@@ -90,9 +92,12 @@ def test_half_seconds_of_a_steady_crystal_are_never_called_a_loss() -> None:
     assert got.within == got.instants
 
 
-@pytest.mark.parametrize("jitter", ["exponential", "normal"])
-@pytest.mark.parametrize("transfer_s", [0.005, 65_536 / 3e6, 0.0874])
-@pytest.mark.parametrize("jitter_s", [0.0003, 0.002])
+@pytest.mark.parametrize(
+    ("jitter", "transfer_s", "jitter_s"),
+    share(
+        [*product(("exponential", "normal"), (0.005, 65_536 / 3e6, 0.0874), (0.0003, 0.002))], 3
+    ),
+)
 def test_a_steady_crystal_is_never_called_a_loss(
     jitter: str, transfer_s: float, jitter_s: float
 ) -> None:

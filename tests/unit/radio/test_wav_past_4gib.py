@@ -46,6 +46,16 @@ def layout(path: Path) -> Layout:
     return wav_layout(path, center_frequency_hz=148.7e6)
 
 
+def described_s(path: Path) -> float:
+    """CPU time to describe a file: the least of three, for a busy machine spoils one."""
+    spent_s = []
+    for _ in range(3):
+        begin_s = time.process_time()
+        layout(path)
+        spent_s.append(time.process_time() - begin_s)
+    return min(spent_s)
+
+
 @pytest.mark.parametrize("more", [0, 24_000_000, 2 * GIB4 + 400])
 @pytest.mark.parametrize("after", [b"", AUXI])
 def test_a_size_that_overflowed_at_4_gib_is_the_true_one(
@@ -75,9 +85,8 @@ def test_samples_reach_to_the_end_of_a_file_whose_header_was_never_completed(
 def test_a_file_of_zeros_is_described_at_once(tmp_path: Path) -> None:
     path = tmp_path / "a.wav"
     count = write_wav(path, GIB4 + 24_000_000, said=400)
-    begin_s = time.process_time()
+    assert described_s(path) < 0.5
     assert layout(path).segments[0].count == count // 4
-    assert time.process_time() - begin_s < 0.5
 
 
 def test_chunks_after_the_samples_are_no_samples(tmp_path: Path) -> None:
@@ -105,6 +114,5 @@ def test_the_chunk_after_the_samples_of_a_long_file_is_used(
 def test_many_empty_chunks_end_the_search(tmp_path: Path) -> None:
     path = tmp_path / "a.wav"
     write_wav(path, bytes(4000), after=(b"junk" + bytes(4)) * 200_000)
-    begin_s = time.process_time()
+    assert described_s(path) < 0.5
     assert layout(path).segments[0].count >= 1000
-    assert time.process_time() - begin_s < 0.5

@@ -1,11 +1,9 @@
 """``uavrt doctor --autopilot`` against the simulated autopilot with wrong parameters."""
 
 import asyncio
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
-from typing import Any
 
 import made
 import pytest
@@ -13,18 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavrt.computer.autopilot_rules import has_serial_ports, names_to_read, needs
-from uavrt.computer.autopilot_setup import examine_autopilot
+from uavrt.computer.autopilot_setup import _examine, examine_autopilot
 from uavrt.computer.finding import Finding
 from uavrt.errors import ConfigError
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.mavlink import dialect
+from uavrt.mavlink.address import parse_address
 from uavrt.mavlink.discovery import station_heartbeat
 from uavrt.mavlink.frame import FrameParser, FrameWriter
 from uavrt.simulation.autopilot_parameters import ARDUPILOT_DEFAULTS, PX4_DEFAULTS
 from uavrt.simulation.fake_autopilot import AutopilotSettings, FakeAutopilot
+from uavrt.simulation.flying import Flavour
 from uavrt.units import ns_from_s
-
-World = Any  # tests/unit/mavlink/conftest.py
+from world import World
 
 WRONG_PX4 = {
     "MAV_1_CONFIG": 0,
@@ -41,37 +40,30 @@ WRONG_ARDUPILOT = {
 }
 
 
-@contextmanager
-def autopilot_of(
-    world: World, flavour: str, wrong: Mapping[str, float], *, armed: bool = False
-) -> Iterator[FakeAutopilot]:
-    """A simulated autopilot in a thread of its own: the doctor brings its own loop."""
+@asynccontextmanager
+async def autopilot_of(
+    world: World, flavour: Flavour, wrong: Mapping[str, float], *, armed: bool = False
+) -> AsyncIterator[FakeAutopilot]:
+    """A simulated autopilot, in the loop of who examines it."""
     settings = replace(world.settings, flavour=flavour, parameters=wrong, armed=armed)
     assert isinstance(settings, AutopilotSettings)
     autopilot = FakeAutopilot(world.vehicle, settings, world.clock)
-    loop = asyncio.new_event_loop()
-    task = loop.create_task(autopilot.run())
-
-    def serve() -> None:
-        try:
-            loop.run_until_complete(task)
-        except asyncio.CancelledError:
-            pass
-        finally:
-            loop.close()
-
-    thread = threading.Thread(target=serve)
-    thread.start()
+    task = asyncio.create_task(autopilot.run())
     try:
         yield autopilot
     finally:
-        loop.call_soon_threadsafe(task.cancel)
-        thread.join()
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
 
 
-def examine(world: World, **options: Any) -> list[Finding]:
-    address = f"udpin://127.0.0.1:{world.companion_port}"
-    return list(examine_autopilot(address, port="TELEM2", baud=921_600, **options))
+def address_of(world: World) -> str:
+    return f"udpin://127.0.0.1:{world.companion_port}"
+
+
+async def examine(world: World, *, fix: bool = False) -> list[Finding]:
+    """What `uavrt doctor --autopilot` does in its own loop."""
+    return await _examine(parse_address(address_of(world)), "TELEM2", 921_600, fix)
 
 
 @pytest.mark.parametrize(
@@ -100,44 +92,41 @@ def examine(world: World, **options: Any) -> list[Finding]:
         ),
     ],
 )
-def test_wrong_parameters_are_named_and_set_only_when_asked(
-    world: World, flavour: str, wrong: dict[str, float], right: dict[str, float]
+async def test_wrong_parameters_are_named_and_set_only_when_asked(
+    world: World, flavour: Flavour, wrong: dict[str, float], right: dict[str, float]
 ) -> None:
-    with autopilot_of(world, flavour, wrong) as autopilot:
+    async with autopilot_of(world, flavour, wrong) as autopilot:
         before = dict(autopilot.parameters.values)
-        found = examine(world)
+        found = await examine(world)
         assert autopilot.parameters.values == before
         named = {line.text.split(" ")[0] for line in found if not line.ok}
         assert named == set(wrong)
         assert all("--fix" in line.remedy for line in found if not line.ok)
-        fixed = examine(world, fix=True)
+        fixed = await examine(world, fix=True)
         assert {n: v for n, v in autopilot.parameters.values.items() if before[n] != v} == right
         (left,) = [line for line in fixed if not line.ok]
         assert "restart" in left.text
         assert not autopilot.parameters.passes_on("companion")  # not in force yet
-        again = examine(world)
+        again = await examine(world)
         assert all(line.ok for line in again)
         autopilot.parameters.restart()
         assert autopilot.parameters.passes_on("companion")
         assert autopilot.parameters.passes_on("ground")
 
 
-def test_nothing_is_set_on_an_armed_vehicle(world: World) -> None:
-    with autopilot_of(world, "px4", WRONG_PX4, armed=True) as autopilot:
+async def test_nothing_is_set_on_an_armed_vehicle(world: World) -> None:
+    async with autopilot_of(world, "px4", WRONG_PX4, armed=True) as autopilot:
         before = dict(autopilot.parameters.values)
-        (finding,) = examine(world, fix=True)
+        (finding,) = await examine(world, fix=True)
         assert not finding.ok
         assert "armed" in finding.text
         assert "Disarm it" in finding.remedy
         assert autopilot.parameters.values == before
-        assert len(examine(world)) > 1  # looking is always allowed
+        assert len(await examine(world)) > 1  # looking is always allowed
 
 
-def test_an_autopilot_that_is_not_there_is_said_with_what_to_check(
-    world: World, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("uavrt.computer.autopilot_setup.LISTEN_S", 0.2)
-    (finding,) = examine(world)
+def test_an_autopilot_that_is_not_there_is_said_with_what_to_check(world: World) -> None:
+    (finding,) = examine_autopilot(address_of(world), port="TELEM2", baud=921_600)
     assert not finding.ok
     assert "no autopilot was heard" in finding.text
     assert "USB" in finding.remedy
@@ -161,7 +150,7 @@ def test_wrong_parameters_let_nothing_through_and_right_ones_do(world: World) ->
 @pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 @pytest.mark.parametrize("as_gcs", [False, True])
 def test_our_ground_station_does_not_hide_the_loss_of_the_operators_own(
-    world: World, flavour: str, as_gcs: bool
+    world: World, flavour: Flavour, as_gcs: bool
 ) -> None:
     autopilot = FakeAutopilot(
         world.vehicle, replace(world.settings, flavour=flavour), world.clock
@@ -180,16 +169,17 @@ def test_our_ground_station_does_not_hide_the_loss_of_the_operators_own(
     assert autopilot.operator_lost(start_ns + ns_from_s(11.5)) is not as_gcs
 
 
-def test_the_doctor_tells_what_happens_when_the_operators_station_is_lost(
+async def test_the_doctor_tells_what_happens_when_the_operators_station_is_lost(
     world: World,
 ) -> None:
-    for flavour, wrong, words in (
+    cases: tuple[tuple[Flavour, dict[str, float], str], ...] = (
         ("px4", {"NAV_DLL_ACT": 2}, "NAV_DLL_ACT = 2"),
         ("ardupilot", {}, "is lost: none"),
         ("ardupilot", {"MAV_GCS_SYSID": 254}, "would go unnoticed"),
-    ):
-        with autopilot_of(world, flavour, wrong):
-            (told,) = [line for line in examine(world) if "operator's" in line.text]
+    )
+    for flavour, wrong, words in cases:
+        async with autopilot_of(world, flavour, wrong):
+            (told,) = [line for line in await examine(world) if "operator's" in line.text]
         assert words in told.text
         assert told.ok is ("unnoticed" not in words)
 
