@@ -167,8 +167,10 @@ def _level_evidence(
     stations: Stations, model: Model, propagation: Propagation
 ) -> LevelEvidence | None:
     """Levels of the rotations, which have the antenna's gain taken out already."""
-    if stations.level_db is None or len(stations.level_db) < 2:
+    heard = stations.with_levels
+    if heard is None or heard.level_db is None or len(heard.level_db) < 2:
         return None
+    stations = heard
     east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
     nothing = np.zeros(len(east))
     height = nothing if stations.height_m is None else stations.height_m
@@ -209,6 +211,7 @@ def _joined_levels(
     propagation: Propagation,
 ) -> JoinedLevels:
     """Levels of the rotations and of receivers that never turned."""
+    stations = stations.with_levels or stations
     assert stations.level_db is not None
     east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
     nothing = np.zeros(len(east))
