@@ -44,7 +44,8 @@ def localize(
     flights
         Flight directories, pulse logs in any known format, folders of them, and files of
         bearings (a bearings.csv, or noted by hand); together they give one position for each
-        tag, assuming it does not move. The positions in a positions.csv or an estimate CSV of UCSD's tracker are shown as they are.
+        tag, assuming it does not move. The positions in a positions.csv or an estimate CSV of
+        UCSD's tracker are shown as they are.
     method
         bayes (a region with its probability; a tag that cannot have rested is followed); track
         (where a tag was at each time, even if it may have rested); mle, rmr or mest as the

@@ -170,19 +170,18 @@ def _level_evidence(
     heard = stations.with_levels
     if heard is None or heard.level_db is None or len(heard.level_db) < 2:
         return None
-    stations = heard
-    east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
+    east, north = model.plane.to_local(heard.latitude_deg, heard.longitude_deg)
     nothing = np.zeros(len(east))
-    height = nothing if stations.height_m is None else stations.height_m
-    hills = None if stations.height_m is None else model.hills
+    height = nothing if heard.height_m is None else heard.height_m
+    hills = None if heard.height_m is None else model.hills
     return LevelEvidence(
         east,
         north,
         height,
-        stations.level_db,
-        nothing if stations.level_sigma_db is None else stations.level_sigma_db,
+        heard.level_db,
+        nothing if heard.level_sigma_db is None else heard.level_sigma_db,
         propagation,
-        stations.receivers,
+        heard.receivers,
         OverHills.of(hills, east, north, height),
     )
 

@@ -1,6 +1,7 @@
 """Bearings of one tag and where they were taken: what positions are estimated from."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -88,7 +89,7 @@ class Stations:
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)
-        columns = {
+        columns: dict[str, Any] = {
             name: values[known]
             for name in self.__dataclass_fields__
             if isinstance(values := getattr(self, name), np.ndarray)
