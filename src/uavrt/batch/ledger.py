@@ -167,7 +167,8 @@ class Ledger(Generic[R]):
             faults = dict(self._faults(files, thorough=thorough))
             if faults:
                 self.damaged |= faults
-                self.withdrawn |= {self.place(key), *files}
+                self.withdrawn.add(self.place(key))
+                self.withdrawn.update(files)
                 self._keys[self._rows[key].path].discard(key)
                 self._remove(key)
         self._remove_strays()

@@ -1,7 +1,6 @@
 """Bearings of one tag and where they were taken: what positions are estimated from."""
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,16 +84,20 @@ class Stations:
 
     @property
     def with_levels(self) -> "Stations | None":
-        """Those whose bearing comes with a level; None where there is none."""
+        """Bearings with a level, and what levels need of them; None where there is none."""
         if self.level_db is None:
             return None
         known = np.isfinite(self.level_db)
-        columns: dict[str, Any] = {
-            name: values[known]
-            for name in self.__dataclass_fields__
-            if isinstance(values := getattr(self, name), np.ndarray)
-        }
-        return replace(self, **columns)
+        sigma_db, height_m = self.level_sigma_db, self.height_m
+        return Stations(
+            latitude_deg=self.latitude_deg[known],
+            longitude_deg=self.longitude_deg[known],
+            bearing_deg=self.bearing_deg[known],
+            level_db=self.level_db[known],
+            level_sigma_db=None if sigma_db is None else sigma_db[known],
+            height_m=None if height_m is None else height_m[known],
+            receiver=self.receivers[known],
+        )
 
 
 def _known(values: list[float | None], unknown: float) -> _Floats | None:
