@@ -12,7 +12,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock, Thread
@@ -24,6 +24,7 @@ import pytest
 from radio_world import DRIVERS, SERIALS, TAG_HZ, RadioWorld
 from rich.console import Console
 
+from uavrt.cli.doctor import doctor as whole_doctor
 from uavrt.clock import Clock
 from uavrt.computer.checks import check_radio
 from uavrt.config.loader import load_settings
@@ -318,8 +319,8 @@ def doctor(
     *,
     serials: Sequence[str] = (),
     rates: str = "",
-) -> dict[str, str]:
-    """Get what `uavrt doctor` says of a radio with each fault while no flight is on."""
+) -> dict[str, list[str]]:
+    """Get the lines of `uavrt doctor` for each fault while no flight is on; status at last."""
     world = RadioWorld(directory, radio.kind)
     path = f"{world.environment['PYTHONPATH']}:{DRIVERS}"
     question = json.dumps(
@@ -334,20 +335,27 @@ def doctor(
         check=False,
     )
     assert finished.returncode == 0, finished.stderr
-    said: dict[str, str] = json.loads(finished.stdout)
-    return said
+    lines: dict[str, list[str]] = json.loads(finished.stdout)
+    return lines
 
 
 def _examine(question: str) -> None:
     directory, radio, faults, serials, rates = json.loads(question)
-    settings = Settings(radio=msgspec.convert(radio, RadioSettings))
-    kind = settings.radio.kind
-    world, said = RadioWorld(Path(directory), kind, serials=serials, rates=rates), {}
+    world, lines = RadioWorld(Path(directory), radio["kind"], serials=serials, rates=rates), {}
+    config = Path(directory) / "uavrt.toml"
+    given = (f"{name} = {json.dumps(value)}\n" for name, value in radio.items() if value)
+    config.write_text(
+        f'status_socket = "{directory}/s"\n[mavlink]\naddress = ""\n[radio]\n{"".join(given)}'
+    )
     for fault in faults:
         world.set(fault)
-        finding = check_radio(settings, None)
-        said[fault] = f"{'ok' if finding.ok else '!!'} {finding.text}. {finding.remedy}"
-    print(json.dumps(said))
+        printed = io.StringIO()
+        try:
+            with redirect_stdout(printed):
+                whole_doctor(config=config)
+        except SystemExit as ended:
+            lines[fault] = [*printed.getvalue().splitlines(), str(ended.code)]
+    print(json.dumps(lines))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ and fail as the file ``fault`` says at each moment.
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -26,25 +27,44 @@ SERIALS = {
     "hackrf": "0000000000000000909864c8345017cf",
     "soapy": "77",
 }
-PACKAGES = "airspy airspyhf rtl-sdr hackrf python3-soapysdr libsoapysdr-dev"
+PACKAGES = {
+    "airspy": "airspy",
+    "airspyhf": "airspyhf",
+    "rtlsdr": "rtl-sdr",
+    "hackrf": "hackrf",
+    "soapy": "python3-soapysdr libsoapysdr-dev",
+}
+"""What `make test` installs as root, with a compiler."""
+INSTALLED = Path("/var/lib/dpkg/info")
 SOAPY_MODULES = Path("/usr/lib/python3/dist-packages")
 
 
 def missing(kind: str) -> str | None:
     """Name what a test with this radio's own program needs and this computer lacks."""
     if shutil.which("c++" if kind == "soapy" else "cc") is None:
-        return "no C compiler"
+        return "no C compiler: apt install gcc g++"
     if kind != "soapy":
-        return None if shutil.which(RADIOS[kind].receive) else f"apt install {PACKAGES}"
-    there = SOAPY_MODULES.glob("_SoapySDR.cpython-311-*.so")
-    headers = Path("/usr/include/SoapySDR").is_dir()
-    return None if headers and any(there) else f"apt install {PACKAGES}"
+        there = shutil.which(RADIOS[kind].receive) is not None
+    else:
+        version = f"{sys.version_info.major}{sys.version_info.minor}"
+        modules = SOAPY_MODULES.glob(f"_SoapySDR.cpython-{version}-*.so")
+        there = any(modules) and Path("/usr/include/SoapySDR").is_dir()
+    return None if there else f"apt install {PACKAGES[kind]}"
+
+
+def usable(kind: str) -> bool:
+    """Find whether a radio's own program can be tested here; fail where it should be."""
+    reason = missing(kind)
+    packages = PACKAGES[kind].split()
+    if reason and all(any(INSTALLED.glob(f"{one}[.:]*list")) for one in packages):
+        pytest.fail(f"{PACKAGES[kind]} is installed, and cannot be tested: {reason}")
+    return reason is None
 
 
 def needs(kind: str) -> None:
     """Skip a test where the radio's own program is not installed."""
-    if (reason := missing(kind)) is not None:
-        pytest.skip(reason)
+    if not usable(kind):
+        pytest.skip(missing(kind) or "")
 
 
 @cache

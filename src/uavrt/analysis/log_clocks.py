@@ -5,7 +5,6 @@ from datetime import timedelta
 from pathlib import Path
 
 from uavrt.clock import iso_utc
-from uavrt.recording.formats.log import PulseLog
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _APART_S = 1800.0
@@ -14,13 +13,15 @@ _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
 """1 January 2000: what is older comes from a clock that was never set."""
 
 
-def clock_doubts(logs: Sequence[tuple[Path, PulseLog]]) -> list[str]:
-    """Name logs whose clock was never set, and those of another time than the others."""
-    spans = [
-        (path, min(starts), max(starts))
-        for path, log in logs
-        if (starts := [one.pulse.start_time_ns for one in log.pulse_poses])
-    ]
+def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
+    """Name logs whose clock was never set, and those of another time than the others.
+
+    Parameters
+    ----------
+    logs : sequence of (path, sequence of int)
+        Each with the times of what is in it [ns, UTC].
+    """
+    spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []
     for number, (path, first_ns, last_ns) in enumerate(spans):
         others = [span for other, span in enumerate(spans) if other != number]

@@ -1,13 +1,12 @@
 """From flights, pulse logs or a bearings.csv to one position for each tag."""
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import get_args
-
-import numpy as np
 
 from uavrt.analysis.bearings import (
     NO_BEARINGS_FROM_THESE,
@@ -19,11 +18,13 @@ from uavrt.analysis.flight_copies import SAME_PULSES
 from uavrt.analysis.log_clocks import clock_doubts
 from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
 from uavrt.errors import UsageError
+from uavrt.geodesy import distance_m
 from uavrt.localization.antenna import MONOPOLE
 from uavrt.localization.flight_estimates import (
-    ONE_FLIGHT_S,
+    NO_TIME,
     Found,
     ReadAs,
+    TagBearing,
     TagPosition,
     found_of,
     place,
@@ -31,17 +32,22 @@ from uavrt.localization.flight_estimates import (
     survey,
 )
 from uavrt.localization.heard import Heard, OverGround
-from uavrt.localization.position.estimate import ADDED_METHODS, estimate_position
-from uavrt.localization.position.stations import Stations
-from uavrt.localization.results import Position, PositionMethod
+from uavrt.localization.position.estimate import ADDED_METHODS
+from uavrt.localization.results import Bearing, Position, PositionMethod
 from uavrt.messages import PulsePose
-from uavrt.recording.formats.bearings_csv import BearingRow, read_bearing_file
+from uavrt.recording.formats.bearings_csv import (
+    BearingRow,
+    is_noted,
+    read_bearing_file,
+)
 from uavrt.recording.formats.positions_csv import read_position_file
 from uavrt.recording.formats.recognise import ORIGINAL_POSES, pulse_logs_in
 from uavrt.recording.formats.text import cells_of, read_lines, with_commas
 from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, tag_numbers
 from uavrt.units import NANOSECONDS_PER_SECOND
 
+_BEARING_COLUMNS = 10
+_SAME_PLACE_M = 30.0
 _FIRST_LINES = 100
 """Which tell what a file is; comments may come first."""
 
@@ -53,12 +59,12 @@ def read_positions(
 ) -> list[TagPosition]:
     """Estimate the positions of tags from all that is known of them.
 
-    `*paths`: flights, pulse logs of any kind, folders of them: their bearings go together, one
-    position for each tag, taken to rest. Or one or more bearings.csv. A positions.csv, and an
-    estimate CSV of UCSD's tracker, give what is in them.
+    `*paths`: flights, pulse logs of any kind, folders of them, and files of bearings
+    (bearings.csv, or noted by hand): their bearings go together, one position for each tag,
+    taken to rest. A positions.csv, and an estimate CSV of UCSD's tracker, give what is in them.
     `how`: how they are read. Without an antenna that of each flight's settings, RA-23K for logs
     without, and a monopole for UCSD's pings.
-    `warn`: called with what somebody who works with a log must know.
+    `warn`: called with what a user of a log must know.
     Raises `FormatError`: one of them is nothing of that kind.
     Raises `UsageError`: there is no such method; or what was given cannot go together.
     """
@@ -75,25 +81,29 @@ def read_positions(
         if _columns_of_named_file(paths[0]) in range(4, 9):
             return _stored_positions(paths[0], how.method)
     files = [path for path in paths if _columns_of_named_file(path)]
-    if files and len(files) < len(paths):
-        raise UsageError(
-            "a bearings.csv cannot be combined with flights or pulse logs",
-            remedy="Name the flights that its bearings came from, or only the bearings.csv",
-        )
     if files and how.elevation is not None:
         raise UsageError(
             "a bearings.csv does not tell how high the drone was, as the ground needs",
             remedy="Name the flights that its bearings came from, or leave --dem out",
         )
-    if files:
-        return _positions_of_rows(
-            [row for path in files for row in read_bearing_file(path)], how
-        )
-    logs = [read_recorded(path) for given in paths for path in pulse_logs_in(given)]
+    logs = [
+        read_recorded(path)
+        for given in paths
+        if given not in files
+        for path in pulse_logs_in(given)
+    ]
     for text in dict.fromkeys(text for one in logs for text in one.log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    for text in clock_doubts([(one.path, one.log) for one in logs]):
+    noted = [(path, _noted(read_bearing_file(path))) for path in files]
+    times: list[tuple[str | Path, list[int]]] = [
+        (one.path, [each.pulse.start_time_ns for each in one.log.pulse_poses]) for one in logs
+    ]
+    times += [
+        (os.fspath(path), [one.start_time_ns for one in rows if one.start_time_ns != NO_TIME])
+        for path, rows in noted
+    ]
+    for text in clock_doubts(times):
         warn(text)
     same = same_tags(
         [one.log for one in logs],
@@ -101,8 +111,56 @@ def read_positions(
     )
     for text in same.warnings:
         warn(text)
-    found = _positions_of_logs([*zip(logs, same.keys, strict=True)], how, warn)
+    rows = [one for _, every in noted for one in every]
+    found = _positions_of_logs(
+        [*zip(logs, same.keys, strict=True)], _under_keys(rows, same), how, warn
+    )
     return _as_told(found, same)
+
+
+def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
+    """Make bearings of a file's; how strong the tag was is not in it."""
+    found = []
+    for row in rows:
+        times_s = [one for one in (row.start_time_s, row.end_time_s) if one is not None]
+        times_ns = [round(one * NANOSECONDS_PER_SECOND) for one in times_s] or [NO_TIME]
+        found.append(
+            TagBearing(
+                tag_id=row.tag_id,
+                bearing=Bearing(
+                    bearing_deg=row.bearing_deg,
+                    method="noted",
+                    pulses=0,
+                    sigma_deg=row.sigma_deg,
+                ),
+                latitude_deg=row.latitude_deg,
+                longitude_deg=row.longitude_deg,
+                altitude_amsl_m=math.nan
+                if row.altitude_amsl_m is None
+                else row.altitude_amsl_m,
+                start_time_ns=times_ns[0],
+                middle_time_ns=sum(times_ns) // len(times_ns),
+                end_time_ns=times_ns[-1],
+            )
+        )
+    return found
+
+
+def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
+    """Bearings of a file under the keys of the tags that were heard.
+
+    Raises `UsageError`: a number stands for several tags.
+    """
+    keys: dict[int, list[int]] = {}
+    for key, tag in same.told.items():
+        keys.setdefault(tag.tag_id, []).append(key)
+    for tag_id in sorted({one.tag_id for one in rows}):
+        if len(keys.get(tag_id, ())) > 1:
+            raise UsageError(
+                f"{tag_id} is the number of several tags in these flights",
+                remedy="Name flights in which it is one tag, beside bearings of a file",
+            )
+    return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
 
 
 def _as_told(found: Sequence[TagPosition], same: SameTags) -> list[TagPosition]:
@@ -133,6 +191,7 @@ class _Log:
 
 def _positions_of_logs(
     read: Sequence[tuple[Recorded, Mapping[int, int]]],
+    noted: Sequence[TagBearing],
     how: ReadAs,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
@@ -154,7 +213,7 @@ def _positions_of_logs(
             )
     whips = [one for one in logs if (how.antenna or one.heard.antenna) == MONOPOLE]
     turned = [one for one in logs if one not in whips]
-    standing = [one for one in whips if turned and stands(one.heard)]
+    standing = [one for one in whips if (turned or noted) and stands(one.heard)]
     whips = [one for one in whips if one not in standing]
     if whips and turned:
         warn(
@@ -162,8 +221,8 @@ def _positions_of_logs(
             "positions"
         )
     found: list[TagPosition] = []
-    if turned or not whips:
-        found += _positions_of_turns(turned, standing, how, over, warn)
+    if turned or noted or not whips:
+        found += _positions_of_turns(turned, standing, noted, how, over, warn)
     if whips:
         try:
             found += survey(_together(whips), how, over)[0].values()
@@ -185,6 +244,7 @@ def _together(logs: Sequence[_Log]) -> Heard:
 def _positions_of_turns(
     logs: Sequence[_Log],
     standing: Sequence[_Log],
+    noted: Sequence[TagBearing],
     how: ReadAs,
     over: OverGround | None,
     warn: Callable[[str], None],
@@ -206,8 +266,24 @@ def _positions_of_turns(
         ]
         # Keys are tags already: their frequencies need not be compared.
         together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
+    own_bearings = [one for each in together for one in each.bearings]
+    kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
+    if len(kept) < len(noted):
+        copies = len(noted) - len(kept)
+        warn(f"{copies} bearings of a file are of turns in these flights: left out")
+    together.append(Found(bearings=kept))
     every = Found(heard=frozenset().union(*(each.heard for each in together)))
     return place([every, *together], how, over)
+
+
+def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
+    """Whether a bearing of a file was made of a turn that was read, too."""
+    places = (noted.latitude_deg, noted.longitude_deg), (own.latitude_deg, own.longitude_deg)
+    return (
+        noted.tag_id == own.tag_id
+        and own.start_time_ns <= noted.middle_time_ns <= own.end_time_ns
+        and distance_m(*places[0], *places[1]) < _SAME_PLACE_M
+    )
 
 
 def check_position_method(method: str) -> None:
@@ -229,6 +305,8 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
     every = with_commas(read_lines(path)[:_FIRST_LINES])
     lines = (line for line in every if line.strip() and line[0] != "#")
     cells = cells_of(next(lines, ""))
+    if is_noted(cells):
+        return _BEARING_COLUMNS
     if cells[:1] == ["tag_id"]:
         return len(cells) if {"parent_file", "bearing_file"} & set(cells) else 0
     if len(cells) < 2 or not cells[0].replace(".0", "").isdigit():
@@ -243,23 +321,6 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 def _is_result(path: str | os.PathLike[str]) -> bool:
     """Whether a file has bearings or positions, and no pulses."""
     return bool(_columns_of_named_file(path)) or _holds_estimates(path)
-
-
-def _positions_of_rows(rows: Sequence[BearingRow], how: ReadAs) -> list[TagPosition]:
-    found = []
-    for tag_id in sorted({row.tag_id for row in rows}):
-        try:
-            position = estimate_position(
-                _stations_of_rows([row for row in rows if row.tag_id == tag_id]),
-                method=how.method,
-                heading_sigma_deg=how.heading_sigma_deg,
-                follow=True,
-            )
-        except UsageError as error:
-            found.append(TagPosition(tag_id=tag_id, position=None, reason=str(error)))
-        else:
-            found.append(TagPosition(tag_id=tag_id, position=position))
-    return found
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
@@ -303,27 +364,6 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
                 )
                 found.append(TagPosition(tag_id=row.tag_id, position=position))
     return found
-
-
-def _stations_of_rows(rows: Sequence[BearingRow]) -> Stations:
-    sigmas = [row.sigma_deg for row in rows if row.sigma_deg is not None]
-    times = [time_s for time_s in map(_middle_s, rows) if time_s is not None]
-    of_one_flight = len(times) == len(rows) and max(times) - min(times) <= ONE_FLIGHT_S
-    return Stations(
-        latitude_deg=np.array([row.latitude_deg for row in rows]),
-        longitude_deg=np.array([row.longitude_deg for row in rows]),
-        bearing_deg=np.array([row.bearing_deg for row in rows]),
-        sigma_deg=np.array(sigmas) if len(sigmas) == len(rows) else None,
-        time_s=np.array(times) - min(times) if of_one_flight else None,
-        origin_ns=round(min(times, default=0.0) * NANOSECONDS_PER_SECOND),
-    )
-
-
-def _middle_s(row: BearingRow) -> float | None:
-    """When a bearing held best; a turn takes a minute, in which an animal walks on."""
-    if row.start_time_s is None or row.end_time_s is None:
-        return row.start_time_s
-    return 0.5 * (row.start_time_s + row.end_time_s)
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:

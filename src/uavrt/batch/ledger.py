@@ -72,6 +72,8 @@ class Ledger(Generic[R]):
         self._keys: dict[str, set[str]] = defaultdict(set)
         self.damaged: dict[str, str] = {}
         """Files that are missing or damaged, with the reason; what they held is done again."""
+        self.withdrawn: set[str] = set()
+        """Files of rows that were removed since a table of theirs is damaged."""
         try:
             self._load(thorough=thorough)
         except PermissionError as error:
@@ -165,6 +167,8 @@ class Ledger(Generic[R]):
             faults = dict(self._faults(files, thorough=thorough))
             if faults:
                 self.damaged |= faults
+                self.withdrawn.add(self.place(key))
+                self.withdrawn.update(files)
                 self._keys[self._rows[key].path].discard(key)
                 self._remove(key)
         self._remove_strays()

@@ -204,7 +204,7 @@ def _lost_rows(
         for ledger, rows in zip(ledgers, before, strict=True)
         for path in rows.keys() - {row.path for row in ledger.rows}
         for name in rows[path]
-        if not (output / name).exists()
+        if name not in ledger.withdrawn and not (output / name).exists()
     }
 
 

@@ -1,5 +1,6 @@
 """``uavrt doctor``: what is wrong with this computer."""
 
+import logging
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,6 +17,7 @@ from uavrt.computer.checks import examine
 from uavrt.computer.finding import Finding
 from uavrt.config.settings import Settings
 from uavrt.errors import UsageError
+from uavrt.log import configure_logging
 from uavrt.mavlink.address import parse_address
 from uavrt.messages import SystemStatus
 from uavrt.monitor.reader import running_status, status_socket_path
@@ -65,6 +67,7 @@ def doctor(
         )
     if flight and autopilot:
         raise UsageError("--flight and --autopilot are two lists", remedy="Give one of them")
+    configure_logging("doctor", level=logging.ERROR)  # the findings say it in words
     running = running_status(status_socket_path(settings))
     findings = (
         autopilot_findings(settings, running, port=port, mavlink=mavlink, fix=fix)

@@ -288,6 +288,8 @@ def _text_of(event: dict[str, Any]) -> str | None:
             return f"{text}  tag {tag_id}  {snr:5.1f} dB  {frequency / 1e6:.5f} MHz  {sure}"
         case {"event": "text", "text": text}:
             return f"drone: {text}"
+        case {"event": "note", "text": text}:
+            return str(text)
         case {"event": "state", "state": str(state)}:
             return f"drone is {SystemState(state).words}"
         case {"event": "state"}:

@@ -35,9 +35,10 @@ def localize(
     Parameters
     ----------
     flights
-        Flight directories, pulse logs in any known format, or folders of them; together they
-        give one position for each tag, assuming it does not move. Or a bearings.csv. The
-        positions in a positions.csv or an estimate CSV of UCSD's tracker are shown as they are.
+        Flight directories, pulse logs in any known format, folders of them, and files of
+        bearings (a bearings.csv, or noted by hand); together they give one position for each
+        tag, assuming it does not move. The positions in a positions.csv or an estimate CSV of
+        UCSD's tracker are shown as they are.
     method
         One of {position_methods}. bayes gives a region with its probability, and follows a tag
         that cannot have rested; track gives where a tag was at each time, even if it may have

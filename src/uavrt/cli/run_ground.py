@@ -49,7 +49,19 @@ def run_both(
         )
     mavlink, directory = settings.mavlink, settings.recording.directory
     keys = {"--command-key": mavlink.key_file, "--signing-key": mavlink.signing_key_file}
+    ends: list[int] = []
+    drone: subprocess.Popen[bytes] | None = None
+
+    def end(number: int, _frame: object) -> None:
+        ends.append(number)
+        if drone is not None:
+            drone.terminate()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
     drone = subprocess.Popen(supervisor)
+    if ends:
+        drone.terminate()
     page = subprocess.Popen(
         [
             *(sys.executable, "-P", "-m", "uavrt.cli", "ground", "--page"),
@@ -59,8 +71,6 @@ def run_both(
             *([] if browser else ["--no-browser"]),
         ]
     )
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: drone.terminate())
     status = drone.wait()
     # The last pulses are in when the drone side has ended.
     page.terminate()
@@ -69,4 +79,5 @@ def run_both(
     except subprocess.TimeoutExpired:
         page.kill()
         page.wait()
-    return status
+    # A drone side that had not begun yet ends by the signal itself, which is in order.
+    return 0 if ends and status < 0 else status

@@ -72,9 +72,7 @@ def check_radio(settings: Settings, running: SystemStatus | None) -> Finding:
     try:
         said = check_device(settings.radio)
     except UavrtError as error:
-        return Finding(
-            what="radio", ok=False, text=error.message, remedy=error.remedy or "Plug it in"
-        )
+        return Finding(what="radio", ok=False, text=error.message, remedy=error.remedy or "")
     return Finding(what="radio", ok=True, text=said)
 
 

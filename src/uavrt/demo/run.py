@@ -52,7 +52,7 @@ class _Drone:
     @property
     def heard_samples(self) -> bool:
         """Whether there is something to account for."""
-        return bool(self.flight_directory and self.cpu.counters(RECEIVER).get("last_sample_ns"))
+        return bool(self.flight_directory and self.cpu.last_sample_ns)
 
     def read(self, wait_s: float, ground: Program) -> None:
         """Read what its supervisor shows."""
@@ -265,8 +265,7 @@ class Demo:
         shutil.copy(drone.side.paths.scenario, drone.flight_directory)
         received = read_ground_pulses(self._ground_directory, self._begun_ns)
         receiver = drone.cpu.counters(RECEIVER)
-        first_ns, last_ns = receiver["first_sample_ns"], receiver["last_sample_ns"]
-        truth = World(scenario).truth(int(first_ns), int(last_ns))
+        truth = World(scenario).truth(drone.cpu.first_sample_ns, drone.cpu.last_sample_ns)
         return DemoSummary(
             tags={
                 str(tag.tag_id): summarize_tag(

@@ -28,6 +28,8 @@ class Cpu:
     """
 
     def __init__(self) -> None:
+        self.first_sample_ns = self.last_sample_ns = 0
+        """Times of the flight's samples [ns, UTC]; a receiver counts its own alone."""
         self._totals: dict[str, float] = {}
         self._radio_s = 0.0
         self._before: dict[str, float] = {}
@@ -38,6 +40,11 @@ class Cpu:
         """Handle a status of the drone side and measure the other programs."""
         for process in status.processes:
             self._processes[process.process] = process
+            if process.process == RECEIVER:
+                first_ns = int(process.counters.get("first_sample_ns", 0))
+                last_ns = int(process.counters.get("last_sample_ns", 0))
+                self.first_sample_ns = self.first_sample_ns or first_ns
+                self.last_sample_ns = max(self.last_sample_ns, last_ns)
             cpu = process.cpu_s
             if process.process == RECEIVER:
                 if process.pid is not None:

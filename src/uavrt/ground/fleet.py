@@ -17,6 +17,7 @@ from uavrt.ground.link.given_ways import GivenWays
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.parallel_links import Links
 from uavrt.ground.link.protocol import GroundEvent
+from uavrt.ground.link.session_parts import StationNote
 from uavrt.ground.session import GroundSession
 from uavrt.ground.snapshots import vehicle_record
 from uavrt.ground.store.settings import GroundStore
@@ -43,7 +44,7 @@ class Fleet:
         self,
         store: GroundStore,
         clock: Clock,
-        on_event: Callable[[GroundEvent], None] | None = None,
+        on_event: Callable[[GroundEvent | StationNote], None] | None = None,
         keys: LinkKeys = NO_KEYS,
         also: Callable[[PulsePose | BurstInside], object] = lambda _item: None,
     ) -> None:

@@ -29,6 +29,7 @@ from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.parallel_links import Links
 from uavrt.ground.link.protocol import Acknowledged, DetectorAlive, DroneHeartbeat, GroundEvent
+from uavrt.ground.link.session_parts import StationNote
 from uavrt.ground.link.stored_pulses import open_receipts
 from uavrt.ground.link.vehicle import VehicleWatch
 from uavrt.ground.link.vehicle_identity import VehicleIdentity
@@ -81,6 +82,8 @@ ESTIMATE_SHARE_OF_SEVERAL = 20.0
 ESTIMATES_SHOWN_S = 2.0
 """Of many tags some come with each estimate: the page receives them at this interval."""
 
+_WARNING = 4
+"""MAV_SEVERITY_WARNING."""
 FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 
 BATTERY_STEP_PERCENT = 5
@@ -122,7 +125,7 @@ class GroundSession:
         self,
         store: GroundStore,
         clock: Clock,
-        on_event: Callable[[GroundEvent], None] | None = None,
+        on_event: Callable[[GroundEvent | StationNote], None] | None = None,
         keys: LinkKeys = NO_KEYS,
         *,
         links: Links | None = None,
@@ -760,3 +763,5 @@ class GroundSession:
         """Write a line of the log and show it."""
         line = self.log.add(self.clock.now_ns(), severity, text, source)
         self.hub.send("log", line)
+        if source == "ground" and severity <= _WARNING and self._on_event is not None:
+            self._on_event(StationNote(severity, text))

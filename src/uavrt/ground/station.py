@@ -20,6 +20,7 @@ from uavrt.ground.fleet import Fleet
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
 from uavrt.ground.link.protocol import Acknowledged, DroneHeartbeat, GroundEvent
+from uavrt.ground.link.session_parts import StationNote
 from uavrt.ground.session import ESSENTIAL, GroundSession
 from uavrt.ground.store.settings import GroundStore
 from uavrt.ground.store.stored import PULSES_NAME, PulseLines
@@ -152,8 +153,10 @@ class Station:
             try:
                 if (link := session.link) is not None:
                     drone = await link.wait_for_drone(START_RETRY_S)
+                    refuse_two_vehicles(session)
                     self._show({"event": "drone", "system": drone.system_id})
                     if await self._upload(session, link) and self._settings.start:
+                        refuse_two_vehicles(session)
                         # Not by the state, which is as old as the last heartbeat.
                         directory = await session.commands.start_by(link)
                         self._started.add(session)
@@ -214,7 +217,7 @@ class Station:
         if self._lines is not None:
             self._lines.write(item)
 
-    def _take(self, event: GroundEvent) -> None:
+    def _take(self, event: GroundEvent | StationNote) -> None:
         """Show what was received."""
         match event:
             case PulsePose():
@@ -232,6 +235,8 @@ class Station:
                 self._state = event.state
             case StatusText():
                 self._show({"event": "text", "severity": event.severity, "text": event.text})
+            case StationNote():
+                self._show({"event": "note", "severity": event.severity, "text": event.text})
             case Acknowledged():
                 self._show(
                     {
@@ -241,6 +246,15 @@ class Station:
                         "message": event.message,
                     }
                 )
+
+
+def refuse_two_vehicles(session: GroundSession) -> None:
+    """Raise `LinkError` while two vehicles answer under one number: orders would reach both."""
+    if session.identity.foreign(session.clock.now_ns()):
+        raise LinkError(
+            f"two vehicles answer under number {session.identity.system_id}",
+            remedy="Give each vehicle a number of its own (MAV_SYS_ID)",
+        )
 
 
 def json_line(event: dict[str, Any]) -> str:

@@ -41,6 +41,8 @@ OWN_HEADING_SIGMA_DEG = 1.0
 MISS_THRESHOLD_DB = 13.0
 """SNR from which a pulse that a detector was following is not missed: three pulses of 11.4 dB
 are found with 90 % (docs/reference), the rest is room for losses."""
+NO_TIME = -1
+"""Time of a bearing that was noted without one [ns]; its tag is taken to rest."""
 LEAST_PULSES = 3
 LEAST_TURN_DEG = 45.0
 """A turn that goes on counts from here on; one that is over, from 270°."""
@@ -773,13 +775,13 @@ def position_of_bearings(
         raise UsageError(
             "none of its bearings points in a clear direction", remedy="Fly nearer"
         )
-    origin_ns = min(one.middle_time_ns for one in bearings)
+    origin_ns = min(one.middle_time_ns for one in used)
     times_s = [(one.middle_time_ns - origin_ns) / NANOSECONDS_PER_SECOND for one in used]
     stations = Stations.of(
         [one.latitude_deg for one in used],
         [one.longitude_deg for one in used],
         [one.bearing for one in used],
-        times_s if max(times_s) - min(times_s) <= ONE_FLIGHT_S else None,
+        times_s if origin_ns != NO_TIME and max(times_s) <= ONE_FLIGHT_S else None,
         origin_ns,
     )
     flights = np.array([one.flight for one in used], np.int64)

@@ -229,7 +229,9 @@ class ConnectionProcess:
         }
         """Handlers of what ground stations send, by its number inside a seal."""
         self._crowd = Crowd()
-        self._state = SystemState.IDLE
+        self._state: SystemState | None = None
+        """None until the supervisor reports it: a restarted connection must not end a flight
+        on the ground."""
         self._processes: tuple[ProcessStatus, ...] = ()
         self._stations: set[tuple[int, int]] = set()
         """Ground stations that were present at the last tick."""
@@ -376,7 +378,8 @@ class ConnectionProcess:
             own_pose = self._poses.due(now_ns)
             if own_pose is not None:
                 self._link.component.tell_pose(own_pose, now_ns)
-            self._status.tick(self._shown_state(), now_ns)
+            if self._state is not None:
+                self._status.tick(self._shown_state(self._state), now_ns)
             stations = self._link.stations_silent_s().keys()
             newcomer = not stations <= self._stations
             self._stations = set(stations)
@@ -441,13 +444,13 @@ class ConnectionProcess:
                 log.info(event, **self._link.peers())
         self._heard = heard
 
-    def _shown_state(self) -> SystemState:
-        """The system's state; detecting as long as a pulse has not gone out."""
+    def _shown_state(self, state: SystemState) -> SystemState:
+        """Get the system's state; detecting as long as a pulse has not gone out."""
         busy = self._poses.pulses_waiting
         busy += self._outlet.sender.waiting + self._outlet.sender.in_flight
-        if self._state is SystemState.HAS_TAGS and busy:
+        if state is SystemState.HAS_TAGS and busy:
             return SystemState.DETECTING
-        return self._state
+        return state
 
     def _pass_on(self, pulse_poses: list[PulsePose]) -> None:
         """Give pulses with their pose to the recorder and to the ground.

@@ -61,6 +61,10 @@ class ChannelSink(Protocol):
         """End a radio block; try again what could not be done yet."""
 
 
+_RECORDED_AGAIN_S = 10.0
+"""Length of recording after which a new trouble of the disk is reported [s]."""
+
+
 class Receiver:
     """Everything between the radio and the detectors.
 
@@ -109,7 +113,8 @@ class Receiver:
         )
         self._beeping: list[Beep] = []
         self._frame = frame
-        self._told = self._trouble_reported = False
+        self._told = False
+        self._trouble_after_s = 0.0
         self._tell = frame.tell
         self.radio = assignment.settings.radio
         self.center_frequency_hz = flight.center_frequency_hz
@@ -180,11 +185,13 @@ class Receiver:
         self._check.look(band)
         if self._recorder is not None:
             self._recorder.put(band)
-            if self._recorder.trouble is not None and not self._trouble_reported:
-                self._trouble_reported = True
+            if (trouble := self._recorder.trouble) is not None:
                 kept_s = self._recorder.written_samples / self._front_end.plan.band_rate_hz
-                words = f"Band no longer recorded: {self._recorder.trouble}"
-                self._tell(4, f"{words}. {kept_s:.0f} s are kept")
+                if kept_s >= self._trouble_after_s:
+                    self._tell(
+                        4, f"Band no longer recorded: {trouble}. {kept_s:.0f} s are kept"
+                    )
+                self._trouble_after_s = kept_s + _RECORDED_AGAIN_S
         if self._output is not None:
             self._output.process(band)
         self._pass_on(band)

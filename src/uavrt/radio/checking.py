@@ -13,6 +13,8 @@ from uavrt.radio.opening import open_radio
 from uavrt.radio.sanity import SampleCheck
 
 _PATIENCE_S: Final = 4.0
+_MOST_LOST: Final = 0.02
+"""Largest share of lost samples that is not reported; as for a wrong rate."""
 _LASTS_S: Final = 2.8
 """By then the rate at which samples arrive is known (`uavrt.radio.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
@@ -31,7 +33,7 @@ def check_device(settings: RadioSettings) -> str:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)
     title = settings.kind if row is None else row.title
-    check, end_s = SampleCheck(title), float("inf")
+    check, end_s, received, lost = SampleCheck(title), float("inf"), 0, 0
     frequency_hz = settings.center_frequency_hz or _FREQUENCY_HZ
     with closing(open_radio(settings, frequency_hz, clock=Clock.start())) as source:
         begun_s = monotonic_s()
@@ -39,12 +41,21 @@ def check_device(settings: RadioSettings) -> str:
             try:
                 block = source.read(timeout_s=0.5)
             except EOFError:
-                raise RadioStopped(f"{title}: the samples have ended") from None
+                raise RadioStopped(
+                    f"{title}: the samples have ended", remedy="Start what sends them again"
+                ) from None
             if block is not None:
                 check.look(block)
+                received += len(block.samples)
+                lost += block.lost_before - block.unsure_before
                 end_s = min(end_s, monotonic_s() + _LASTS_S)
             elif monotonic_s() > begun_s + _PATIENCE_S:
                 raise stalled(title)
         if (fault := getattr(source, "rate_fault", None)) is not None:
             raise RadioStopped(fault)
+        if lost > _MOST_LOST * (received + lost):
+            raise RadioStopped(
+                f"{title}: {100.0 * lost / (received + lost):.0f} % of the samples are lost",
+                remedy="Check the radio's cable and this computer's load",
+            )
     return f"{title}: {settings.sample_rate_hz:.0f} samples a second arrive"

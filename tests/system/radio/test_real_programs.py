@@ -4,12 +4,13 @@ Each fault must show the same right sentence in log, monitor, page and doctor. M
 rates: `tests/claims/test_radio_programs.py`.
 """
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from statistics import median
 
 import pytest
-from radio_faults import STEPS, Flown, check, doctor, expected, fly
+from radio_faults import NO_USB, STEPS, Flown, check, doctor, expected, fly
 from radio_world import SERIALS, TAG_HZ, RadioWorld, default_radio, missing, needs
 
 from uavrt.config.loader import load_settings
@@ -58,18 +59,18 @@ def test_a_ground_station_that_comes_after_a_fault_reads_its_reason(
     assert words in flown[kind].late_page
 
 
-DOCTOR_FAULTS = ("absent", "busy", "forbidden", "other serial", "works")
-Examined = dict[str, tuple[dict[str, str], list[str]]]
+DOCTOR_FAULTS = (*(one for one in STEPS if one not in ("works", "unplugged")), "works")
+Examined = dict[str, tuple[dict[str, list[str]], list[str]]]
 
 
-def examine(directory: Path, kind: str) -> tuple[dict[str, str], list[str]]:
-    """Get what doctor says of each fault, and the calls of the radio's library."""
+def examine(directory: Path, kind: str) -> tuple[dict[str, list[str]], list[str]]:
+    """Get the lines of doctor for each fault, and the calls of the radio's library."""
     radio = default_radio(
         kind, serial=SERIALS[kind], bias_tee=kind != "airspyhf", gain=GAINS.get(kind)
     )
     serials = ("77770001", SERIALS[kind]) if kind == "rtlsdr" else ()
-    said = doctor(directory, radio, DOCTOR_FAULTS, serials=serials)
-    return said, RadioWorld.calls_in(directory)
+    lines = doctor(directory, radio, DOCTOR_FAULTS, serials=serials)
+    return lines, RadioWorld.calls_in(directory)
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +82,25 @@ def examined(tmp_path_factory: pytest.TempPathFactory) -> Examined:
         return dict(zip(kinds, pool.map(examine, places, kinds), strict=True))
 
 
+@pytest.mark.parametrize("fault", DOCTOR_FAULTS)
 @pytest.mark.parametrize("kind", SERIALS)
-def test_doctor_says_the_same_while_no_flight_is_on(examined: Examined, kind: str) -> None:
+def test_doctor_says_the_same_while_no_flight_is_on(
+    examined: Examined, kind: str, fault: str
+) -> None:
     needs(kind)
-    said, _ = examined[kind]
+    radio, *others, status = examined[kind][0][fault]
     rate_hz = default_radio(kind).sample_rate_hz
-    for fault in DOCTOR_FAULTS[:-1]:
-        assert expected(kind, fault, rate_hz) in said[fault]
-    assert said["works"] == f"ok {RADIOS[kind].title}: {rate_hz:.0f} samples a second arrive. "
+    works = f"ok radio        {RADIOS[kind].title}: {rate_hz:.0f} samples a second arrive"
+    if fault == "works":
+        assert radio == works
+    elif fault == "loses":  # in time for doctor a share, or a rate
+        assert re.match(r"!! radio .* (\d+ % of the samples are lost\.|arrive, not) .*", radio)
+    else:
+        assert radio.startswith("!! radio")
+        assert expected(kind, fault, rate_hz) in radio
+    may_open = kind in NO_USB or fault != "forbidden"
+    assert others[0].startswith("ok permissions" if may_open else "!! permissions  /dev/bus")
+    assert status == str(int(any(one.startswith("!!") for one in (radio, *others))))
 
 
 @pytest.mark.parametrize(
@@ -100,9 +112,9 @@ def test_the_rates_of_the_radio_that_is_there_are_named(
     """Such as an Airspy R2, at the default rate of a Mini."""
     needs(kind)
     RadioWorld(tmp_path, kind).write("rates", rates)
-    said = doctor(tmp_path, default_radio(kind, sample_rate_hz=3e6), ("works",), rates=rates)
-    assert said["works"] == (
-        f"!! {RADIOS[kind].title}: it does not take 3000000 samples a second. "
+    lines = doctor(tmp_path, default_radio(kind, sample_rate_hz=3e6), ("works",), rates=rates)
+    assert lines["works"][0] == (
+        f"!! radio        {RADIOS[kind].title}: it does not take 3000000 samples a second. "
         "Set [radio] sample_rate_hz to 2500000 or 10000000"
     )
 
@@ -111,8 +123,8 @@ def test_a_serial_number_chooses_the_dongle_and_where_the_bias_voltage_goes(
     examined: Examined,
 ) -> None:
     needs("rtlsdr")
-    said, calls = examined["rtlsdr"]
-    assert said["works"].startswith("ok")
+    lines, calls = examined["rtlsdr"]
+    assert lines["works"][0].startswith("ok")
     opened = [call for call in calls if call.startswith("rtlsdr_open")]
     assert opened[-2:] == ["rtlsdr_open 1"] * 2, "rtl_biast and rtl_sdr"
     assert "rtlsdr_open 0" not in opened

@@ -221,10 +221,6 @@ def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) 
     (tmp_path / "nothing").mkdir()
     with pytest.raises(FormatError, match="no flight"):
         read_positions(tmp_path / "nothing")
-    bearings = tmp_path / "bearings.csv"
-    bearings.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
-    with pytest.raises(UsageError, match="cannot be combined"):
-        read_positions(bearings, parts[0])
 
 
 def test_a_line_that_is_no_bearing_is_named(tmp_path: Path) -> None:

@@ -2,20 +2,15 @@
 
 from pathlib import Path
 
-import made
 import pytest
 
 from uavrt.analysis.log_clocks import clock_doubts
-from uavrt.messages import PulsePose
-from uavrt.recording.formats.log import PulseLog
 
 MAY_NS, HOUR_NS = 1_777_615_200 * 10**9, 3600 * 10**9
 
 
-def log(start_ns: int) -> PulseLog:
-    heard = [made.pulse(start_ns + 10**9 * each) for each in range(600)]
-    posed = tuple(PulsePose(pulse=one, pose=None) for one in heard)
-    return PulseLog(pulse_poses=posed, kind="uavrt-jsonl", warnings=())
+def log(start_ns: int) -> list[int]:
+    return [start_ns + 10**9 * each for each in range(600)]
 
 
 def doubts(off_ns: int) -> list[str]:

@@ -1,4 +1,7 @@
-"""Samples that the air brought while the radio was opened again are counted as lost."""
+"""Samples that the air brought while the radio was opened again are counted as lost.
+
+A disk that fills up is reported each time.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +33,7 @@ class Sink:
 
 def block_at(time_ns: int, lost: int = 0) -> IQBlock:
     return made.iq_block(
-        np.zeros(SIZE, np.complex64), 0, RATE_HZ, start_ns=time_ns, lost_before=lost
+        np.full(SIZE, 0.01, np.complex64), 0, RATE_HZ, start_ns=time_ns, lost_before=lost
     )
 
 
@@ -50,8 +53,12 @@ def make_receiver(directory: Path) -> Receiver:
     class Frame:
         """As much of a process as a receiver needs."""
 
+        def __init__(self) -> None:
+            self.texts: list[str] = []
+
         def tell(self, severity: int, text: str) -> None:
-            """Nobody listens."""
+            if "recorded" in text:
+                self.texts.append(text)
 
     frame: Any = Frame()
     frame.assignment = assignment
@@ -73,3 +80,41 @@ def test_what_was_missed_while_the_radio_was_opened_again_is_lost(
     receiver.process(block_at(end_ns + 2 * 10**9 + round(SIZE * 1e9 / RATE_HZ)))
     assert receiver.samples_lost == pytest.approx(7 + 2 * RATE_HZ, abs=2)
     assert receiver.failures == failed
+
+
+class Disk:
+    """A recorder of the band whose disk fills up and is emptied."""
+
+    trouble: str | None = None
+    written_samples = 0
+
+    def put(self, block: IQBlock) -> None:
+        """Write what the disk takes."""
+        if self.trouble is None:
+            self.written_samples += len(block.samples)
+
+
+def test_a_disk_that_is_full_again_is_reported_again_and_a_flickering_one_once(
+    tmp_path: Path,
+) -> None:
+    receiver = make_receiver(tmp_path)
+    disk: Any = Disk()
+    receiver._recorder = disk
+    start_ns = 10**18
+    frame: Any = receiver._frame
+    said, texts = [], frame.texts
+    for trouble, seconds in (
+        (None, 3.0),
+        *[("the disk is nearly full", 0.1), (None, 0.1)] * 5,
+        (None, 12.0),
+        ("the disk is nearly full", 3.0),
+    ):
+        disk.trouble = trouble
+        for _ in range(round(seconds * RATE_HZ / SIZE)):
+            receiver.process(block_at(start_ns))
+            start_ns += round(SIZE * 1e9 / RATE_HZ)
+        said.append(len(texts))
+    assert said == [0] + [1] * 11 + [2], texts
+    first, second = texts
+    assert first == "Band no longer recorded: the disk is nearly full. 3 s are kept"
+    assert second == "Band no longer recorded: the disk is nearly full. 16 s are kept"

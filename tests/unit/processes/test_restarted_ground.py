@@ -10,6 +10,7 @@ import made
 import pytest
 
 from uavrt.ground.station import Station, StationSettings
+from uavrt.mavlink import dialect
 from uavrt.messages import Tag
 from uavrt.tunnel.convert import tag_from_wire, tag_to_wire
 from uavrt.tunnel.tag_lists import digest_in, searched_text, tag_list_digest
@@ -89,3 +90,36 @@ def test_what_is_searched_fits_an_acknowledgement_however_many_tags() -> None:
         assert len(f"detecting {text}: send stop first") <= 107
         assert digest_in(text) == tag_list_digest(tags)
     assert digest_in("detecting: send stop first") is None
+
+
+def test_no_order_is_sent_while_two_vehicles_answer_under_one_number(
+    bay: Any, until: Until, tmp_path: Path
+) -> None:
+    events: list[Any] = []
+
+    async def main() -> None:
+        async with bay.running():
+            address = f"udpin://127.0.0.1:{bay.ground_port}"
+            settings = StationSettings(
+                address=address, directory=tmp_path, tags=TAGS, start=True
+            )
+            station = Station(settings, events.append)
+            identity, clock = station.session.identity, station.session.clock
+            identity.choose(1)
+            for number in (1, 2):
+                version = dialect.AutopilotVersion(uid=number, uid2=bytes(18))
+                identity.take_version(version, clock.now_ns())
+            serving = asyncio.create_task(station.run())
+            await until(lambda: any(event["event"] == "waiting" for event in events))
+            await until(lambda: any(event["event"] == "note" for event in events))
+            assert bay.commands == []
+            identity.choose(1)
+            await until(lambda: any(event["event"] == "started" for event in events))
+            station.stop()
+            await serving
+
+    asyncio.run(main())
+    (waiting,) = [event["reason"] for event in events if event["event"] == "waiting"]
+    assert waiting.startswith("two vehicles answer under number 1. Give each vehicle a number")
+    (note,) = [event["text"] for event in events if event["event"] == "note"]
+    assert "answers under the number 1: give each vehicle a number of its own" in note

@@ -199,7 +199,7 @@ def test_a_capture_needs_a_frequency_and_room_and_no_tags(tmp_path: Path) -> Non
     assert drone.say("raw_capture", center_frequency_hz=148.7e6).accepted
     assert state_of(drone) is SystemState.CAPTURING
     assert (drone.started[-1].tags, drone.started[-1].capture_s) == ((), 2.0)
-    assert drone.say("raw_capture").message == "already capturing"
+    assert drone.say("raw_capture").message == drone.started[-1].directory
     assert not drone.say("save_logs").accepted
     assert drone.say("stop_detection").accepted
     assert drone.mission.state is SystemState.IDLE

@@ -1,5 +1,6 @@
 """What the parts of a ground session use of it; `uavrt.ground.session.GroundSession` has it."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from uavrt.clock import Clock
@@ -12,6 +13,14 @@ from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.settings import GroundStore
 from uavrt.messages import Beep, Tag
 from uavrt.recording.places import Mark
+
+
+@dataclass(frozen=True, slots=True)
+class StationNote:
+    """What the ground station itself says to the operator, for one without a page."""
+
+    severity: int
+    text: str
 
 
 class HeldSession(Protocol):

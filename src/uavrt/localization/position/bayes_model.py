@@ -167,20 +167,21 @@ def _level_evidence(
     stations: Stations, model: Model, propagation: Propagation
 ) -> LevelEvidence | None:
     """Levels of the rotations, which have the antenna's gain taken out already."""
-    if stations.level_db is None or len(stations.level_db) < 2:
+    heard = stations.with_levels
+    if heard is None or heard.level_db is None or len(heard.level_db) < 2:
         return None
-    east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
+    east, north = model.plane.to_local(heard.latitude_deg, heard.longitude_deg)
     nothing = np.zeros(len(east))
-    height = nothing if stations.height_m is None else stations.height_m
-    hills = None if stations.height_m is None else model.hills
+    height = nothing if heard.height_m is None else heard.height_m
+    hills = None if heard.height_m is None else model.hills
     return LevelEvidence(
         east,
         north,
         height,
-        stations.level_db,
-        nothing if stations.level_sigma_db is None else stations.level_sigma_db,
+        heard.level_db,
+        nothing if heard.level_sigma_db is None else heard.level_sigma_db,
         propagation,
-        stations.receivers,
+        heard.receivers,
         OverHills.of(hills, east, north, height),
     )
 
@@ -209,6 +210,7 @@ def _joined_levels(
     propagation: Propagation,
 ) -> JoinedLevels:
     """Levels of the rotations and of receivers that never turned."""
+    stations = stations.with_levels or stations
     assert stations.level_db is not None
     east, north = model.plane.to_local(stations.latitude_deg, stations.longitude_deg)
     nothing = np.zeros(len(east))

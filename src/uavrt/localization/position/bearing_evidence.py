@@ -170,3 +170,11 @@ def von_mises(bearing_deg: _Floats, sigma_deg: _Floats) -> _Floats:
     off = np.radians(difference_deg(grid[None, :], bearing_deg[:, None]))
     density = np.exp(kappa[:, None] * (np.cos(off) - 1.0))
     return np.asarray(density / density.sum(axis=1, keepdims=True))
+
+
+def density_of(bearing_deg: float, sigma_deg: float | None) -> _Floats:
+    """(360,) probability of whole degrees; an unknown error is a mixture of all."""
+    sigmas = np.array(UNKNOWN_SIGMAS_DEG if sigma_deg is None else (sigma_deg,))
+    each = von_mises(np.full(len(sigmas), bearing_deg), sigmas)[:, :: round(1.0 / _STEP_DEG)]
+    density = np.mean(each / each.sum(axis=1, keepdims=True), axis=0)
+    return np.asarray(density)

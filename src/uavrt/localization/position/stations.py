@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavrt.localization.position.bearing_evidence import density_of
 from uavrt.localization.position.strengths import Strengths
 from uavrt.localization.results import Bearing
 
@@ -25,7 +26,8 @@ class Stations:
     posterior: _Floats | None = None
     """(n, 360) probability of whole degrees; goes before `sigma_deg`."""
     level_db: _Floats | None = None
-    """(n,) SNR on boresight: its differences tell of the distance, to the method ``bayes``."""
+    """(n,) SNR on boresight, NaN where unknown, as for a bearing noted by hand: its differences
+    tell of the distance, to the method ``bayes``."""
     level_sigma_db: _Floats | None = None
     """(n,) errors of the levels; 0 when None."""
     height_m: _Floats | None = None
@@ -56,21 +58,49 @@ class Stations:
         origin_ns: int = 0,
     ) -> "Stations":
         """Make stations of estimated bearings, with all that these know."""
-        posteriors = [one.posterior for one in bearings if one.posterior is not None]
+        densities = None
+        if any(one.posterior is not None for one in bearings):
+            densities = np.array(
+                [
+                    density_of(one.bearing_deg, one.sigma_deg)
+                    if one.posterior is None
+                    else one.posterior
+                    for one in bearings
+                ]
+            )
         sigmas = [one.sigma_deg for one in bearings if one.sigma_deg is not None]
-        levels = [one.level_db for one in bearings if one.level_db is not None]
-        level_sigmas = [
-            one.level_sigma_db for one in bearings if one.level_sigma_db is not None
-        ]
         whole = len(bearings)
         return cls(
             latitude_deg=np.atleast_1d(np.asarray(latitude_deg, np.float64)),
             longitude_deg=np.atleast_1d(np.asarray(longitude_deg, np.float64)),
             bearing_deg=np.array([one.bearing_deg for one in bearings]),
             sigma_deg=np.array(sigmas) if len(sigmas) == whole else None,
-            posterior=np.array(posteriors) if len(posteriors) == whole else None,
-            level_db=np.array(levels) if len(levels) == whole else None,
-            level_sigma_db=np.array(level_sigmas) if len(level_sigmas) == whole else None,
+            posterior=densities,
+            level_db=_known([one.level_db for one in bearings], np.nan),
+            level_sigma_db=_known([one.level_sigma_db for one in bearings], 0.0),
             time_s=None if time_s is None else np.atleast_1d(np.asarray(time_s, np.float64)),
             origin_ns=origin_ns,
         )
+
+    @property
+    def with_levels(self) -> "Stations | None":
+        """Bearings with a level, and what levels need of them; None where there is none."""
+        if self.level_db is None:
+            return None
+        known = np.isfinite(self.level_db)
+        sigma_db, height_m = self.level_sigma_db, self.height_m
+        return Stations(
+            latitude_deg=self.latitude_deg[known],
+            longitude_deg=self.longitude_deg[known],
+            bearing_deg=self.bearing_deg[known],
+            level_db=self.level_db[known],
+            level_sigma_db=None if sigma_db is None else sigma_db[known],
+            height_m=None if height_m is None else height_m[known],
+            receiver=self.receivers[known],
+        )
+
+
+def _known(values: list[float | None], unknown: float) -> _Floats | None:
+    if all(one is None for one in values):
+        return None
+    return np.array([unknown if one is None else one for one in values])

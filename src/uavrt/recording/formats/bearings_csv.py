@@ -4,13 +4,18 @@ No heading, ten columns, and our eleventh, the standard deviation, which the ori
 pass over::
 
     tag_id,parent_file,bearing_deg,tau,lat,lon,alt_agl,alt_asl,t_start,t_end[,sigma_deg]
+
+Bearings that a person has noted have a heading, in any order, and need its first four names::
+
+    tag_id,latitude_deg,longitude_deg,bearing_deg[,sigma_deg][,time_utc]
 """
 
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
 from uavrt.foreign import TEXT_LOG, read_file
 from uavrt.recording.formats.text import (
@@ -22,8 +27,11 @@ from uavrt.recording.formats.text import (
     with_commas,
 )
 from uavrt.recording.formats.whole_file import write_whole
+from uavrt.units import NANOSECONDS_PER_SECOND
 
 _COLUMNS = 10
+_NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
+"""Names in the heading of bearings that were noted by hand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +52,7 @@ class BearingRow:
 
 
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
-    """Read a bearings.csv; empty lines, ``#`` lines and a line of names are passed over.
+    """Read a bearings.csv, or bearings noted by hand; empty and ``#`` lines are passed over.
 
     Raises `FormatError`: the file cannot be read, or a line is not a bearing.
     """
@@ -62,12 +70,17 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
             remedy="A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …",
         ) from None
     rows = []
+    names: list[str] = []
     for number, line in enumerate(with_commas(lines), start=1):
         cells = [cell.strip() for cell in line.split(",")]
-        if not line.strip() or line.startswith("#") or cells[0] == "tag_id":
+        if not line.strip() or line.startswith("#"):
+            continue
+        if "tag_id" in cells:
+            names = cells if is_noted(cells) else []
             continue
         try:
-            rows.append(_row(cells))
+            noted = dict(zip(names, [*cells, *[""] * len(names)], strict=False))
+            rows.append(_noted_row(noted) if names else _row(cells))
         except (ValueError, IndexError) as error:
             raise FormatError(
                 f"{name} line {number} is not a bearing: {error}",
@@ -92,6 +105,28 @@ def _row(cells: list[str]) -> BearingRow:
         start_time_s=_known(cells[8]),
         end_time_s=_known(cells[9]),
         sigma_deg=_known(cells[10]) if len(cells) > _COLUMNS else None,
+    )
+
+
+def is_noted(heading: Iterable[str]) -> bool:
+    """Whether a heading is one of bearings that were noted by hand."""
+    return set(heading) >= _NOTED
+
+
+def _noted_row(cells: Mapping[str, str]) -> BearingRow:
+    time = cells.get("time_utc")
+    return BearingRow(
+        tag_id=whole(cells["tag_id"]),
+        parent_file="noted",
+        bearing_deg=finite(cells["bearing_deg"]),
+        confidence=None,
+        latitude_deg=latitude(cells["latitude_deg"]),
+        longitude_deg=longitude(cells["longitude_deg"]),
+        altitude_relative_m=None,
+        altitude_amsl_m=None,
+        start_time_s=parse_iso_utc(time) / NANOSECONDS_PER_SECOND if time else None,
+        end_time_s=None,
+        sigma_deg=_known(cells.get("sigma_deg") or "NaN"),
     )
 
 

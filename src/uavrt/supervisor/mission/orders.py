@@ -260,8 +260,8 @@ class Mission:
                 reason = f"detecting {searched_text(self.tags.values())}: send stop first"
             return _reply(command, False, reason)
         if isinstance(result, Repeated):
-            # A repeated start gets the same answer as the first: the flight's directory.
-            known = self.flight if command.name == "start_detection" else None
+            # A repeated start or capture gets the same answer as the first: the directory.
+            known = self.flight if command.name in ("start_detection", "raw_capture") else None
             return _reply(command, True, known.directory if known else result.message)
         try:
             message = self._carry_out(command)
