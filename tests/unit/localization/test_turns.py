@@ -26,10 +26,10 @@ class Flight:
     def hover(self, seconds: float) -> "Flight":
         return self.turn(0.0, seconds)
 
-    def turn(self, degrees: float, seconds: float) -> "Flight":
+    def turn(self, degrees: float, seconds: float, drift_m_s: float = 0.0) -> "Flight":
         steps = max(1, round(seconds * RATE_HZ))
         self.yaw += list(self.yaw[-1] + degrees * np.arange(1, steps + 1) / steps)
-        self.east += [self.east[-1]] * steps
+        self.east += list(self.east[-1] + drift_m_s * np.arange(1, steps + 1) / RATE_HZ)
         self.height += [self.height[-1]] * steps
         return self
 
@@ -131,6 +131,33 @@ def test_a_walk_without_turning_is_no_turn(speed_m_s: float) -> None:
     for degrees in (170.0, 170.0, 170.0):  # round three corners, each at another place
         flight.fly(60.0, speed_m_s).turn(degrees, 20)
     assert flight.fly(60.0, speed_m_s).turns() == []
+
+
+@pytest.mark.parametrize("before_s", [2.0, 60.0])
+@pytest.mark.parametrize(
+    ("seconds", "drift_m_s"), [(40.0, 0.3), (60.0, 0.22), (60.0, 0.3), (90.0, 0.25)]
+)
+def test_a_turn_that_drifts_is_found_whole(
+    seconds: float, drift_m_s: float, before_s: float
+) -> None:
+    flight = Flight().turn(0.0, before_s, drift_m_s).turn(360.0, seconds, drift_m_s)
+    turns = flight.turn(0.0, before_s, drift_m_s).fly(200).turns()
+    assert [turn.turned_deg for turn in turns] == pytest.approx([360.0], abs=12.0)
+
+
+def test_a_turn_of_stops_that_drifts_is_found_whole() -> None:
+    flight = Flight()
+    for _ in range(8):
+        flight.turn(45.0, 3.0, 0.3).turn(0.0, 6.0, 0.3)
+    (turn,) = flight.fly(200).turns()
+    assert (turn.stops, turn.turned_deg) == (8, pytest.approx(360.0, abs=12.0))
+
+
+def test_an_antenna_that_swings_on_the_way_joins_no_turns() -> None:
+    flight = Flight().turn(372, 40)
+    for swing_deg in (25.0, -50.0, 50.0, -50.0, 25.0):
+        flight.turn(swing_deg, 8.0, 1.0)
+    assert len(flight.turn(372, 40).turns()) == 2
 
 
 def test_back_and_forth_is_two_turns() -> None:
