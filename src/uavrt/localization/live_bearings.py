@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.bearing.turns import Turn
-from uavrt.localization.flight_estimates import Cache, ReadAs, TagBearing, bearings_of
+from uavrt.localization.estimate_cache import Cache
+from uavrt.localization.flight_estimates import ReadAs, TagBearing, bearings_of
 from uavrt.localization.heard import POSE_STEP_NS, Heard
 from uavrt.localization.results import ACCEPTED_EVIDENCE, Bearing
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag

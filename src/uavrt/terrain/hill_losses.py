@@ -88,11 +88,18 @@ class HillLosses:
         """Height of the ground at the take-off; NaN where the files do not know it."""
         return self._squares.start_m
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all losses and words are the same, over the same ground in memory."""
+        return isinstance(other, HillLosses) and self._state == other._state
+
+    def __hash__(self) -> int:
+        """By the same."""
+        return hash(self._state)
+
     @property
-    def name(self) -> tuple[float, ...]:
-        """What tells it from another ground, with all that its losses depend on."""
-        plane = self._squares.plane
-        return (plane.latitude_deg, plane.longitude_deg, self.frequency_hz, self.tag_m)
+    def _state(self) -> tuple[object, ...]:
+        own = self.frequency_hz, self.tag_m, self.limitations, self.origin_m
+        return self._squares, *own
 
     @property
     def level(self) -> bool:
