@@ -215,7 +215,8 @@ def _positions_of_turns(
             if each.flight == number
         ]
         # Keys are tags already: their frequencies need not be compared.
-        together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
+        found, receiver = found_of(one.heard, how, own), one.recorded.receiver
+        together.append(replace(found, frequencies_hz={}, receiver=receiver))
     every = Found(heard=frozenset().union(*(each.heard for each in together)))
     return place([every, *together], how, over)
 

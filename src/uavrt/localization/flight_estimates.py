@@ -5,7 +5,7 @@ of one flight.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -120,7 +120,8 @@ class TagBearing:
     """Which of the flight's turns, from 0."""
     from_drone: bool = False
     flight: int = 0
-    """Which of the flights or logs that were read together, from 0."""
+    """Which of the flights or logs that were read together, from 0; in a position, which
+    receiver."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,6 +152,8 @@ class Found:
     """Of tags heard or listed: the same number may mean another animal elsewhere."""
     pattern: AntennaPattern | None = None
     """The antenna as the turns have shown it; None without a turn."""
+    receiver: Hashable | None = None
+    """Which drone, as it was set up; None is a receiver with a gain of its own."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Those of one tag."""
@@ -639,8 +642,9 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 def _placed(
     tag_id: int, found: Sequence[Found], how: ReadAs, over: OverGround | None, cache: Cache
 ) -> TagPosition | None:
+    receivers: dict[Hashable, int] = {}
     bearings = [
-        replace(one, flight=number)
+        replace(one, flight=receivers.setdefault(each.receiver or number, number))
         for number, each in enumerate(found)
         for one in each.bearings_of(tag_id)
     ]
