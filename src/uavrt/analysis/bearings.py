@@ -210,8 +210,8 @@ def past_turns(
     """What was heard in turns of the same drone's past flights with the same antenna.
 
     Those in the same folder, the newest first, until there are turns enough. A past flight that
-    cannot be read, or is another drone's, teaches nothing. Which are past is told by the order
-    in which they were noted, and where it was not, by when they began.
+    cannot be read, or is another drone's, teaches nothing. Past are those before it in the
+    order that was noted, and where none was, those that began earlier.
 
     Parameters
     ----------

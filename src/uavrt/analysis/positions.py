@@ -43,7 +43,7 @@ from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, ta
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 _FIRST_LINES = 100
-"""Which tell what a file is; comments may come first."""
+"""Which show what a file is; comments may come first."""
 
 
 def read_positions(
@@ -63,7 +63,7 @@ def read_positions(
         How they are read. Without an antenna that of each flight's settings, RA-23K for logs
         without, and a monopole for UCSD's pings.
     warn : callable, optional
-        Called with what somebody who works with a log must know.
+        Called with what a user of a log must know.
 
     Raises
     ------

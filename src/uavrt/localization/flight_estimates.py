@@ -140,7 +140,7 @@ class TagPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """What one receiver tells of its tags, for its own positions and those of others."""
+    """What one receiver has of its tags, for its own positions and those of others."""
 
     bearings: Sequence[TagBearing] = ()
     """In order of time and tag."""
@@ -160,7 +160,7 @@ class Found:
         return [one for one in self.bearings if one.tag_id == tag_id]
 
     def knows(self, tag_id: int) -> bool:
-        """Whether it tells something of a tag, and does not only list it."""
+        """Whether it has a bearing or strengths of a tag, and does not only list it."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
 
@@ -558,7 +558,7 @@ def estimate(
     theirs : sequence of TagBearing
         Bearings that the drone itself estimated.
     others : sequence of Found
-        What other receivers tell of the tags; it goes into the positions where a number means
+        What other receivers have of the tags; it goes into the positions where a number means
         a tag of the same frequency.
     cache : Cache, optional
         Of a caller that estimates again: what has not changed is kept.

@@ -42,15 +42,15 @@ class PoseColumns:
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) above the take-off; NaN where nobody knows."""
+    """(n,) above the take-off; NaN where unknown."""
     quaternion_wxyz: _Floats
     """(n, 4)."""
     altitude_amsl_m: _Floats | None = None
-    """(n,) above sea level, NaN where nobody knows; tells what is flown where `height_m` does
-    not."""
+    """(n,) above sea level, NaN where unknown; separates flight from ground where `height_m` is
+    unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times of what the autopilot says was not flown; empty where it tells
-    nothing."""
+    """First and last times that the autopilot reports as on the ground; empty without
+    reports."""
 
     @classmethod
     def of(
@@ -70,7 +70,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add poses of others, such as the pulses' own, at times of which these tell nothing.
+        """Add poses of others, such as the pulses' own, at times without poses here.
 
         Telemetry that a silent radio has lost never comes; the pulses of that time do. Both
         may be out of order; each time stands once.
@@ -107,13 +107,13 @@ class PoseColumns:
 
     @property
     def amsl_m(self) -> _Floats:
-        """(n,) altitudes; NaN where nobody knows."""
+        """(n,) altitudes; NaN where unknown."""
         nowhere = np.full(len(self.time_ns), np.nan)
         return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights that tell flight from ground: above the take-off, else the lowest."""
+        """(n,) heights that part flight from ground: above the take-off, else the lowest."""
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
@@ -137,7 +137,7 @@ class PoseColumns:
 
     @property
     def leaves_ground(self) -> bool:
-        """Whether some of it was flown, and some of it not, as heights or autopilot tell."""
+        """Whether some of it was flown, and some of it not, by heights or autopilot."""
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
         climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
@@ -302,7 +302,7 @@ class OverGround:
 
 
 def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """What to tell where elevation files and flight disagree on the take-off's height."""
+    """A remark where elevation files and flight disagree on the take-off's height."""
     if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
         return ()
     return (

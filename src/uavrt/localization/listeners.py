@@ -66,16 +66,16 @@ def strengths_of(
             else "there are no three of them at one place and heading"
         )
         return _levels(listener, pulses, yaw, height_m, pattern, [], why)
-    told = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
-    told = sorted(sorted(told, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
-    missed = None if told else "it missed more of them than it heard"
-    return _levels(listener, pulses, yaw, height_m, pattern, told, missed, rhythm)
+    clear = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
+    clear = sorted(sorted(clear, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
+    missed = None if clear else "it missed more of them than it heard"
+    return _levels(listener, pulses, yaw, height_m, pattern, clear, missed, rhythm)
 
 
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """Which pulses were not heard on the ground, as an autopilot tells; a mast has none."""
+    """Which pulses were not heard on the ground, as the autopilot reports; a mast has none."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)
@@ -101,7 +101,7 @@ def _standing(
 
 
 def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
-    """How many pulses a tag sent while these were heard; as many, where nobody knows."""
+    """How many pulses a tag sent while these were heard; as many, for an unknown interval."""
     if rhythm is None:
         return len(part)
     interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND

@@ -52,7 +52,7 @@ class LiveBearings:
         self._tags = tuple(tags)
         self._first_ns: int | None = None
         self._poses: list[Pose] = []
-        self._told = ToldStates()
+        self._states = ToldStates()
         self._pulses: list[PulsePose] = []
         self._cache = Cache()
         self._given: dict[tuple[int, int], Bearing] = {}
@@ -78,7 +78,7 @@ class LiveBearings:
 
         What is turned on the ground is no turn, wherever the barometer has drifted to.
         """
-        self._told.add(time_ns, armed, landed)
+        self._states.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:
         """Add a pulse; one without a pose has no direction."""
@@ -94,7 +94,7 @@ class LiveBearings:
         if not self._pulses:
             return []
         heard = Heard.of_records(
-            self._pulses, self._poses, self._told.spans(), tags=self._tags, goes_on=True
+            self._pulses, self._poses, self._states.spans(), tags=self._tags, goes_on=True
         )
         self._cache.begin()
         found = []

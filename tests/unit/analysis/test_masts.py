@@ -278,8 +278,8 @@ def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:
         rate=np.ones(20, np.int64),
     )
     down = ((START_NS, START_NS + 17 * 10**9 + 5),)
-    told = strengths_of("vehicle 2", pulses, pulses.height_m, down, "RA-23K").told
-    assert "not used: they were heard on the ground, before or after a flight" in told
+    said = strengths_of("vehicle 2", pulses, pulses.height_m, down, "RA-23K").outcome
+    assert "not used: they were heard on the ground, before or after a flight" in said
     flown = strengths_of("vehicle 2", pulses, pulses.height_m, (), "RA-23K")
     assert flown.unused is None
     assert list(flown.level_db) == [20.0]

@@ -1,4 +1,4 @@
-"""Levels of several receivers: each has its own gain, which nothing tells."""
+"""Levels of several receivers: each has its own gain, which is not known."""
 
 from dataclasses import replace
 

@@ -104,7 +104,7 @@ def test_a_pause_does_not_end_a_turn() -> None:
     assert turn.turned_deg == pytest.approx(360.0, abs=8.0)
 
 
-def test_turns_at_several_places_are_told_apart() -> None:
+def test_turns_at_several_places_are_separate() -> None:
     turns = Flight().turn(360, 40).fly(200).turn(-360, 40).fly(200).stops(8, 5.0).turns()
     assert [turn.stops for turn in turns] == [0, 0, 8]
     east = [float(PLANE.to_local(turn.latitude_deg, turn.longitude_deg)[0]) for turn in turns]
@@ -113,9 +113,7 @@ def test_turns_at_several_places_are_told_apart() -> None:
 
 @pytest.mark.parametrize("speed_m_s", [0.3, 0.5, 0.8, 1.0, 1.3, 1.6, 2.0])
 @pytest.mark.parametrize("way_m", [20.0, 60.0, 150.0, 300.0])
-def test_turns_between_which_somebody_walks_are_told_apart(
-    way_m: float, speed_m_s: float
-) -> None:
+def test_turns_with_a_walk_between_them_are_separate(way_m: float, speed_m_s: float) -> None:
     flight = Flight().turn(372, 40).fly(way_m, speed_m_s).hover(3).stops(8, 6.0)
     flight.fly(way_m, speed_m_s).turn(-372, 40).fly(way_m, speed_m_s).turn(372, 40)
     turns = flight.turns()

@@ -101,7 +101,7 @@ class Estimates:
         return {"bearings": self.bearings, "positions": self.positions}
 
     @property
-    def told(self) -> tuple[tuple[int, int, int, float], ...]:
+    def outline(self) -> tuple[tuple[int, int, int, float], ...]:
         """What changes when more is found: tag, turn, pulses and bearing of each.
 
         Of strengths the number of places and, to a decibel, their sum.

@@ -1,7 +1,7 @@
 """Where in a flight the drone turned in place: the rotations that bearings come from.
 
-Nobody marks them: they are found in the poses, whichever way round, with pauses, at 8 or 16
-stops or without any.
+They are found in the poses, whichever way round, with pauses, at 8 or 16 stops or without
+any.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ _LEAST_RATE_DEG_S = 0.5
 _SHARE_OF_RATE = 0.1
 """… as does one that changes by less than this share of the turn's own rate."""
 _RATE_WINDOW_S = 4.0
-"""Over which a compass that errs by 0.5° tells rates to 0.15°/s."""
+"""Over which a compass that errs by 0.5° gives rates to 0.15°/s."""
 _CLIMB_M_S = 0.4
 CLIMB_M = 4.0
 """A climb or descent is this high at the least; a gust does less."""
@@ -310,7 +310,7 @@ def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
 
 
 def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Where the drone is off the ground; everywhere when it never was, or nobody knows."""
+    """Where the drone is off the ground; everywhere without heights, or when it never was."""
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)

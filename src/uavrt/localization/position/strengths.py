@@ -49,11 +49,11 @@ class Strengths:
     """Why nothing of it can be used."""
 
     def because(self, reason: str) -> str:
-        """Tell that it is not used, and why."""
+        """State that it is not used, and why."""
         return f"{self.listener}: its strengths ({self.pulses} pulses) are not used: {reason}"
 
     @property
-    def told(self) -> str:
+    def outcome(self) -> str:
         """What became of it, for the operator."""
         if self.unused is not None:
             return self.because(self.unused)
