@@ -134,8 +134,9 @@ def test_flights_of_one_drone_share_its_gain_and_those_of_two_do_not(tmp_path: P
         flights = [as_flight(folder, n, vehicle) for n, vehicle in enumerate(vehicles)]
         (one,) = read_positions(*flights)
         (same,) = place([Found(bearings=read_bearings(*flights))])
-        joined[vehicles] = one.position.latitude_deg == some(same.position).latitude_deg
-        return some(some(one.position).radius95_m)
+        own = some(one.position)
+        joined[vehicles] = own.latitude_deg == some(same.position).latitude_deg
+        return some(own.radius95_m)
 
     joined: dict[tuple[int, ...], bool] = {}
     assert radius_m(1, 1) != radius_m(1, 7)
