@@ -1,7 +1,7 @@
 """From flights and pulse logs, each read once, to bearings."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
@@ -60,6 +60,17 @@ class Recorded:
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
+
+    @property
+    def receiver(self) -> Hashable | None:
+        """Drone, antenna and radio as set up: flights that share them share the gain.
+
+        None where the vehicle is not known.
+        """
+        if self.flight is None or vehicle_of(self.flight.notes) is None:
+            return None
+        settings = flight_settings(self.flight)
+        return _set_up(self.flight), None if settings is None else settings.radio
 
     def turning(self) -> str:
         """Name of the antenna for bearings; a log that does not say has the usual one.
@@ -181,8 +192,8 @@ def past_turns(
     """What was heard in turns of the same drone's past flights with the same antenna.
 
     Those in the same folder, the newest first, until there are turns enough. A past flight that
-    cannot be read, or is another drone's, teaches nothing. Which are past is told by the order
-    in which they were noted, and where it was not, by when they began.
+    cannot be read, or is another drone's, teaches nothing. Past are those before it in the
+    order that was noted, and where none was, those that began earlier.
 
     `flight`: the one that is looked at.
     `antenna`: its pattern.
@@ -204,18 +215,18 @@ def past_turns(
             is_past = before is not None or (
                 other.info.start_time_ns < flight.info.start_time_ns
             )
-            if is_past and _same_set_up(other, flight):
+            if is_past and _set_up(other) == _set_up(flight):
                 found.append(heard_in_turns(heard_in_flight(other), offset_deg))
         except (FormatError, UsageError):
             continue  # its turns are not needed
     return [one for one in found if one]
 
 
-def _same_set_up(one: Flight, other: Flight) -> bool:
-    """Whether drone, antenna and mounting are the same, as far as the flights tell."""
-    settings = [flight_settings(flight) for flight in (one, other)]
-    mounted = [None if it is None else (it.antenna, it.bearings.antenna) for it in settings]
-    return mounted[0] == mounted[1] and vehicle_of(one.notes) == vehicle_of(other.notes)
+def _set_up(flight: Flight) -> tuple[Hashable, ...]:
+    """Drone, antenna and mounting, as far as the flight has them."""
+    settings = flight_settings(flight)
+    mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
+    return vehicle_of(flight.notes), mounted
 
 
 def taught_in_words(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:

@@ -49,7 +49,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _FIRST_LINES = 100
-"""Which tell what a file is; comments may come first."""
+"""Which show what a file is; comments may come first."""
 
 
 def read_positions(
@@ -265,7 +265,8 @@ def _positions_of_turns(
             if each.flight == number
         ]
         # Keys are tags already: their frequencies need not be compared.
-        together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
+        found, receiver = found_of(one.heard, how, own), one.recorded.receiver
+        together.append(replace(found, frequencies_hz={}, receiver=receiver))
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
     if len(kept) < len(noted):

@@ -750,7 +750,7 @@ class GroundSession:
             wait_s = max(ESTIMATE_LEAST_S, share * took_s)
             self._estimate_at_s = monotonic_s() + wait_s
         if flight_id == self.flight.flight_id:
-            if found.told != self.estimates.told:
+            if found.outline != self.estimates.outline:
                 for companion in self.companions:
                     companion.estimate_soon()
             self.estimates, self._estimate_fault = found, ""

@@ -5,10 +5,10 @@ of one flight.
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.localization.bearing.estimate import estimate_bearing
 from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.bearing.turns import Turn, find_turns
+from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.headings import Headings, yaws_deg
 from uavrt.localization.heard import Heard, OverGround, PoseColumns, PulseColumns, Rhythm
 from uavrt.localization.listeners import strengths_of
@@ -34,6 +35,7 @@ from uavrt.localization.position.survey_errors import HEIGHT_SIGMA_M
 from uavrt.localization.results import Bearing, BearingMethod, Position, PositionMethod
 from uavrt.tangent_plane import plane_around
 from uavrt.terrain.elevation import Elevation
+from uavrt.terrain.hill_losses import HillLosses
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 OWN_HEADING_SIGMA_DEG = 1.0
@@ -72,7 +74,6 @@ _LEAST_HEIGHT_M = 2.0
 _SURVEY_ALONE = "a survey by strength has a position of its own"
 
 _Floats = NDArray[np.float64]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +122,8 @@ class TagBearing:
     """Which of the flight's turns, from 0."""
     from_drone: bool = False
     flight: int = 0
-    """Which of the flights or logs that were read together, from 0."""
+    """Which of the flights or logs that were read together, from 0; in a position, which
+    receiver."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +142,7 @@ class TagPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """What one receiver tells of its tags, for its own positions and those of others."""
+    """What one receiver has of its tags, for its own positions and those of others."""
 
     bearings: Sequence[TagBearing] = ()
     """In order of time and tag."""
@@ -152,13 +154,15 @@ class Found:
     """Of tags heard or listed: the same number may mean another animal elsewhere."""
     pattern: AntennaPattern | None = None
     """The antenna as the turns have shown it; None without a turn."""
+    receiver: Hashable | None = None
+    """Which drone, as it was set up; None is a receiver with a gain of its own."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Those of one tag."""
         return [one for one in self.bearings if one.tag_id == tag_id]
 
     def knows(self, tag_id: int) -> bool:
-        """Whether it tells something of a tag, and does not only list it."""
+        """Whether it has a bearing or strengths of a tag, and does not only list it."""
         return tag_id in self.strengths or bool(self.bearings_of(tag_id))
 
 
@@ -170,61 +174,6 @@ class Estimated:
     positions: tuple[TagPosition, ...]
     tracks: Mapping[int, PowerTrack] = field(default_factory=dict)
     """Of a survey by strength: what each position rests on."""
-
-
-class Cache:
-    """Keeps what the last estimate was made of, for a caller that estimates again and again."""
-
-    def __init__(self) -> None:
-        self.more = False
-        """Whether the last estimate left something for the next one."""
-        self._before: dict[Hashable, Any] = {}
-        self._now: dict[Hashable, Any] = {}
-        self._left: dict[str, int] = {}
-        self._last: dict[Hashable, Any] = {}
-        self._made: dict[Hashable, int] = {}
-
-    def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
-        """Begin an estimate; what the last one did not use is dropped.
-
-        Parameters
-        ----------
-        at_once : mapping of str to int
-            How many of each kind are made at most; the others keep their last value, and those
-            that have waited longest come first the next time. A kind that is missing has no
-            limit.
-        """
-        self._before, self._now = self._now, {}
-        self._left, self.more = dict(at_once), False
-
-    def get(self, key: tuple[Hashable, ...], make: Callable[[], T]) -> T:
-        """Get what was made under a key, or make it."""
-        if key not in self._now:
-            self._now[key] = self._before[key] if key in self._before else make()
-        found: T = self._now[key]
-        return found
-
-    def latest(self, key: tuple[str, Hashable, Hashable], make: Callable[[], T]) -> T | None:
-        """Get or make the value of a kind and a subject under a state of it.
-
-        Where no more are made in this estimate, the subject's last value; None if unknown.
-        """
-        kind, subject, _ = key
-        if key not in self._now and key not in self._before:
-            if self._left.get(kind, 1) <= 0:
-                self.more = True
-                last: T | None = self._last.get((kind, subject))
-                return last
-            if kind in self._left:
-                self._left[kind] -= 1
-            self._made[kind, subject] = max(self._made.values(), default=0) + 1
-        found = self._last[kind, subject] = self.get(key, make)
-        return found
-
-    def waiting(self, kind: str, subjects: Sequence[Hashable]) -> list[int]:
-        """Numbers of subjects, those first whose value was made longest ago."""
-        made = [self._made.get((kind, one), 0) for one in subjects]
-        return sorted(range(len(subjects)), key=made.__getitem__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -253,12 +202,6 @@ class HeardInTurn:
     def subject(self) -> tuple[int, int]:
         """Which tag and turn: the latter by its first pulse, as it grows while none comes."""
         return self.tag_id, int(self.pulses.time_ns[0])
-
-    @property
-    def name(self) -> Hashable:
-        """What its bearing is made of."""
-        first = self.pulses.quaternion_wxyz[0].tobytes()  # turned by an offset, or not
-        return self.subject, len(self.snr_db), self.missed_yaw_deg.tobytes(), first
 
 
 def turns_in(poses: PoseColumns, *, least_turn_deg: float = _WHOLE_DEG) -> list[Turn]:
@@ -353,44 +296,52 @@ def _missed_yaws_deg(
     return np.asarray(np.remainder(np.interp(inside, pose_ns, yaw_deg) + offset, 360.0))
 
 
-def bearing_of(
-    heard: HeardInTurn,
-    *,
-    antenna: AntennaPattern | str,
-    method: BearingMethod | str = "pattern_ml",
-) -> Bearing:
-    """Estimate the bearing of a tag in a turn.
-
-    Parameters
-    ----------
-    heard : HeardInTurn
-        What was heard of it.
-    antenna : AntennaPattern or str
-        The pattern.
-    method : str
-        How pulses become a bearing.
+def _bearing_of(
+    tag_id: int,
+    pulses: PulseColumns,
+    missed_yaw_deg: _Floats,
+    pattern: AntennaPattern,
+    method: BearingMethod | str,
+) -> TagBearing:
+    """Estimate the bearing of a tag from its pulses in a turn.
 
     Raises
     ------
     UsageError
-        The method cannot use these pulses, or it or the antenna is unknown.
+        The method cannot use these pulses, or is unknown.
     """
-    half = np.radians(heard.missed_yaw_deg) / 2.0
+    half = np.radians(missed_yaw_deg) / 2.0
     nothing = np.zeros(len(half))
     missed = np.stack([np.cos(half), nothing, nothing, np.sin(half)], axis=1)
-    noise = heard.pulses.noise_psd
+    noise = pulses.noise_psd
     known = bool(np.all(np.isfinite(noise) & (noise > 0.0)))
     fill = np.full(len(half), np.median(noise) if known else 1.0)
-    return estimate_bearing(
+    bearing = estimate_bearing(
         None,
-        np.concatenate([heard.snr_db, np.full(len(half), np.nan)]),
+        np.concatenate([pulses.snr_db, np.full(len(half), np.nan)]),
         method=method,
-        antenna=antenna,
-        quaternion_wxyz=np.concatenate([heard.pulses.quaternion_wxyz, missed]),
+        antenna=pattern,
+        quaternion_wxyz=np.concatenate([pulses.quaternion_wxyz, missed]),
         noise_psd=np.concatenate([noise, fill]) if known else None,
         threshold_db=MISS_THRESHOLD_DB,
         heading_sigma_deg=OWN_HEADING_SIGMA_DEG,
     )
+    first_ns, last_ns = int(pulses.time_ns[0]), int(pulses.time_ns[-1])
+    return TagBearing(
+        tag_id=tag_id,
+        bearing=bearing,
+        latitude_deg=float(np.median(pulses.latitude_deg)),
+        longitude_deg=float(np.median(pulses.longitude_deg)),
+        altitude_amsl_m=float(np.median(pulses.altitude_amsl_m)),
+        start_time_ns=first_ns - _TICK_NS // 2,
+        middle_time_ns=(first_ns + last_ns) // 2,
+        end_time_ns=last_ns + _TICK_NS // 2,
+        heard=len(pulses.snr_db),
+    )
+
+
+def _in_turn(one: TagBearing, turn: Turn, number: int) -> TagBearing:
+    return replace(one, turn=turn, number=number)
 
 
 def teaching(heard: Iterable[HeardInTurn]) -> list[HeardInTurn]:
@@ -447,8 +398,7 @@ def learnt_pattern(
     if heard.goes_on and len(heard.poses.time_ns):
         over_ns = int(heard.poses.time_ns[-1]) - 2 * EDGE_NS
     shown = [*(one for one in turns if one.turn.end_time_ns < over_ns), *past]
-    key = ("pattern", antenna, tuple(one.name for one in teaching(shown)))
-    return (cache or Cache()).get(key, lambda: antenna_as_shown(shown, antenna))
+    return (cache or Cache()).get(antenna_as_shown, teaching(shown), antenna)
 
 
 def bearings_of(
@@ -495,30 +445,10 @@ def _bearings(
 def _tag_bearing(
     one: HeardInTurn, pattern: AntennaPattern, method: BearingMethod | str, cache: Cache
 ) -> TagBearing | None:
-    own = one.pulses
-    first_ns, last_ns = int(own.time_ns[0]), int(own.time_ns[-1])
-    bearing = cache.latest(
-        ("bearing", one.subject, (one.name, pattern, method)),
-        lambda: bearing_of(one, antenna=pattern, method=method),
-    )
-    if bearing is None:
-        return None
-    return cache.get(
-        ("tag bearing", one.name, one.turn, one.number, id(bearing)),
-        lambda: TagBearing(
-            tag_id=one.tag_id,
-            bearing=bearing,
-            latitude_deg=float(np.median(own.latitude_deg)),
-            longitude_deg=float(np.median(own.longitude_deg)),
-            altitude_amsl_m=float(np.median(own.altitude_amsl_m)),
-            start_time_ns=first_ns - _TICK_NS // 2,
-            middle_time_ns=(first_ns + last_ns) // 2,
-            end_time_ns=last_ns + _TICK_NS // 2,
-            heard=len(own.snr_db),
-            turn=one.turn,
-            number=one.number,
-        ),
-    )
+    """The bearing from the pulses that have arrived, or from fewer where that one must wait."""
+    made_of = one.tag_id, one.pulses, one.missed_yaw_deg, pattern, method
+    known = cache.latest("bearing", one.subject, _bearing_of, *made_of)
+    return None if known is None else cache.get(_in_turn, known, one.turn, one.number)
 
 
 def find(
@@ -564,17 +494,16 @@ def found_of(
 
 
 def _strengths(heard: Heard, how: ReadAs, tag_id: int, cache: Cache) -> Strengths:
-    own, antenna = heard.pulses[tag_id], antenna_of(heard, how)
-    offset_deg = 0.0 if antenna == MONOPOLE else how.offset_deg
-    key = (
-        *("strengths", tag_id, len(own.time_ns), antenna, offset_deg, heard.name),
-        heard.poses.on_ground_ns,
-    )
+    antenna = antenna_of(heard, how)
+    own = heard.pulses[tag_id].turned(0.0 if antenna == MONOPOLE else how.offset_deg)
     return cache.get(
-        key,
-        lambda: strengths_of(
-            heard.name, own.turned(offset_deg), heard.poses, antenna, heard.rhythm(tag_id)
-        ),
+        strengths_of,
+        heard.name,
+        own,
+        heard.poses.heights_m(own.time_ns),
+        heard.poses.on_ground_ns,
+        antenna,
+        heard.rhythm(tag_id),
     )
 
 
@@ -631,13 +560,13 @@ def estimate(
     theirs : sequence of TagBearing
         Bearings that the drone itself estimated.
     others : sequence of Found
-        What other receivers tell of the tags; it goes into the positions where a number means
+        What other receivers have of the tags; it goes into the positions where a number means
         a tag of the same frequency.
     cache : Cache, optional
         Of a caller that estimates again: what has not changed is kept.
     at_once : mapping of str to int
-        How many of each ``"bearing"`` and ``"position"`` are worked out anew at most; see
-        `Cache.begin`.
+        How many of each ``"bearing"``, ``"position"`` and ``"survey"`` are computed at most;
+        see `Cache.begin`.
 
     Raises
     ------
@@ -676,14 +605,7 @@ def estimate(
 
 def _over(heard: Heard, how: ReadAs, cache: Cache) -> OverGround | None:
     """The ground; what was computed of it stays while the take-off does."""
-    if how.elevation is None or not len(heard.poses.time_ns):
-        return None
-    key = ("ground", id(how.elevation), int(heard.poses.time_ns[0]))
-    over = heard.over(how.elevation)
-    kept = cache.get(key, lambda: over)
-    if over is None or kept is None:
-        return over
-    return replace(over, hills=kept.hills.at(over.hills.frequency_hz))
+    return heard.over(how.elevation, partial(cache.get, HillLosses))
 
 
 def place(
@@ -694,7 +616,7 @@ def place(
 ) -> list[TagPosition]:
     """One position for each tag of which there are bearings, or that the first receiver heard.
 
-    Bearings without a direction are left out; what receivers heard without turning goes in.
+    Bearings without a direction are left out; strengths of receivers that did not turn go in.
     """
     how, cache = how or ReadAs(), cache or Cache()
     tags = {one.tag_id for each in found for one in each.bearings}
@@ -722,8 +644,9 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 def _placed(
     tag_id: int, found: Sequence[Found], how: ReadAs, over: OverGround | None, cache: Cache
 ) -> TagPosition | None:
+    receivers: dict[Hashable, int] = {}
     bearings = [
-        replace(one, flight=number)
+        replace(one, flight=receivers.setdefault(each.receiver or number, number))
         for number, each in enumerate(found)
         for one in each.bearings_of(tag_id)
     ]
@@ -731,44 +654,24 @@ def _placed(
         return TagPosition(tag_id=tag_id, position=None, reason=NEVER_TURNED)
     bearings.sort(key=_begins)
     listeners = [each.strengths[tag_id] for each in found if tag_id in each.strengths]
-    state = (
-        *(how.method, how.heading_sigma_deg),
-        tuple(
-            (one.middle_time_ns, one.bearing.bearing_deg, one.bearing.sigma_deg)
-            for one in bearings
-        ),
-        None if over is None else (over.hills.name, over.hills.limitations),
-        tuple((one.told, one.level_db.tobytes()) for one in listeners),
-    )
-
-    def made() -> TagPosition:
-        try:
-            position = position_of_bearings(bearings, how, over=over, listeners=listeners)
-        except UsageError as error:
-            # One tag with a single bearing must not keep the others from the list.
-            return TagPosition(tag_id=tag_id, position=None, reason=str(error))
-        return TagPosition(tag_id=tag_id, position=position)
-
-    return cache.latest(("position", tag_id, state), made)
+    try:
+        stations = _stations(bearings, over, listeners)
+    except UsageError as error:
+        return TagPosition(tag_id=tag_id, position=None, reason=str(error))
+    hills = None if over is None else over.hills
+    made_of = tag_id, stations, how.method, how.heading_sigma_deg, hills
+    return cache.latest("position", tag_id, _position_of, *made_of)
 
 
-def position_of_bearings(
-    bearings: Sequence[TagBearing],
-    how: ReadAs,
-    *,
-    over: OverGround | None = None,
-    listeners: Sequence[Strengths] = (),
-) -> Position:
-    """Estimate where a tag is from its bearings; those without a direction go out.
-
-    With the ground, levels are compared by what hills take from them. What receivers heard that
-    never turned goes in as strengths, to the method ``bayes``; the position says what became of
-    each. A tag whose bearings contradict a place that rests is followed.
+def _stations(
+    bearings: Sequence[TagBearing], over: OverGround | None, listeners: Sequence[Strengths]
+) -> Stations:
+    """Put a tag's bearings, in order of time, into columns.
 
     Raises
     ------
     UsageError
-        None has a direction, or the method comes to no position.
+        None of them has a direction.
     """
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
@@ -784,22 +687,40 @@ def position_of_bearings(
         times_s if origin_ns != NO_TIME and max(times_s) <= ONE_FLIGHT_S else None,
         origin_ns,
     )
-    flights = np.array([one.flight for one in used], np.int64)
-    stations = replace(stations, receiver=flights, listeners=tuple(listeners))
-    if over is not None:
-        height_m = over.heights_m([one.middle_time_ns for one in used])
-        stations = replace(stations, height_m=height_m)
-    found = estimate_position(
-        stations,
-        method=how.method,
-        heading_sigma_deg=how.heading_sigma_deg,
-        follow=True,
-        hills=None if over is None else over.hills,
-    )
-    if how.method in ("bayes", "track") or not listeners:
-        return found
-    left_out = f"the method {how.method} takes bearings alone"
-    return replace(found, listeners=tuple(one.because(left_out) for one in listeners))
+    height_m = None if over is None else over.heights_m([one.middle_time_ns for one in used])
+    receiver = np.array([one.flight for one in used], np.int64)
+    return replace(stations, receiver=receiver, height_m=height_m, listeners=tuple(listeners))
+
+
+def _position_of(
+    tag_id: int,
+    stations: Stations,
+    method: PositionMethod | str,
+    heading_sigma_deg: float,
+    hills: HillLosses | None,
+) -> TagPosition:
+    """Estimate where a tag is; one whose bearings contradict a place that rests is followed.
+
+    With the ground, levels are compared by what hills take from them. What receivers heard that
+    never turned goes in as strengths, to the method ``bayes``; the position says what became of
+    each.
+    """
+    try:
+        found = estimate_position(
+            stations,
+            method=method,
+            heading_sigma_deg=heading_sigma_deg,
+            follow=True,
+            hills=hills,
+        )
+    except UsageError as error:
+        # One tag with a single bearing must not keep the others from the list.
+        return TagPosition(tag_id=tag_id, position=None, reason=str(error))
+    if method not in ("bayes", "track") and stations.listeners:
+        left_out = f"the method {method} takes bearings alone"
+        listeners = tuple(one.because(left_out) for one in stations.listeners)
+        found = replace(found, listeners=listeners)
+    return TagPosition(tag_id=tag_id, position=found)
 
 
 def survey(
@@ -821,34 +742,37 @@ def survey(
     positions: dict[int, TagPosition] = {}
     tracks: dict[int, PowerTrack] = {}
     every = sorted(heard.pulses)
-    for number in cache.waiting("position", [(tag_id, "survey") for tag_id in every]):
-        tag_id, own = every[number], heard.pulses[every[number]]
-        state = (
-            *("survey", len(own.time_ns), int(own.time_ns[-1]), heard.rhythm(tag_id)),
-            *(how.method, how.height_m, how.height_sigma_m),
-            None if over is None else (over.hills.name, over.hills.limitations),
-        )
-
-        def made(tag_id: int = tag_id) -> tuple[TagPosition, PowerTrack | None]:
-            try:
-                track = power_track(heard, tag_id, how.height_m)
-                position = estimate_position(
-                    None,
-                    track,
-                    method=how.method,
-                    height_sigma_m=how.height_sigma_m,
-                    follow=True,
-                    hills=None if over is None else over.hills,
-                )
-            except UsageError as error:
-                return TagPosition(tag_id=tag_id, position=None, reason=str(error)), None
-            return TagPosition(tag_id=tag_id, position=position), track
-
-        found = cache.latest(("position", (tag_id, "survey"), state), made)
+    hills = None if over is None else over.hills
+    for number in cache.waiting("survey", every):
+        tag_id = every[number]
+        try:
+            track = power_track(heard, tag_id, how.height_m)
+        except UsageError as error:
+            positions[tag_id] = TagPosition(tag_id=tag_id, position=None, reason=str(error))
+            continue
+        made_of = tag_id, track, how.method, how.height_sigma_m, hills
+        found = cache.latest("survey", tag_id, _surveyed, *made_of)
         if found is not None:
             positions[tag_id] = found[0]
-            tracks |= {} if found[1] is None else {tag_id: found[1]}
+            if found[0].position is not None:
+                tracks[tag_id] = found[1]
     return positions, tracks
+
+
+def _surveyed(
+    tag_id: int,
+    track: PowerTrack,
+    method: PositionMethod | str,
+    height_sigma_m: float,
+    hills: HillLosses | None,
+) -> tuple[TagPosition, PowerTrack]:
+    try:
+        position = estimate_position(
+            None, track, method=method, height_sigma_m=height_sigma_m, follow=True, hills=hills
+        )
+    except UsageError as error:
+        return TagPosition(tag_id=tag_id, position=None, reason=str(error)), track
+    return TagPosition(tag_id=tag_id, position=position), track
 
 
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:

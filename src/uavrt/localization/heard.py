@@ -1,8 +1,7 @@
 """Columns of pulses and poses: what a flight, a log or live arrays are estimated from."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,15 +42,15 @@ class PoseColumns:
     latitude_deg: _Floats
     longitude_deg: _Floats
     height_m: _Floats
-    """(n,) above the take-off; NaN where nobody knows."""
+    """(n,) above the take-off; NaN where unknown."""
     quaternion_wxyz: _Floats
     """(n, 4)."""
     altitude_amsl_m: _Floats | None = None
-    """(n,) above sea level, NaN where nobody knows; tells what is flown where `height_m` does
-    not."""
+    """(n,) above sea level, NaN where unknown; separates flight from ground where `height_m` is
+    unknown."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last times of what the autopilot says was not flown; empty where it tells
-    nothing."""
+    """First and last times that the autopilot reports as on the ground; empty without
+    reports."""
 
     @classmethod
     def of(
@@ -71,7 +70,7 @@ class PoseColumns:
         )
 
     def completed(self, others: "PoseColumns") -> "PoseColumns":
-        """Add poses of others, such as the pulses' own, at times of which these tell nothing.
+        """Add poses of others, such as the pulses' own, at times without poses here.
 
         Telemetry that a silent radio has lost never comes; the pulses of that time do. Both
         may be out of order; each time stands once.
@@ -108,17 +107,25 @@ class PoseColumns:
 
     @property
     def amsl_m(self) -> _Floats:
-        """(n,) altitudes; NaN where nobody knows."""
+        """(n,) altitudes; NaN where unknown."""
         nowhere = np.full(len(self.time_ns), np.nan)
         return nowhere if self.altitude_amsl_m is None else self.altitude_amsl_m
 
     @property
     def flown_m(self) -> _Floats:
-        """(n,) heights that tell flight from ground: above the take-off, else the lowest."""
+        """(n,) heights that part flight from ground: above the take-off, else the lowest."""
         amsl = self.amsl_m
         if np.any(np.isfinite(self.height_m)) or not np.any(np.isfinite(amsl)):
             return self.height_m
         return np.asarray(amsl - np.nanmin(amsl))
+
+    def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
+        """Heights above the take-off at some times; 0 where none is known."""
+        known, wanted_ns = np.isfinite(self.height_m), np.asarray(time_ns, np.float64)
+        if not known.any():
+            return np.zeros(len(wanted_ns))
+        known_ns = self.time_ns[known].astype(np.float64)
+        return np.asarray(np.interp(wanted_ns, known_ns, self.height_m[known]))
 
     @property
     def on_ground(self) -> NDArray[np.bool_]:
@@ -130,7 +137,7 @@ class PoseColumns:
 
     @property
     def leaves_ground(self) -> bool:
-        """Whether some of it was flown, and some of it not, as heights or autopilot tell."""
+        """Whether some of it was flown, and some of it not, by heights or autopilot."""
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
         climbed = len(flown) > 0 and float(np.ptp(flown)) >= CLIMB_M
@@ -209,23 +216,24 @@ class PulseColumns:
             altitude_amsl_m=self.altitude_amsl_m,
         )
 
-    def missed_ns(self, rhythm: "Rhythm | None") -> list[float]:
+    def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
         """Times at which a pulse must have come between two heard ones, and was not heard.
 
         Between two whose distance is a multiple of the tag's interval.
         """
-        missed: list[float] = []
-        if rhythm is None:
-            return missed
-        for (before, rate), (after, _) in pairwise(zip(self.time_ns, self.rate, strict=True)):
-            number = min(max(int(rate), 1), len(rhythm.intervals_s))
-            interval_ns = rhythm.intervals_s[number - 1] * NANOSECONDS_PER_SECOND
-            gap_ns = int(after) - int(before)
-            count = round(gap_ns / interval_ns)
-            slack_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
-            if count > 1 and abs(gap_ns - count * interval_ns) <= slack_ns:
-                missed += [int(before) + gap_ns * step / count for step in range(1, count)]
-        return missed
+        if rhythm is None or len(self.time_ns) < 2:
+            return np.zeros(0)
+        number = np.clip(self.rate[:-1], 1, len(rhythm.intervals_s)) - 1
+        interval_ns = np.array(rhythm.intervals_s)[number] * NANOSECONDS_PER_SECOND
+        gap_ns = np.diff(self.time_ns)
+        count = np.rint(gap_ns / interval_ns)
+        slack_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
+        gaps = np.flatnonzero((count > 1) & (np.abs(gap_ns - count * interval_ns) <= slack_ns))
+        missed = [
+            int(self.time_ns[at]) + gap_ns[at] * np.arange(1, count[at]) / count[at]
+            for at in gaps
+        ]
+        return np.concatenate([np.zeros(0), *missed])
 
     def turned(self, offset_deg: float) -> "PulseColumns":
         """The same with the antenna turned clockwise about its own down axis."""
@@ -245,10 +253,16 @@ class OverGround:
     poses: PoseColumns
 
     @classmethod
-    def of(cls, elevation: Elevation, poses: PoseColumns) -> "OverGround | None":
+    def of(
+        cls,
+        elevation: Elevation,
+        poses: PoseColumns,
+        lay: Callable[..., HillLosses] = HillLosses,
+    ) -> "OverGround | None":
         """Lay the ground around a flight; None where no pose has a place and a height.
 
-        Heights of a flight count from its take-off, taken to be beneath the first pose.
+        Heights of a flight count from its take-off, taken to be beneath the first pose. A
+        caller that keeps the ground of the last call gives a `lay` that returns it.
 
         Raises
         ------
@@ -259,7 +273,7 @@ class OverGround:
         if not len(known):
             return None
         first = int(known[0])
-        hills = HillLosses(
+        hills = lay(
             elevation,
             latitude_deg=float(poses.latitude_deg[first]),
             longitude_deg=float(poses.longitude_deg[first]),
@@ -282,16 +296,13 @@ class OverGround:
         """The same for a tag."""
         return replace(self, hills=self.hills.at(frequency_hz))
 
-    def heights_m(self, time_ns: Sequence[int] | NDArray[np.int64]) -> _Floats:
+    def heights_m(self, time_ns: Sequence[int]) -> _Floats:
         """Heights above the take-off at some times."""
-        told = np.isfinite(self.poses.height_m)
-        known_ns = self.poses.time_ns[told].astype(np.float64)
-        wanted_ns = np.asarray(time_ns, np.float64)
-        return np.asarray(np.interp(wanted_ns, known_ns, self.poses.height_m[told]))
+        return self.poses.heights_m(time_ns)
 
 
 def apart_in_words(ground_m: float, said_m: float) -> tuple[str, ...]:
-    """What to tell where elevation files and flight disagree on the take-off's height."""
+    """A remark where elevation files and flight disagree on the take-off's height."""
     if not abs(said_m - ground_m) > APART_M:  # so, too, where one of them is not known
         return ()
     return (
@@ -468,7 +479,9 @@ class Heard:
                 found[tag_id] = float(np.median(known_hz))
         return found
 
-    def over(self, elevation: Elevation | None) -> OverGround | None:
+    def over(
+        self, elevation: Elevation | None, lay: Callable[..., HillLosses] = HillLosses
+    ) -> OverGround | None:
         """The ground under it, with losses at the median frequency of the pulses.
 
         Raises
@@ -476,7 +489,7 @@ class Heard:
         FormatError
             A file of heights is damaged.
         """
-        over = None if elevation is None else OverGround.of(elevation, self.poses)
+        over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]
         every_hz = np.concatenate(heard_hz) if heard_hz else np.zeros(0)
         known_hz = every_hz[np.isfinite(every_hz)]

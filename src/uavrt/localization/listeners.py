@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
 from uavrt.localization.headings import yaws_deg
-from uavrt.localization.heard import PoseColumns, PulseColumns, Rhythm
+from uavrt.localization.heard import PulseColumns, Rhythm
 from uavrt.localization.position.strengths import Strengths
 from uavrt.tangent_plane import plane_around
 from uavrt.units import NANOSECONDS_PER_SECOND, wrap_degrees_180
@@ -27,7 +27,8 @@ _HEARD_SHARE = 0.5
 def strengths_of(
     listener: str,
     pulses: PulseColumns,
-    poses: PoseColumns,
+    height_m: _Floats,
+    on_ground_ns: Sequence[tuple[int, int]],
     antenna: AntennaPattern | str,
     rhythm: Rhythm | None = None,
 ) -> Strengths:
@@ -39,8 +40,10 @@ def strengths_of(
         Whose they are, for the operator.
     pulses : PulseColumns
         Of one tag, in order of time.
-    poses : PoseColumns
-        Of the vehicle: what stood on the ground by its autopilot's word is left out.
+    height_m : (n,) float64 array
+        Of the vehicle above the take-off at each pulse.
+    on_ground_ns : sequence of (int, int)
+        When its autopilot says that it stood on the ground: pulses of then are left out.
     antenna : AntennaPattern or str
         The pattern; a monopole's name for an upright monopole.
     rhythm : Rhythm, optional
@@ -49,7 +52,7 @@ def strengths_of(
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)
-    flown = _off_ground(pulses.time_ns, poses.on_ground_ns)
+    flown = _off_ground(pulses.time_ns, on_ground_ns)
     yaw = yaws_deg(pulses.quaternion_wxyz)
     stood = [
         part
@@ -62,17 +65,17 @@ def strengths_of(
             if len(flown) < len(pulses.time_ns)
             else "there are no three of them at one place and heading"
         )
-        return _levels(listener, pulses, yaw, poses, pattern, [], why)
-    told = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
-    told = sorted(sorted(told, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
-    missed = None if told else "it missed more of them than it heard"
-    return _levels(listener, pulses, yaw, poses, pattern, told, missed, rhythm)
+        return _levels(listener, pulses, yaw, height_m, pattern, [], why)
+    clear = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
+    clear = sorted(sorted(clear, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
+    missed = None if clear else "it missed more of them than it heard"
+    return _levels(listener, pulses, yaw, height_m, pattern, clear, missed, rhythm)
 
 
 def _off_ground(
     time_ns: NDArray[np.int64], on_ground_ns: Sequence[tuple[int, int]]
 ) -> NDArray[np.intp]:
-    """Which pulses were not heard on the ground, as an autopilot tells; a mast has none."""
+    """Which pulses were not heard on the ground, as the autopilot reports; a mast has none."""
     down = np.zeros(len(time_ns), bool)
     for first, last in on_ground_ns:
         down |= (time_ns >= first) & (time_ns <= last)
@@ -98,7 +101,7 @@ def _standing(
 
 
 def _expected(pulses: PulseColumns, part: NDArray[np.intp], rhythm: Rhythm | None) -> int:
-    """How many pulses a tag sent while these were heard; as many, where nobody knows."""
+    """How many pulses a tag sent while these were heard; as many, for an unknown interval."""
     if rhythm is None:
         return len(part)
     interval_ns = max(rhythm.intervals_s) * NANOSECONDS_PER_SECOND
@@ -114,7 +117,7 @@ def _levels(
     listener: str,
     pulses: PulseColumns,
     yaw_deg: _Floats,
-    poses: PoseColumns,
+    height_m: _Floats,
     pattern: AntennaPattern | None,
     parts: Sequence[NDArray[np.intp]],
     why: str | None,
@@ -135,16 +138,12 @@ def _levels(
         sigmas.append(max(1.0, 1.25 * spread / len(part) ** 0.5))
         turned = np.exp(1j * np.radians(yaw_deg[part]))
         yaws.append(float(np.angle(turned.mean(), deg=True)))
-    known = np.isfinite(poses.height_m)
-    height = np.zeros(len(pulses.time_ns))
-    if known.any():
-        height = np.interp(pulses.time_ns, poses.time_ns[known], poses.height_m[known])
     return Strengths(
         listener=listener,
         pulses=sum(map(len, parts)) if parts else len(pulses.time_ns),
         latitude_deg=medians(pulses.latitude_deg),
         longitude_deg=medians(pulses.longitude_deg),
-        height_m=medians(height),
+        height_m=medians(height_m),
         yaw_deg=np.array(yaws),
         level_db=np.array(levels),
         sigma_db=np.array(sigmas),

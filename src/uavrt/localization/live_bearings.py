@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from uavrt.localization.antenna import AntennaPattern, pattern_named
 from uavrt.localization.bearing.turns import Turn
-from uavrt.localization.flight_estimates import Cache, ReadAs, TagBearing, bearings_of
+from uavrt.localization.estimate_cache import Cache
+from uavrt.localization.flight_estimates import ReadAs, TagBearing, bearings_of
 from uavrt.localization.heard import POSE_STEP_NS, Heard
 from uavrt.localization.results import ACCEPTED_EVIDENCE, Bearing
 from uavrt.messages import LiveBearing, Pose, PulsePose, Tag
@@ -51,7 +52,7 @@ class LiveBearings:
         self._tags = tuple(tags)
         self._first_ns: int | None = None
         self._poses: list[Pose] = []
-        self._told = ToldStates()
+        self._states = ToldStates()
         self._pulses: list[PulsePose] = []
         self._cache = Cache()
         self._given: dict[tuple[int, int], Bearing] = {}
@@ -77,7 +78,7 @@ class LiveBearings:
 
         What is turned on the ground is no turn, wherever the barometer has drifted to.
         """
-        self._told.add(time_ns, armed, landed)
+        self._states.add(time_ns, armed, landed)
 
     def add_pulse(self, one: PulsePose) -> None:
         """Add a pulse; one without a pose has no direction."""
@@ -93,7 +94,7 @@ class LiveBearings:
         if not self._pulses:
             return []
         heard = Heard.of_records(
-            self._pulses, self._poses, self._told.spans(), tags=self._tags, goes_on=True
+            self._pulses, self._poses, self._states.spans(), tags=self._tags, goes_on=True
         )
         self._cache.begin()
         found = []

@@ -136,10 +136,10 @@ class Caution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackPoint:
-    """Where a tag that moves was at a time, by all that the flight tells."""
+    """Where a tag that moves was at a time, by all that the flight holds."""
 
     time_ns: int
-    """UTC; from the first of what was heard where nobody knows it."""
+    """UTC; from the first of what was heard where that is unknown."""
     latitude_deg: float
     longitude_deg: float
     radius50_m: float
@@ -173,7 +173,7 @@ class Position:
     """The search area cuts the probability: the tag may lie farther out."""
     grid: PositionGrid | None = None
     heading_error_deg: float | None = None
-    """What all headings of the flight seem to err by, clockwise; None when nothing tells."""
+    """What all headings of the flight seem to err by, clockwise; None where unknown."""
     heading_error_sigma_deg: float | None = None
     cautions: tuple[Caution, ...] = ()
     track: tuple[TrackPoint, ...] = ()

@@ -21,7 +21,7 @@ from uavrt.terrain.viewshed import terrain_loss_map
 
 _Floats = NDArray[np.floating[Any]]
 TAG_M = 0.5
-"""Height of a tag above the ground, unless told."""
+"""Height of a tag above the ground, unless given."""
 _LEAST_REACH_M = 500.0
 _MOST_SIDE = 200
 """Squares along each side of the ground that is laid around the take-off."""
@@ -44,7 +44,7 @@ _Node = tuple[int, int, int]
 class HillLosses:
     """The ground around a take-off, and what it takes from pulses.
 
-    Heights of the drone count from the ground at the take-off, as autopilots tell them; metres
+    Heights of the drone count from the ground at the take-off, as autopilots report; metres
     from there too, or from the origin of another plane (`in_plane`).
 
     `latitude_deg`, `longitude_deg`: of the take-off.
@@ -82,15 +82,22 @@ class HillLosses:
         """Height of the ground at the take-off; NaN where the files do not know it."""
         return self._squares.start_m
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all losses and words are the same, over the same ground in memory."""
+        return isinstance(other, HillLosses) and self._state == other._state
+
+    def __hash__(self) -> int:
+        """By the same."""
+        return hash(self._state)
+
     @property
-    def name(self) -> tuple[float, ...]:
-        """What tells it from another ground, with all that its losses depend on."""
-        plane = self._squares.plane
-        return (plane.latitude_deg, plane.longitude_deg, self.frequency_hz, self.tag_m)
+    def _state(self) -> tuple[object, ...]:
+        own = self.frequency_hz, self.tag_m, self.limitations, self.origin_m
+        return self._squares, *own
 
     @property
     def level(self) -> bool:
-        """Whether nothing can be told: the files do not know the take-off."""
+        """Whether nothing is known: the files do not know the take-off."""
         return not np.isfinite(self._squares.start_m)
 
     def at(self, frequency_hz: float) -> "HillLosses":
@@ -295,7 +302,7 @@ class _Squares:
         needed = max(max(east_m, north_m) + _FINEST_M, _LEAST_REACH_M)
         if needed <= self.reach_m or not np.isfinite(self.start_m):
             return
-        # In steps of the root of two: a flight that goes on is not laid anew with each pulse.
+        # In steps of the root of two: a flight that goes on is not laid again with each pulse.
         steps = np.ceil(2.0 * np.log2(needed / _LEAST_REACH_M))
         self.reach_m = reach = float(_LEAST_REACH_M * 2.0 ** (0.5 * steps))
         self._grid = ground_grid(

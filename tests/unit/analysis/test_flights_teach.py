@@ -19,7 +19,7 @@ from uavrt.ground.store.estimates import AntennaChoice, Estimator
 from uavrt.ground.store.flights import FlightLibrary
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
-from uavrt.localization.flight_estimates import ReadAs, TagBearing
+from uavrt.localization.flight_estimates import Found, ReadAs, TagBearing, place
 from uavrt.messages import Pose, Poses, PulsePose
 from uavrt.recording.flight_order import note_flight
 from uavrt.recording.flight_reader import read_flight
@@ -126,6 +126,21 @@ def test_three_logs_of_two_turns_teach_each_other_a_weaker_back(tmp_path: Path) 
     off = PLANE.to_local(position.position.latitude_deg, position.position.longitude_deg)
     assert math.dist(off, TAG) < min(15.0, some(position.position.radius95_m))
     assert told[-1] == told[0]
+
+
+def test_flights_of_one_drone_share_its_gain_and_those_of_two_do_not(tmp_path: Path) -> None:
+    def radius_m(*vehicles: int) -> float:
+        folder = tmp_path / f"{vehicles}"
+        flights = [as_flight(folder, n, vehicle) for n, vehicle in enumerate(vehicles)]
+        (one,) = read_positions(*flights)
+        (same,) = place([Found(bearings=read_bearings(*flights))])
+        own = some(one.position)
+        joined[vehicles] = own.latitude_deg == some(same.position).latitude_deg
+        return some(own.radius95_m)
+
+    joined: dict[tuple[int, ...], bool] = {}
+    assert radius_m(1, 1) != radius_m(1, 7)
+    assert joined == {(1, 1): True, (1, 7): False}
 
 
 def test_past_flights_of_the_same_drone_teach_a_flight_of_two_turns(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.store.flights import Columns
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
 from uavrt.localization.flight_estimates import ReadAs, TagPosition
-from uavrt.localization.heard import PoseColumns, PulseColumns
+from uavrt.localization.heard import PulseColumns
 from uavrt.localization.listeners import strengths_of
 from uavrt.localization.position.estimate import estimate_position
 from uavrt.localization.position.stations import Stations
@@ -277,17 +277,10 @@ def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:
         altitude_amsl_m=np.full(20, 500.0),
         rate=np.ones(20, np.int64),
     )
-    poses = PoseColumns(
-        time_ns=times,
-        latitude_deg=place[0],
-        longitude_deg=place[1],
-        height_m=np.zeros(20),
-        quaternion_wxyz=still,
-        on_ground_ns=((START_NS, START_NS + 17 * 10**9 + 5),),
-    )
-    told = strengths_of("vehicle 2", pulses, poses, "RA-23K").told
-    assert "not used: they were heard on the ground, before or after a flight" in told
-    flown = strengths_of("vehicle 2", pulses, replace(poses, on_ground_ns=()), "RA-23K")
+    down = ((START_NS, START_NS + 17 * 10**9 + 5),)
+    said = strengths_of("vehicle 2", pulses, pulses.height_m, down, "RA-23K").outcome
+    assert "not used: they were heard on the ground, before or after a flight" in said
+    flown = strengths_of("vehicle 2", pulses, pulses.height_m, (), "RA-23K")
     assert flown.unused is None
     assert list(flown.level_db) == [20.0]
     assert flown.pulses == 20

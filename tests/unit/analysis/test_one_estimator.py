@@ -116,7 +116,7 @@ def test_a_flight_has_the_same_bearings_places_and_words_by_all_five_ways(
 def test_estimates_of_many_tags_come_in_turn_and_are_all_there_in_the_end(
     tmp_path: Path,
 ) -> None:
-    """Each update of a live flight after the first makes one of each anew, at most."""
+    """Each update of a live flight after the first computes one of each, at most."""
     flight = turned_flight(3, tags=6, turns=2)
     keeper = FlightKeeper(tmp_path, Clock.start())
     keeper.begin(flight.tags)

@@ -585,7 +585,7 @@ def test_what_two_vehicles_heard_of_a_tag_goes_into_one_position(tmp_path: Path)
     east, north = PLANE.to_local(together["latitude_deg"], together["longitude_deg"])
     assert math.hypot(east - TAG_EAST_M, north - TAG_NORTH_M) <= together["radius95_m"]
     assert both.bearings == last.bearings  # its own alone
-    assert both.told == last.told != alone.told
+    assert both.outline == last.outline != alone.outline
     other_hz = {TAG.tag_id: TAG.frequency_hz + 50e3}
     elsewhere = replace(alone, found=replace(alone.found, frequencies_hz=other_hz))
     apart = Estimator().estimate(columns, AntennaChoice(), beside=[elsewhere])

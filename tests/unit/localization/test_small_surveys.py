@@ -1,6 +1,7 @@
 """Surveys narrower than three heights: no other place is far likelier than the reported one."""
 
 import numpy as np
+import pytest
 
 from uavrt.localization import PowerTrack, estimate_position
 from uavrt.localization.position.level_evidence import Propagation
@@ -8,19 +9,23 @@ from uavrt.localization.position.power_evidence import PowerEvidence
 from uavrt.tangent_plane import TangentPlane
 
 PLANE = TangentPlane(latitude_deg=47.0, longitude_deg=8.0)
-HEIGHT_M, PULSES, HALF_M, SPACING_M = 30.0, 340, 40.0, 12.0
+HEIGHT_M, PULSES, HALF_M = 30.0, 340, 40.0
 
 
-def test_the_truth_is_never_far_likelier_than_the_reported_place() -> None:
+@pytest.mark.parametrize("spacing_m", [12.0, 24.0])
+@pytest.mark.parametrize("south_m", [(-35.0, 35.0), (-50.0, -30.0)], ids=["inside", "outside"])
+def test_the_truth_is_never_far_likelier_than_the_reported_place(
+    south_m: tuple[float, float], spacing_m: float
+) -> None:
     way = np.arange(PULSES) * 1.6
     line, along = np.divmod(way, 2.0 * HALF_M)
     east = np.where(line % 2 == 0, along - HALF_M, HALF_M - along)
-    north = (line % 6) * SPACING_M - 30.0
+    north = (line * spacing_m) % 72.0 - 30.0
     latitude, longitude = PLANE.to_geodetic(east, north)
     held = 0
     for seed in range(24):
         rng = np.random.default_rng(seed)
-        tag = rng.uniform(-35.0, 35.0, 2)
+        tag = rng.uniform(-35.0, 35.0), rng.uniform(*south_m)
         ground = np.hypot(east - tag[0], north - tag[1])
         slant = np.hypot(ground, HEIGHT_M)
         fading = rng.normal(0.0, 1.6, PULSES)

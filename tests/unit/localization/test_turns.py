@@ -26,10 +26,10 @@ class Flight:
     def hover(self, seconds: float) -> "Flight":
         return self.turn(0.0, seconds)
 
-    def turn(self, degrees: float, seconds: float) -> "Flight":
+    def turn(self, degrees: float, seconds: float, drift_m_s: float = 0.0) -> "Flight":
         steps = max(1, round(seconds * RATE_HZ))
         self.yaw += list(self.yaw[-1] + degrees * np.arange(1, steps + 1) / steps)
-        self.east += [self.east[-1]] * steps
+        self.east += list(self.east[-1] + drift_m_s * np.arange(1, steps + 1) / RATE_HZ)
         self.height += [self.height[-1]] * steps
         return self
 
@@ -104,7 +104,7 @@ def test_a_pause_does_not_end_a_turn() -> None:
     assert turn.turned_deg == pytest.approx(360.0, abs=8.0)
 
 
-def test_turns_at_several_places_are_told_apart() -> None:
+def test_turns_at_several_places_are_separate() -> None:
     turns = Flight().turn(360, 40).fly(200).turn(-360, 40).fly(200).stops(8, 5.0).turns()
     assert [turn.stops for turn in turns] == [0, 0, 8]
     east = [float(PLANE.to_local(turn.latitude_deg, turn.longitude_deg)[0]) for turn in turns]
@@ -113,9 +113,7 @@ def test_turns_at_several_places_are_told_apart() -> None:
 
 @pytest.mark.parametrize("speed_m_s", [0.3, 0.5, 0.8, 1.0, 1.3, 1.6, 2.0])
 @pytest.mark.parametrize("way_m", [20.0, 60.0, 150.0, 300.0])
-def test_turns_between_which_somebody_walks_are_told_apart(
-    way_m: float, speed_m_s: float
-) -> None:
+def test_turns_with_a_walk_between_them_are_separate(way_m: float, speed_m_s: float) -> None:
     flight = Flight().turn(372, 40).fly(way_m, speed_m_s).hover(3).stops(8, 6.0)
     flight.fly(way_m, speed_m_s).turn(-372, 40).fly(way_m, speed_m_s).turn(372, 40)
     turns = flight.turns()
@@ -131,6 +129,34 @@ def test_a_walk_without_turning_is_no_turn(speed_m_s: float) -> None:
     for degrees in (170.0, 170.0, 170.0):  # round three corners, each at another place
         flight.fly(60.0, speed_m_s).turn(degrees, 20)
     assert flight.fly(60.0, speed_m_s).turns() == []
+
+
+@pytest.mark.parametrize("before_s", [2.0, 60.0])
+@pytest.mark.parametrize(
+    ("seconds", "drift_m_s"), [(40.0, 0.3), (60.0, 0.22), (60.0, 0.3), (90.0, 0.25)]
+)
+def test_a_turn_that_drifts_is_found_whole(
+    seconds: float, drift_m_s: float, before_s: float
+) -> None:
+    flight = Flight().turn(0.0, before_s, drift_m_s).turn(360.0, seconds, drift_m_s)
+    turns = flight.turn(0.0, before_s, drift_m_s).fly(200).turns()
+    assert [turn.turned_deg for turn in turns] == pytest.approx([360.0], abs=12.0)
+
+
+def test_a_turn_of_stops_that_drifts_is_found_whole() -> None:
+    flight = Flight()
+    for _ in range(8):
+        flight.turn(45.0, 3.0, 0.3).turn(0.0, 6.0, 0.3)
+    (turn,) = flight.fly(200).turns()
+    assert turn.stops == 8
+    assert turn.turned_deg == pytest.approx(360.0, abs=12.0)
+
+
+def test_an_antenna_that_swings_on_the_way_joins_no_turns() -> None:
+    flight = Flight().turn(372, 40)
+    for swing_deg in (25.0, -50.0, 50.0, -50.0, 25.0):
+        flight.turn(swing_deg, 8.0, 1.0)
+    assert len(flight.turn(372, 40).turns()) == 2
 
 
 def test_back_and_forth_is_two_turns() -> None:

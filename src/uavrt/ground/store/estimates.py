@@ -16,8 +16,8 @@ from uavrt.errors import FormatError, UsageError
 from uavrt.ground.store.coordinates import readout
 from uavrt.ground.store.flights import Columns, known
 from uavrt.localization.antenna import MONOPOLE
+from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.flight_estimates import (
-    Cache,
     Found,
     HeardInTurn,
     ReadAs,
@@ -40,9 +40,9 @@ from uavrt.units import wrap_degrees_360
 
 SECTORS = 16
 """Wedges of the pulse rose, as the original ground station's finest rotation."""
-LIVE_AT_ONCE = {"bearing": 1, "position": 1}
-"""Worked out anew in one estimate of a flight that goes on, after the first: some 80 ms of a
-core. The others of many tags come in turn."""
+LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
+"""Most that are computed in one estimate of a flight that goes on, after the first: each takes
+some 80 ms of a core. The others of many tags come in turn."""
 Record = dict[str, Any]
 
 
@@ -98,7 +98,7 @@ class Estimates:
         return {"bearings": self.bearings, "positions": self.positions}
 
     @property
-    def told(self) -> tuple[tuple[int, int, int, float], ...]:
+    def outline(self) -> tuple[tuple[int, int, int, float], ...]:
         """What changes when more is found: tag, turn, pulses and bearing of each.
 
         Of strengths the number of places and, to a decibel, their sum.

@@ -1,7 +1,7 @@
 """Where in a flight the drone turned in place: the rotations that bearings come from.
 
-Nobody marks them: they are found in the poses, whichever way round, with pauses, at 8 or 16
-stops or without any.
+They are found in the poses, whichever way round, with pauses, at 8 or 16 stops or without
+any.
 """
 
 from dataclasses import dataclass
@@ -24,6 +24,11 @@ _WALK_M = 3.0
 """A place that has moved by this much in the window before and in the one after is left …"""
 _WAY_M = 7.5
 """… where the whole way is this long: half the radius within which a turn stays."""
+_SPOT_M = 10.0
+"""Within this of where it began, a turn by `_SPOT_DEG` is drift, and no way: a whole turn that
+stays within its radius turns by as much in 7.5 m."""
+_SPOT_DEG = 90.0
+_SPOT_STEP_DEG = 10.0
 _REVERSAL_DEG = 25.0
 """Yaw that has gone back by less is hovering or overshoot, not the other way round."""
 _STILL_DEG = 4.0
@@ -35,7 +40,7 @@ _LEAST_RATE_DEG_S = 0.5
 _SHARE_OF_RATE = 0.1
 """… as does one that changes by less than this share of the turn's own rate."""
 _RATE_WINDOW_S = 4.0
-"""Over which a compass that errs by 0.5° tells rates to 0.15°/s."""
+"""Over which a compass that errs by 0.5° gives rates to 0.15°/s."""
 _CLIMB_M_S = 0.4
 CLIMB_M = 4.0
 """A climb or descent is this high at the least; a gust does less."""
@@ -118,7 +123,7 @@ def find_turns(
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     hovering = _speed(seconds, east, north) < speed_m_s
-    hovering &= ~_walking(seconds, east, north)
+    hovering &= ~_walking(seconds, east, north, np.unwrap(yaw_deg, period=360.0), hovering)
     if height_m is not None:
         hovering &= _in_flight(east, north, height_m) & ~_climbing(seconds, height_m)
     if on_ground is not None and not np.all(on_ground):
@@ -164,8 +169,10 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
     return np.asarray(moved / np.maximum(seconds[after] - seconds[before], 1e-3))
 
 
-def _walking(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Where the place changes for good, however slowly: a walk between two turns."""
+def _walking(
+    seconds: _Floats, east: _Floats, north: _Floats, yaw: _Floats, slow: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Where the place changes for good, however slowly, and the heading does not turn."""
     before = np.searchsorted(seconds, seconds - _WALK_WINDOW_S)
     after = np.searchsorted(seconds, seconds + _WALK_WINDOW_S, side="right") - 1
 
@@ -173,10 +180,30 @@ def _walking(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool
         return np.asarray(np.hypot(east - east[other], north - north[other]))
 
     walking = np.minimum(moved_m(before), moved_m(after)) >= _WALK_M
+    for first, last in _runs(slow):
+        if walking[first:last].any():
+            walking[first:last] &= ~_on_the_spot(*(x[first:last] for x in (yaw, east, north)))
     for first, last in _runs(walking):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
         walking[first:last] = way_m >= _WAY_M
     return walking
+
+
+def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
+    """Where the heading turns by `_SPOT_DEG` while the place stays within `_SPOT_M`."""
+    found = np.zeros(len(yaw), bool)
+    for start, stop in _legs(yaw):
+        way = np.sign(yaw[stop] - yaw[start])
+        turned = np.maximum.accumulate(way * (yaw[start : stop + 1] - yaw[start]))
+        last_deg = turned[-1] - _SPOT_DEG
+        for from_deg in (*np.arange(0.0, last_deg, _SPOT_STEP_DEG), last_deg):
+            if from_deg < 0.0:
+                break
+            first = start + int(np.searchsorted(turned, from_deg, side="right")) - 1
+            last = start + int(np.searchsorted(turned, from_deg + _SPOT_DEG)) + 1
+            away_m = np.hypot(east[first:last] - east[first], north[first:last] - north[first])
+            found[first:last] |= away_m.max() <= _SPOT_M
+    return found
 
 
 def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -283,7 +310,7 @@ def _turning(seconds: _Floats, yaw: _Floats) -> NDArray[np.bool_]:
 
 
 def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
-    """Where the drone is off the ground; everywhere when it never was, or nobody knows."""
+    """Where the drone is off the ground; everywhere without heights, or when it never was."""
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)

@@ -30,6 +30,8 @@ is narrower than its cell is not yet seen whole."""
 _ROUGH_NATS = 1.0
 _ADDED_NATS = 0.1
 """A cell to which another likelihood adds that much may be rough again."""
+_OVERLOOKED_NATS = 7.0
+"""A corner of a wide cell that is less likely by no more is a peak that may be overlooked."""
 _EDGE_SHARE = 0.005
 """Outermost cells that hold more say that the area cuts the probability."""
 _LEAST_WIDTH_M = 0.1
@@ -240,6 +242,8 @@ def _quartered(
         split &= width > _LEAST_WIDTH_M
         if within is not None:
             split |= (width > shows_m) & within.touches(east, north, 0.5 * width)
+        if within is not None and not split.any():
+            split = _overlooked(log_likelihood, east, north, width, density, shows_m, within)
         if not split.any():
             break
         quarter = 0.25 * width[split]
@@ -268,6 +272,27 @@ def _quartered(
         at_edge=at_edge,
         rough=rough,
     )
+
+
+def _overlooked(
+    log_likelihood: LogLikelihood,
+    east: _Floats,
+    north: _Floats,
+    width: _Floats,
+    density: _Floats,
+    shows_m: float,
+    within: Area,
+) -> NDArray[np.bool_]:
+    """Which of the widest cells within an area have a likely corner, and must be quartered."""
+    found = np.zeros(len(east), bool)
+    half = 0.5 * width
+    wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
+    corner_e, corner_n = east[wide] + half[wide], north[wide] + half[wide]
+    likely = log_likelihood(corner_e, corner_n, width[wide]) > density.max() - _OVERLOOKED_NATS
+    for x, y in zip(corner_e[likely], corner_n[likely], strict=True):
+        reach = 1.01 * half[wide]
+        found[wide] |= (np.abs(east[wide] - x) < reach) & (np.abs(north[wide] - y) < reach)
+    return found
 
 
 def most_probable(cells: Cells, log_likelihood: LogLikelihood) -> tuple[float, float]:

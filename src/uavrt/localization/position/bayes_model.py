@@ -80,7 +80,7 @@ class Model:
             )
         self.track = None if powers is None else _power_evidence(powers, self, known)
         self._near_track = _prior_near_track(
-            self._surveyed, sum(_length_m(*one) for one in self.tracks)
+            self._surveyed, sum(_length_m(*one) for one in self.tracks), self._height_m
         )
 
     def _hills_around(self) -> HillLosses | None:
@@ -250,20 +250,21 @@ def _prior_of_distance(around: Area, east_m: _Floats, north_m: _Floats) -> _Floa
     return np.asarray(-2.0 * np.log(np.maximum(distance, max(_NEAR_M, 0.5 * float(extent)))))
 
 
-def _prior_near_track(surveyed: Area, length_m: float) -> LogDensity:
+def _prior_near_track(surveyed: Area, length_m: float, height_m: float) -> LogDensity:
     """Log-prior of a power survey: it is flown where the tag is expected.
 
     Uniform inside the surveyed rectangle; outside, a factor e for each quarter of the lines'
     spacing, which is the rectangle over the track's length: a survey reaches half a spacing to
     both sides of its lines. Power alone hardly tells a tag beyond the outermost line from its
     mirror image. Where no area was flown over, as along a single line, it is a tenth of the
-    extent.
+    extent. From above, lines closer than the height see no farther down: it is a quarter of
+    the height at the least.
     """
     wide, high = surveyed.east_m - surveyed.west_m, surveyed.north_m - surveyed.south_m
     scale_m = 0.1 * max(wide, high)
     if min(wide, high) > 0.2 * max(wide, high):
         scale_m = min(scale_m, 0.25 * wide * high / max(length_m, 1.0))
-    scale_m = max(scale_m, 5.0)
+    scale_m = max(scale_m, 0.25 * height_m, 5.0)
 
     def log_density(east_m: _Floats, north_m: _Floats) -> _Floats:
         outside = np.hypot(

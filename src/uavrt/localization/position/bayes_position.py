@@ -110,7 +110,7 @@ def bayes_position(
         + (() if model.track is None else cautions_of_survey(model.track))
         + _cautions_of_ground(known),
         foreign_pulses=0 if model.track is None else model.track.foreign,
-        listeners=tuple(one.told for one in model.listeners),
+        listeners=tuple(one.outcome for one in model.listeners),
     )
     return position if follow == "never" else followed(position, model, follow)
 

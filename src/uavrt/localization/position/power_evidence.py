@@ -59,7 +59,7 @@ class PowerTrack:
     time_s: _Floats | None = None
     """(n,) from any origin, in order; None takes it that the tag rests."""
     origin_ns: int = 0
-    """UTC at a `time_s` of 0; 0 where nobody knows."""
+    """UTC at a `time_s` of 0; 0 where unknown."""
 
     def chosen(self, kept: NDArray[np.bool_]) -> "PowerTrack":
         """Some of the pulses."""

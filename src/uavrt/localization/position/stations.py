@@ -27,7 +27,7 @@ class Stations:
     """(n, 360) probability of whole degrees; goes before `sigma_deg`."""
     level_db: _Floats | None = None
     """(n,) SNR on boresight, NaN where unknown, as for a bearing noted by hand: its differences
-    tell of the distance, to the method ``bayes``."""
+    show the distance, to the method ``bayes``."""
     level_sigma_db: _Floats | None = None
     """(n,) errors of the levels; 0 when None."""
     height_m: _Floats | None = None
@@ -37,7 +37,7 @@ class Stations:
     time_s: _Floats | None = None
     """(n,) when each was taken, from any origin; None takes it that the tag rests."""
     origin_ns: int = 0
-    """UTC at a `time_s` of 0; 0 where nobody knows."""
+    """UTC at a `time_s` of 0; 0 where unknown."""
     listeners: tuple[Strengths, ...] = ()
     """What receivers that never turned heard of the tag, to the method ``bayes``."""
 

@@ -22,6 +22,9 @@ OWN_GAINS_DB = ((0.7, 6.0), (0.3, 20.0))
 cable makes some decibels. An antenna 6 m over the ground hears a far tag 20 dB weaker than one
 at 60 m (two rays: 20 log of the heights' ratio), and one behind a hut weaker still."""
 
+UNKNOWN_GAIN_DB = 100.0
+"""Standard deviation of what the gain of one of several receivers that turn adds: not known."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Strengths:
@@ -46,11 +49,11 @@ class Strengths:
     """Why nothing of it can be used."""
 
     def because(self, reason: str) -> str:
-        """Tell that it is not used, and why."""
+        """State that it is not used, and why."""
         return f"{self.listener}: its strengths ({self.pulses} pulses) are not used: {reason}"
 
     @property
-    def told(self) -> str:
+    def outcome(self) -> str:
         """What became of it, for the operator."""
         if self.unused is not None:
             return self.because(self.unused)
@@ -68,15 +71,17 @@ class Levels:
     level_db: _Floats
     sigma_db: _Floats
     group: NDArray[np.int64]
-    """(n,) number of the receiver, whose error all its levels share; -1 of bearings of one."""
+    """(n,) number of the receiver, whose error all its levels share: those of listeners first,
+    then those of several that turn; -1 where only one turns."""
 
 
 class JoinedLevels:
     """Log-likelihood of places, given levels of bearings and of receivers that never turned.
 
     Level i is P - 10 n log10(r_i / 100 m) + the gain towards the tag + what its receiver adds
-    + a normal error. P has a flat prior and n a normal one, as in `LevelEvidence`; what a
-    receiver adds is normal, of one of two widths. All integrate out in closed form.
+    + a normal error. P has a flat prior and n a normal one, as in `LevelEvidence`. What a
+    listener adds is normal, of one of two widths; what each of several receivers that turn adds
+    is unknown. All integrate out in closed form.
 
     Parameters
     ----------
@@ -94,10 +99,11 @@ class JoinedLevels:
         self._levels, self._listeners, self._known = levels, listeners, propagation
         own = np.diag(levels.sigma_db**2 + propagation.shadowing_db**2)
         same = (levels.group[:, None] == levels.group) & (levels.group[:, None] >= 0)
+        turns = levels.group >= len(listeners)
         self._mixed = [
             (np.log(share), np.linalg.inv(covariance), float(np.linalg.slogdet(covariance)[1]))
             for share, gain_db in OWN_GAINS_DB
-            for covariance in [own + same * gain_db**2]
+            for covariance in [own + same * np.where(turns, UNKNOWN_GAIN_DB, gain_db) ** 2]
         ]
 
     def log_likelihood(self, east_m: _Floats, north_m: _Floats) -> _Floats:

@@ -37,8 +37,9 @@ _TOLD_M = 6.0
 _NODES = np.array([-1.5, 0.0, 1.5])
 """Standard deviations about the mean at which a height is weighed with each place …"""
 _LEAST_SIGMA_M = 1.5
-_LEAST_BEND, _FARTHEST = 0.05, 2.0
-"""… by the parabola through them, no flatter, and its peak no farther from the middle one."""
+_LEAST_BEND = 0.05
+"""… by the parabola through them, no flatter, and its peak between them: farther out it
+promises more than any height gives, at places where the lowest fits best."""
 FOREIGN_SHARE = 0.02
 """Of the pulses, beforehand; each as probable at any strength within 60 dB."""
 _ANY_DB = 60.0
@@ -57,6 +58,9 @@ _LEAST_PULSES = 20
 _HEARD_SHARE = 0.95
 """Heights are weighed where fewer pulses than the rest were missed."""
 _COARSE, _FINE = 14, 9
+_ROUGH_PLACES, _ROUGH_FINE, _ROUGH_PULSES = 2, 7, 400
+"""Cells, not neighbours, of a grid twice as fine that are refined, with some of the pulses. A
+peak may be narrower than a cell, and the likeliest cell that of a mirror image."""
 _MARGIN_M = 60.0
 _RIVALS_REACH, _RIVALS_CELLS = 1.75, 15
 """How far around the rough place the tag may be, in its grid's steps: a mirror image is at most
@@ -187,23 +191,16 @@ class SurveyEvidence:
 
     def _lasting(self) -> float:
         """Correlation of neighbouring pulses' fading, where pulses were missed."""
-        north, east = (one.ravel() for one in np.meshgrid(*reversed(self._coarsely())))
+        north, east = (one.ravel() for one in np.meshgrid(*reversed(self._coarsely(_COARSE))))
         return self._evidence(0.0).correlation_at_best(east, north)
 
-    def _coarsely(self) -> tuple[_Floats, _Floats]:
+    def _coarsely(self, count: int) -> tuple[_Floats, _Floats]:
         """East and north of a coarse grid over the survey."""
-        return (
-            np.linspace(
-                float(self._east_m.min()) - _MARGIN_M,
-                float(self._east_m.max()) + _MARGIN_M,
-                _COARSE,
-            ),
-            np.linspace(
-                float(self._north_m.min()) - _MARGIN_M,
-                float(self._north_m.max()) + _MARGIN_M,
-                _COARSE,
-            ),
+        east, north = (
+            np.linspace(float(axis.min()) - _MARGIN_M, float(axis.max()) + _MARGIN_M, count)
+            for axis in (self._east_m, self._north_m)
         )
+        return east, north
 
     def _shifts(self) -> tuple[float, ...]:
         """Heights to weigh, none of them under the ground."""
@@ -213,18 +210,26 @@ class SurveyEvidence:
         return tuple(one for one in _SHIFTS_M if one > -lowest)
 
     def _roughly(self, heard: NDArray[np.bool_]) -> tuple[tuple[float, float], float, float]:
-        """Place, its grid's step, and height shift of the best robust fit."""
-        east, north = self._coarsely()
+        """Place, how far around it the tag may be, and height shift of the best robust fit."""
+        some = np.zeros(len(heard), bool)
+        pulses = np.flatnonzero(heard)
+        some[pulses[:: -(-len(pulses) // _ROUGH_PULSES)]] = True
+        east, north = self._coarsely(2 * _COARSE)
         step = max(float(east[1] - east[0]), float(north[1] - north[0]))
-        place = self._best_of(east, north, heard, 0.0)[1]
+        y, x = (one.ravel() for one in np.meshgrid(north, east, indexing="ij"))
+        score = self._robust(x, y, some, 0.0)[2]
+        off = np.linspace(-step, step, _ROUGH_FINE)
+        shifts = self._shifts()[::2] if len(self._shifts()) > 1 else (0.0,)
         found = []
-        for shift_m in self._shifts()[::2] if len(self._shifts()) > 1 else (0.0,):
-            off = np.linspace(-step, step, _FINE)
-            found.append(
-                (*self._best_of(place[0] + off, place[1] + off, heard, shift_m), shift_m)
-            )
+        for _ in range(_ROUGH_PLACES):
+            top = int(np.argmax(score))
+            found += [
+                (*self._best_of(x[top] + off, y[top] + off, some, shift_m), shift_m)
+                for shift_m in shifts
+            ]
+            score[np.hypot(x - x[top], y - y[top]) < 1.5 * step] = -np.inf
         _, best, shift_m = max(found, key=lambda one: one[0])
-        return best, step, shift_m
+        return best, 2.0 * step, shift_m
 
     def _best_of(
         self, east: _Floats, north: _Floats, heard: NDArray[np.bool_], shift_m: float
@@ -419,7 +424,7 @@ def _over_heights(score: _Floats) -> _Floats:
     low, middle, high = score
     bend = np.maximum(middle - 0.5 * (low + high), _LEAST_BEND)
     slope = 0.5 * (high - low)
-    vertex = np.clip(0.5 * slope / bend, -_FARTHEST, _FARTHEST)
+    vertex = np.clip(0.5 * slope / bend, -1.0, 1.0)
     return np.asarray(middle + (slope - bend * vertex) * vertex - 0.5 * np.log(bend))
 
 

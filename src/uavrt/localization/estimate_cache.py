@@ -1,0 +1,104 @@
+"""Values that a caller keeps from one estimate to the next, by all that they were made of."""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+
+
+class Cache:
+    """Keeps what the last estimate was made of, for a caller that estimates repeatedly.
+
+    A value is made by a function of its inputs, and kept under both: no input can be missing
+    from its key.
+    """
+
+    def __init__(self) -> None:
+        self.more = False
+        """Whether the last estimate left something for the next one."""
+        self._before: dict[Hashable, Any] = {}
+        self._now: dict[Hashable, Any] = {}
+        self._left: dict[str, int] = {}
+        self._last: dict[Hashable, Any] = {}
+        self._made: dict[Hashable, int] = {}
+
+    def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
+        """Begin an estimate; what the last one did not use is dropped.
+
+        Parameters
+        ----------
+        at_once : mapping of str to int
+            How many of each kind are made at most; the others keep their last value, and those
+            that have waited longest come first the next time. A kind that is missing has no
+            limit.
+        """
+        self._before, self._now = self._now, {}
+        self._left, self.more = dict(at_once), False
+
+    def get(self, make: Callable[..., T], *inputs: object, **named: object) -> T:
+        """Get what a function has made of these inputs, or make it."""
+        return self._get(_key(make, inputs, named), make, inputs, named)
+
+    def latest(
+        self, kind: str, subject: Hashable, make: Callable[..., T], *inputs: object
+    ) -> T | None:
+        """Get or make the value of a kind and a subject from its present inputs.
+
+        Where no more are made in this estimate, the subject's last value; None if unknown.
+        """
+        key = _key(make, inputs, {})
+        if key not in self._now and key not in self._before:
+            if self._left.get(kind, 1) <= 0:
+                self.more = True
+                last: T | None = self._last.get((kind, subject))
+                return last
+            if kind in self._left:
+                self._left[kind] -= 1
+            self._made[kind, subject] = max(self._made.values(), default=0) + 1
+        found = self._last[kind, subject] = self._get(key, make, inputs, {})
+        return found
+
+    def waiting(self, kind: str, subjects: Sequence[Hashable]) -> list[int]:
+        """Numbers of subjects, those first whose value was made longest ago."""
+        made = [self._made.get((kind, one), 0) for one in subjects]
+        return sorted(range(len(subjects)), key=made.__getitem__)
+
+    def _get(
+        self,
+        key: Hashable,
+        make: Callable[..., T],
+        inputs: tuple[object, ...],
+        named: Mapping[str, object],
+    ) -> T:
+        if key not in self._now:
+            found = self._before[key] if key in self._before else make(*inputs, **named)
+            self._now[key] = found
+        kept: T = self._now[key]
+        return kept
+
+
+def _key(
+    make: Callable[..., object], inputs: tuple[object, ...], named: Mapping[str, object]
+) -> Hashable:
+    return make, _content(inputs), _content(named)
+
+
+def _content(value: object) -> Hashable:
+    """Everything that a value holds, the same for two that hold the same."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.char, value.shape, value.tobytes()
+    if isinstance(value, Mapping):
+        return tuple((key, _content(one)) for key, one in value.items())
+    if isinstance(value, tuple | list):
+        return tuple(map(_content, value))
+    if is_dataclass(value) and type(value).__eq__ is object.__eq__:  # of arrays
+        held = (_content(getattr(value, one.name)) for one in fields(value))
+        return type(value), *held
+    if isinstance(value, float) and value != value:
+        return "not a number"
+    assert isinstance(value, Hashable)
+    return value
