@@ -34,7 +34,7 @@ from uavrt.guidance.observed import (
     SticksSeen,
     TargetSeen,
 )
-from uavrt.guidance.orders import OFFER_HOLDS_S, VehicleNow
+from uavrt.guidance.orders import OFFER_HOLDS_S
 from uavrt.guidance.progress import (
     ARRIVED_M,
     AT_HEIGHT_M,
@@ -49,7 +49,7 @@ from uavrt.guidance.progress import (
 from uavrt.guidance.stopping import stops_within_m
 from uavrt.guidance.wishes import VehicleCommand
 from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw, YawWatch
-from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, VehicleSeen, Wish
 from uavrt.units import wrap_degrees_180, wrap_degrees_360
 
 BEGINS_WITHIN_S = 10.0
@@ -671,24 +671,22 @@ class Authority:
         watch = None if self._motion is None else self._motion.yaw
         return 0.0 if watch is None else watch.turned_deg
 
-    def vehicle_now(
+    def vehicle_seen(
         self,
-        now_s: float,
         *,
-        battery_percent: float | None,
-        wishes_sent: int,
-        wishes_refused: int,
-        ground_silent_s: float,
-    ) -> VehicleNow | None:
-        """What a pilot is to know; None without a position or a home."""
+        battery_percent: float | None = None,
+        wishes_sent: int = 0,
+        wishes_refused: int = 0,
+        ground_silent_s: float = 0.0,
+    ) -> VehicleSeen | None:
+        """What a pilot needs to know; None without a position or a home."""
         position, home = self._position, self._home
         if position is None or home is None:
             return None
         above = position.altitude_relative_m
         if self._order is not None:
             above = position.altitude_amsl_m - self._order.datum_m
-        return VehicleNow(
-            time_s=now_s,
+        return VehicleSeen(
             latitude_deg=position.latitude_deg,
             longitude_deg=position.longitude_deg,
             altitude_amsl_m=position.altitude_amsl_m,
@@ -697,8 +695,6 @@ class Authority:
             yaw_deg=position.yaw_deg,
             home=(home.latitude_deg, home.longitude_deg),
             battery_percent=battery_percent,
-            order_id=self.order_id,
-            began=self.standing is Standing.IN_COMMAND,
             obeyed=self.obeyed,
             wishes_sent=wishes_sent,
             wishes_refused=wishes_refused,

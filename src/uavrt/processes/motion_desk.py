@@ -6,7 +6,7 @@ Orders come sealed, but for a simulator that says that it is one, on this comput
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 from uavrt.clock import monotonic_s
@@ -17,7 +17,6 @@ from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Boot
-from uavrt.guidance.reports import with_place
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address
@@ -397,14 +396,8 @@ class MotionDesk:
     def _stand(self, authority: Authority, now_s: float) -> bool:
         if self._late_turns > 0:
             return False
-        now = authority.vehicle_now(
-            now_s,
-            battery_percent=None,
-            wishes_sent=0,
-            wishes_refused=0,
-            ground_silent_s=0.0,
-        )
-        if now is None or now.order_id is None:
+        now, order_id = authority.vehicle_seen(), authority.order_id
+        if now is None or order_id is None:
             return False
         height = max(now.altitude_relative_m, self._settings.lowest_m)
         here = FlyThere(
@@ -416,7 +409,7 @@ class MotionDesk:
                 min(height, self._settings.highest_m),
             ),
         )
-        return self._command(authority, now.order_id, here, now_s, stops=True)
+        return self._command(authority, order_id, here, now_s, stops=True)
 
     # ---------------------------------------------------------------- from the guide
 
@@ -617,14 +610,7 @@ class MotionDesk:
                 mode="",
             )
         battery = self._battery_percent
-        now = authority.vehicle_now(
-            now_s,
-            battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
-            wishes_sent=self._sent,
-            wishes_refused=self._refused,
-            ground_silent_s=self._ground_silent_s,
-        )
-        report = VehicleReport(
+        return VehicleReport(
             autopilot=self._kind,
             fault=self._fault(authority, now_s),
             takeoff_fault=self._fault(authority, now_s, takeoff=True),
@@ -632,10 +618,14 @@ class MotionDesk:
             reason=authority.reason,
             order_id=authority.order_id,
             mode=authority.mode_now,
+            seen=authority.vehicle_seen(
+                battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
+                wishes_sent=self._sent,
+                wishes_refused=self._refused,
+                ground_silent_s=self._ground_silent_s,
+            ),
+            wind_m_s=self._wind_m_s if now_s - self._wind_s <= WIND_AGE_S else None,
         )
-        if now_s - self._wind_s <= WIND_AGE_S:
-            report = replace(report, wind_m_s=self._wind_m_s)
-        return report if now is None else with_place(report, now)
 
     def _fault(
         self, authority: Authority, now_s: float, *, takeoff: bool = False

@@ -188,11 +188,15 @@ def _fence(scene: Scene, *, on: bool) -> None:
 
 
 def _battery(scene: Scene, *, empty: bool) -> None:
+    """Make the autopilot find its battery low.
+
+    The reported charge stays: uavrt itself returns in good time when that falls.
+    """
     hand = scene.hand
     if hand.flavour == "px4":
-        hand.set_parameter("SIM_BAT_MIN_PCT", 3.0 if empty else 99.0)
-        hand.set_parameter("SIM_BAT_DRAIN", 3.0 if empty else 60.0)
+        hand.set_parameter("BAT_CRIT_THR", 1.1 if empty else 0.07)
     else:
+        hand.set_parameter("BATT_LOW_TIMER", 1.0)
         hand.set_parameter("BATT_LOW_VOLT", 10.5)
         hand.set_parameter("BATT_FS_LOW_ACT", 2.0 if empty else 0.0)
         hand.set_parameter("SIM_BATT_VOLTAGE", 9.8 if empty else 12.6)
