@@ -14,6 +14,7 @@ from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
+from uavrt.guidance.wishes import CommandWriter
 from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
@@ -61,8 +62,7 @@ class Flown:
         self.flavour = flavour
         self.limits = limits or Limits(battery_wh=120.0)
         self.authority = Authority(
-            MANNERS[flavour],
-            farthest_m=self.limits.fence_m,
+            CommandWriter(manners=MANNERS[flavour], farthest_m=self.limits.fence_m),
             may_take_off=may_take_off,
             unwatched_channels=unwatched_channels,
         )

@@ -17,6 +17,7 @@ from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Boot
+from uavrt.guidance.wishes import CommandWriter
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address
@@ -217,18 +218,20 @@ class MotionDesk:
         if kind == self._kind:
             return
         self._kind = kind
+        if kind is None:
+            self._authority = None
+            return
         settings = self._settings
-        self._authority = (
-            None
-            if kind is None
-            else Authority(
-                MANNERS[kind],
-                lowest_m=settings.lowest_m,
-                highest_m=settings.highest_m,
-                farthest_m=settings.fence_m,
-                may_take_off=settings.may_take_off,
-                unwatched_channels=frozenset(settings.unwatched_channels),
-            )
+        writer = CommandWriter(
+            manners=MANNERS[kind],
+            lowest_m=settings.lowest_m,
+            highest_m=settings.highest_m,
+            farthest_m=settings.fence_m,
+        )
+        self._authority = Authority(
+            writer,
+            may_take_off=settings.may_take_off,
+            unwatched_channels=frozenset(settings.unwatched_channels),
         )
 
     # ----------------------------------------------------------------- from the ground

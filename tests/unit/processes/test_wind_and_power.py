@@ -97,7 +97,11 @@ def test_the_guide_learns_over_all_its_orders(clock_of_test: VirtualClock) -> No
     """Two minutes of reports of a drone that takes thrice what is believed."""
     hub = ready()
     offer = hub.ask("hold")
-    flying: dict[str, Any] = {"standing": "in command", "order_id": offer.order_id, "obeyed": True}
+    flying: dict[str, Any] = {
+        "standing": "in command",
+        "order_id": offer.order_id,
+        "obeyed": True,
+    }
     for second in range(120):
         clock_of_test.now_s += 1.0
         used = 100.0 * 1200.0 * second / 3600.0 / 120.0
