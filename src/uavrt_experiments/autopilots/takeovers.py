@@ -36,7 +36,7 @@ class Takeover:
     restarts: bool = False
     """The autopilot is started again afterwards."""
     real_only: bool = False
-    """uavrt's simulated autopilot does not read the message that takes over."""
+    """uavrt's simulated autopilot does not read the message or parameter that takes over."""
     sticks: bool = False
     """A remote control is switched on before."""
 
@@ -249,6 +249,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         act=lambda scene: _fence(scene, on=True),
         shows=_failing,
         undo=lambda scene: _fence(scene, on=False),
+        real_only=True,
     ),
     Takeover(
         name="battery",
@@ -256,6 +257,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         shows=_failing,
         undo=lambda scene: _battery(scene, empty=False),
         restarts=True,
+        real_only=True,
     ),
     Takeover(name="guide killed", act=_kill("guide")),
     Takeover(name="connection killed", act=_kill("connection")),

@@ -217,7 +217,7 @@ def test_what_uavrt_does_not_speak_is_framed_for_the_autopilots() -> None:
 
 
 def test_one_of_each_is_flown_before_others() -> None:
-    build = simulated_build("px4")
+    build = replace(simulated_build("px4"), simulated=False)
     flights = list(planned([build], Asked(surveys=3, takeoffs=2, searches=1, phases=2)))
     assert len({one.name for one in flights}) == len(flights)
     first = flights[: len(ORDERS) + len(takeovers_of("px4"))]
@@ -232,7 +232,7 @@ def test_the_simulated_autopilot_is_not_asked_for_takeovers_that_it_cannot_read(
         {one.takeover.name for one in planned([build], Asked(phases=1)) if one.takeover}
         for build in (replace(simulated, simulated=False), simulated)
     ]
-    assert names[0] - names[1] == {"velocity", "stick"}
+    assert names[0] - names[1] == {"velocity", "stick", "fence", "battery"}
 
 
 def test_a_part_of_a_name_chooses_flights() -> None:
