@@ -436,7 +436,8 @@ class Authority:
         if motion is not None and not motion.obeyed:
             raise CommandRefused("the command before is not yet seen to be obeyed")
         if motion is not None and not stops:
-            brakes = not isinstance(wish, GoHome) and motion.progress.brakes(now_s)
+            brakes = motion.arrives or motion.progress.brakes(now_s)
+            brakes &= not isinstance(wish, GoHome)
             if brakes or motion.progress.stands(now_s, SLOW_S):
                 raise CommandRefused("the drone comes no nearer to its target")
         if not first and not order.takeoff and self._target_age_s(now_s) > TARGET_AGE_S:

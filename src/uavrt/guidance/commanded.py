@@ -67,6 +67,10 @@ class Commanded:
     top_m: float = field(init=False)
     """Greatest altitude so far, of a take-off."""
     obeyed: bool = field(init=False, default=False)
+    settled: bool = field(init=False, default=False)
+    """It was at its target once."""
+    arrives: bool = field(init=False, default=False)
+    """It is about to settle: a pause would keep it so, and no message would show it."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -254,7 +258,10 @@ class Commanded:
         stops = [one * seen.speed_m_s / (2.0 * BRAKES_M_S2) for one in seen.velocity_m_s[:2]]
         along = radians(bearing)
         soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
-        place = Left(now=left, soon=soon, least=NEARER_M, tolerance=ARRIVED_M)
+        self.settled |= left <= self.manners.settles_m
+        self.arrives = not self.settled and left <= ARRIVED_M
+        near = ARRIVED_M if self.settled else self.manners.settles_m
+        place = Left(now=left, soon=soon, least=NEARER_M, tolerance=near)
         up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)
         if seen.yaw_deg is None:
             return place, up

@@ -58,7 +58,8 @@ STANDS_WITHIN_S = 1.5
 """After this a stop is one without the command to stand."""
 GAP_S, LATE_S = 1.0, 0.2
 """Between two turns of the process, which come every 50 ms: beyond the first it is out, beyond
-the second what the autopilot said meanwhile is read before a command is sent."""
+the second what the autopilot said meanwhile is read before a command is sent, and before it
+counts as silent."""
 LATE_TURNS = 2
 """So many turns later it is read: the hub and the link wait for one turn together, in whatever
 order they are served, and whatever comes from the hub first."""
@@ -160,6 +161,8 @@ class MotionDesk:
         self._said = ""
         self._awake_s = monotonic_s()
         self._late_turns = 0
+        self._rules_by_s = 0.0
+        """From then on silence counts, however seldom this process has a turn."""
         self._stop_by_s = 0.0
         self._silent_s: Mapping[Asker, float] = {}
         self._teller: tuple[Asker | None, float] = (None, -inf)
@@ -514,7 +517,8 @@ class MotionDesk:
             self._late_turns = max(0, self._late_turns - 1)
         self._silent_s = silent_s
         if self._authority is not None:
-            self._authority.tick(now_s)
+            if not self._late_turns or now_s >= self._rules_by_s:
+                self._authority.tick(now_s)
             if self._stop_by_s:
                 self._go_on_stopping(self._authority, now_s)
             self._watch(now_s)
@@ -533,6 +537,8 @@ class MotionDesk:
         """Give up control after this process stalled: what it hears now may be old."""
         gap_s, self._awake_s = now_s - self._awake_s, now_s
         if gap_s > LATE_S:
+            if not self._late_turns:
+                self._rules_by_s = now_s + GAP_S
             self._late_turns = LATE_TURNS
         if gap_s > GAP_S and self._authority is not None:
             self._authority.stop(now_s, f"the drone side stood still for {gap_s:.0f} s")
