@@ -154,14 +154,8 @@ class _Order:
 class Authority:
     """The last word on commands to one vehicle.
 
-    Parameters
-    ----------
-    writer : CommandWriter
-        For its autopilot.
-    may_take_off : bool
-        Whether a take-off may be confirmed at all.
-    unwatched_channels : frozenset of int
-        Channels of the remote control that no hand moves.
+    It confirms a take-off only with `may_take_off`, and ignores `unwatched_channels` of the
+    remote control, which no hand moves.
     """
 
     def __init__(
@@ -257,13 +251,7 @@ class Authority:
     ) -> None:
         """Accept the operator's confirmation of the offered order.
 
-        Parameters
-        ----------
-        order_id, nonce : int
-            Those of the offer.
-        now_s : float
-        sticks_unseen : bool
-            The operator knows that no hand on the sticks would be seen.
+        With `sticks_unseen` the operator knows that no hand on the sticks would be seen.
 
         Raises
         ------
@@ -404,15 +392,8 @@ class Authority:
     ) -> VehicleCommand:
         """Turn a wish into the command to be sent now, once.
 
-        Parameters
-        ----------
-        order_id : int
-            Whose wish it is.
-        wish : Wish
-        now_s : float
-        stops : bool
-            It makes the drone stand, in the mode it is in: it may be the first command of an
-            order, while the one before is still flown, and never changes the mode.
+        One that `stops` the drone, in the mode it is in, may be the first command of an order
+        while the one before is still flown, and never changes the mode.
 
         Raises
         ------
