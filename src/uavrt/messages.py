@@ -712,6 +712,27 @@ class MotionOffer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSeen:
+    """What the autopilot reports of the vehicle, and how our commands to it go."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    altitude_relative_m: float
+    speed_m_s: float
+    yaw_deg: float | None
+    home: tuple[float, float]
+    """Latitude and longitude [deg]."""
+    battery_percent: float | None
+    obeyed: bool
+    """The last command is seen to be obeyed."""
+    wishes_sent: int
+    wishes_refused: int
+    turned_deg: float
+    ground_silent_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleReport:
     """The vehicle and our say over it, ten times a second."""
 
@@ -727,19 +748,8 @@ class VehicleReport:
     """Why it is out."""
     order_id: int | None
     mode: str
-    latitude_deg: float | None = None
-    longitude_deg: float | None = None
-    altitude_amsl_m: float | None = None
-    altitude_relative_m: float | None = None
-    speed_m_s: float = 0.0
-    yaw_deg: float | None = None
-    home: tuple[float, float] | None = None
-    battery_percent: float | None = None
-    obeyed: bool = False
-    wishes_sent: int = 0
-    wishes_refused: int = 0
-    turned_deg: float = 0.0
-    ground_silent_s: float = 0.0
+    seen: VehicleSeen | None = None
+    """None: its position or home is not known."""
     wind_m_s: tuple[float, float] | None = None
     """Where the air goes, east and north, by the autopilot; None: it tells of none."""
 

@@ -20,6 +20,7 @@ from uavrt.guidance.observed import (
     PositionSeen,
     TargetSeen,
 )
+from uavrt.guidance.wishes import CommandWriter
 from uavrt.messages import FlyThere, GoHome
 from uavrt.simulation.flying import MODES, Flavour
 
@@ -56,8 +57,8 @@ KEYS = Keys(
         # The initial state of an order matters until its first command is obeyed.
         **dict.fromkeys(("_Order.confirmed_s", "_Order.rest"), _begun),
         "_Order.mode": lambda order: order.motion is not None and order.own_mode_seen,
-        "_Motion.before": lambda motion: motion.obeyed,
-        "_Motion.start": None,
+        "Commanded.before": lambda motion: motion.obeyed,
+        "Commanded.start": None,
     },
     {
         "": 4.0,
@@ -113,7 +114,7 @@ class World:
         return self.mode == MODES[self.flavour]["hold"]
 
     def restart(self) -> None:
-        self.authority = Authority(MANNERS[self.flavour])
+        self.authority = Authority(CommandWriter(manners=MANNERS[self.flavour]))
         self.confirmed = self.offered = self.stopped_s = None
         self.used.clear()
 

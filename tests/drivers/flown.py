@@ -3,7 +3,6 @@
 import math
 import random
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from typing import Any
 
 import made
@@ -15,6 +14,7 @@ from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
+from uavrt.guidance.wishes import CommandWriter
 from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
@@ -62,8 +62,7 @@ class Flown:
         self.flavour = flavour
         self.limits = limits or Limits(battery_wh=120.0)
         self.authority = Authority(
-            MANNERS[flavour],
-            farthest_m=self.limits.fence_m,
+            CommandWriter(manners=MANNERS[flavour], farthest_m=self.limits.fence_m),
             may_take_off=may_take_off,
             unwatched_channels=unwatched_channels,
         )
@@ -152,14 +151,22 @@ class Flown:
 
     def now(self) -> VehicleNow | None:
         """As the guide sees it; the battery in whole percents, as SYS_STATUS tells it."""
-        now = self.authority.vehicle_now(
-            self.time_s,
+        seen = self.authority.vehicle_seen(
             battery_percent=round(self.vehicle.battery_percent) if self.status_told else None,
             wishes_sent=self.sent,
             wishes_refused=self.refused,
             ground_silent_s=self.ground_silent_s,
         )
-        return None if now is None else self.lessons.taught(replace(now, wind=self.wind))
+        if seen is None:
+            return None
+        now = VehicleNow.of(
+            seen,
+            time_s=self.time_s,
+            order_id=self.authority.order_id,
+            began=self.authority.standing is Standing.IN_COMMAND,
+            wind=self.wind,
+        )
+        return self.lessons.taught(now)
 
     def order(self, action: Any, **values: Any) -> Pilot:
         """Ask for a motion and confirm it."""

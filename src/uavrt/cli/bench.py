@@ -60,8 +60,8 @@ class _Ear:
         match record:
             case SystemStatus():
                 self._status = record
-            case VehicleReport():
-                self._battery_percent = record.battery_percent
+            case VehicleReport(seen=seen):
+                self._battery_percent = None if seen is None else seen.battery_percent
 
     def is_content(self) -> bool:
         """Whether all is in order; while nothing is searched for it is not."""

@@ -14,13 +14,20 @@ was on its way from a planner when a pilot took over is refused here.
 from collections import Counter
 from dataclasses import dataclass
 from enum import StrEnum
-from math import atan2, cos, degrees, hypot, inf, isfinite, nan, radians, sin
+from math import inf
 
 from uavrt.errors import CommandRefused
-from uavrt.geodesy import distance_m
+from uavrt.guidance.commanded import (
+    ASTRAY_M,
+    AT_TOP_M,
+    HEIGHT_OFF_M,
+    OTHERS_TARGET,
+    TARGET_YAW_DEG,
+    YAW_DEG,
+    Commanded,
+)
 from uavrt.guidance.hands import SwitchWatch, sticks_moved, switched
 from uavrt.guidance.lateness import Lateness
-from uavrt.guidance.manners import Manners
 from uavrt.guidance.observed import (
     Boot,
     BootTimeSeen,
@@ -33,24 +40,16 @@ from uavrt.guidance.observed import (
     PositionSeen,
     SticksSeen,
     TargetSeen,
+    between_m,
+    same_place,
 )
-from uavrt.guidance.orders import OFFER_HOLDS_S, VehicleNow
-from uavrt.guidance.progress import (
-    ARRIVED_M,
-    AT_HEIGHT_M,
-    HIGHER_M,
-    LOOKS_DEG,
-    NEARER_M,
-    SLOW_S,
-    TURNED_DEG,
-    Left,
-    Progress,
-)
+from uavrt.guidance.orders import OFFER_HOLDS_S
+from uavrt.guidance.progress import SLOW_S
 from uavrt.guidance.stopping import stops_within_m
-from uavrt.guidance.wishes import VehicleCommand
-from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw, YawWatch
-from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
-from uavrt.units import wrap_degrees_180, wrap_degrees_360
+from uavrt.guidance.wishes import CommandWriter, VehicleCommand
+from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw
+from uavrt.messages import GoHome, TakeMode, TakeOff, VehicleSeen, Wish
+from uavrt.units import wrap_degrees_180
 
 BEGINS_WITHIN_S = 10.0
 """From the confirmation to the first command."""
@@ -66,31 +65,16 @@ HEARTBEAT_LOST_S = 5.0
 TARGET_AGE_S = 0.3
 """Older, and no further command is sent: another's target would not have been seen."""
 PLANNER_LOST_S = 2.0
-OBEYED_WITHIN_S = 3.0
-CHANGES_WITHIN_S = 0.5
-"""The autopilots show a new target after 0.05 to 0.09 s; until then the one before is right."""
 MODE_CHANGES_WITHIN_S = 1.5
-"""The same for the mode, which PX4 tells at 2 Hz."""
-ASTRAY_M = 6.0
-"""Farther from the target than before, besides what it takes to brake."""
-HEIGHT_OFF_M = 5.0
+"""Until then the mode before a command is right; PX4 tells it at 2 Hz."""
 HEIGHT_JUMP_M = 5.0
 PLACE_JUMP_M = 30.0
 HOME_MOVED_M = 2.0
 """From where it was at the confirmation; the same for jumps of the altitude, in all."""
-YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
-BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
-"""Weakest braking of a flight and of a turn."""
-SLOW_M_S = 1.5
-"""A drone that is not near its target is not slower, but at the start of a step."""
-LOOKS_ABOUT_DEG = 15.0
-"""So near to its bearing, a heading that changes shows gusts, and no turn before the flight."""
 FLYING_M = 2.0
 """Above home: lower than this it stands on the ground, where the autopilot does not tell."""
 LANDED_AGE_S = 3.0
-TAKES_OFF_WITHIN_S = 10.0
-RISEN_M, AT_TOP_M = 1.0, 3.0
-"""Of a take-off: obeyed; as good as there."""
+WHEN_YOURS = "A pilot flies it; ask again once it is yours"
 
 
 class Standing(StrEnum):
@@ -135,30 +119,6 @@ class Offer:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Motion:
-    """What was asked for last, and how it goes."""
-
-    wish: Wish
-    sent_s: float
-    first: bool
-    before: TargetSeen | None
-    """Target of the time before the command."""
-    left_m: float
-    """Least distance to the target so far."""
-    slack_m: float
-    lowest_m: float
-    highest_m: float
-    yaw: YawWatch | None
-    target_yaw: YawWatch | None = None
-    progress: Progress
-    start: PositionSeen
-    """Where it was."""
-    top_m: float
-    """Greatest altitude so far, of a take-off."""
-    obeyed: bool = False
-
-
-@dataclass(slots=True, kw_only=True)
 class _Order:
     """What was confirmed, and how the vehicle was then."""
 
@@ -178,9 +138,9 @@ class _Order:
     """What was confirmed, if the vehicle stood in our own mode by nobody's order then."""
     still_ours: bool
     """Whether the vehicle flies to the target of the order before this one."""
-    flown: _Motion | None
+    flown: Commanded | None
     """Of that order, which the vehicle flies until the first command of this one."""
-    motion: _Motion | None = None
+    motion: Commanded | None = None
     own_mode_seen: bool = False
     jumped_m: float = 0.0
     """By how much the altitude has jumped, against the height above home."""
@@ -194,32 +154,18 @@ class _Order:
 class Authority:
     """The last word on commands to one vehicle.
 
-    Parameters
-    ----------
-    manners : Manners
-        Of its autopilot.
-    lowest_m, highest_m : float
-        Heights above home beyond which nothing is commanded.
-    farthest_m : float
-        Likewise the distance from home.
-    may_take_off : bool
-        Whether a take-off may be confirmed at all.
-    unwatched_channels : frozenset of int
-        Channels of the remote control that no hand moves.
+    It confirms a take-off only with `may_take_off`, and ignores `unwatched_channels` of the
+    remote control, which no hand moves.
     """
 
     def __init__(
         self,
-        manners: Manners,
+        writer: CommandWriter,
         *,
-        lowest_m: float = 20.0,
-        highest_m: float = 120.0,
-        farthest_m: float = 1000.0,
         may_take_off: bool = False,
         unwatched_channels: frozenset[int] = frozenset(),
     ) -> None:
-        self.manners = manners
-        self._lowest_m, self._highest_m, self._farthest_m = lowest_m, highest_m, farthest_m
+        self._writer, self.manners = writer, writer.manners
         self._may_take_off, self._unwatched = may_take_off, unwatched_channels
         self.reason = "nothing was confirmed"
         """Why it is out."""
@@ -258,7 +204,7 @@ class Authority:
         return None if self._order is None else self._order.order_id
 
     @property
-    def _motion(self) -> _Motion | None:
+    def _motion(self) -> Commanded | None:
         return None if self._order is None else self._order.motion
 
     # --------------------------------------------------------------- the operator
@@ -305,13 +251,7 @@ class Authority:
     ) -> None:
         """Accept the operator's confirmation of the offered order.
 
-        Parameters
-        ----------
-        order_id, nonce : int
-            Those of the offer.
-        now_s : float
-        sticks_unseen : bool
-            The operator knows that no hand on the sticks would be seen.
+        With `sticks_unseen` the operator knows that no hand on the sticks would be seen.
 
         Raises
         ------
@@ -320,10 +260,7 @@ class Authority:
         """
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
-            raise CommandRefused(
-                self._withdrawn[1],
-                remedy="Ask anew once it is yours again",
-            )
+            raise CommandRefused(self._withdrawn[1], remedy=WHEN_YOURS)
         if offer is None or (offer.order_id, offer.nonce) != (order_id, nonce):
             raise CommandRefused(
                 "this order is not on offer", remedy="Ask for the motion again, then confirm"
@@ -365,23 +302,17 @@ class Authority:
 
     def _check_unchanged(self, offer: Offer, mode: ModeSeen) -> None:
         """Raise `CommandRefused` where another has the vehicle since the operator was asked."""
+        then, now, within_m = offer.target, self._target, self.manners.target_m
+        given = then is not None and now is not None and not same_place(then, now, within_m)
         if mode.mode != offer.mode:
-            raise CommandRefused(
-                f"the mode has changed to {self.manners.mode_name(mode.mode)}",
-                remedy="Whoever changed it flies; ask anew once it is yours again",
-            )
-        then, now = offer.target, self._target
-        given = then is not None and now is not None and not self._same(then, now)
-        if given or (offer.rests and then is None and _is_elsewhere(now, offer.place)):
-            raise CommandRefused(
-                "another has given a target since you were asked",
-                remedy="Whoever gave it flies; ask anew once it is yours again",
-            )
-        if offer.switches is not None and offer.switches.unsure:
-            raise CommandRefused(
-                "a switch of the remote control was moved just now",
-                remedy="Whoever moved it flies; ask anew once it is yours again",
-            )
+            what = f"the mode has changed to {self.manners.mode_name(mode.mode)}"
+        elif given or (offer.rests and then is None and _is_elsewhere(now, offer.place)):
+            what = "another has given a target since you were asked"
+        elif offer.switches is not None and offer.switches.unsure:
+            what = "a switch of the remote control was moved just now"
+        else:
+            return
+        raise CommandRefused(what, remedy=WHEN_YOURS)
 
     def _check_sticks(self, now_s: float) -> None:
         """Raise `CommandRefused` unless a hand on the sticks would be seen in time."""
@@ -461,15 +392,8 @@ class Authority:
     ) -> VehicleCommand:
         """Turn a wish into the command to be sent now, once.
 
-        Parameters
-        ----------
-        order_id : int
-            Whose wish it is.
-        wish : Wish
-        now_s : float
-        stops : bool
-            It makes the drone stand, in the mode it is in: it may be the first command of an
-            order, while the one before is still flown, and never changes the mode.
+        One that `stops` the drone, in the mode it is in, may be the first command of an order
+        while the one before is still flown, and never changes the mode.
 
         Raises
         ------
@@ -493,15 +417,27 @@ class Authority:
         if motion is not None and not motion.obeyed:
             raise CommandRefused("the command before is not yet seen to be obeyed")
         if motion is not None and not stops:
-            brakes = not isinstance(wish, GoHome) and motion.progress.brakes(now_s)
+            brakes = motion.arrives or motion.progress.brakes(now_s)
+            brakes &= not isinstance(wish, GoHome)
             if brakes or motion.progress.stands(now_s, SLOW_S):
                 raise CommandRefused("the drone comes no nearer to its target")
         if not first and not order.takeoff and self._target_age_s(now_s) > TARGET_AGE_S:
             raise CommandRefused(f"the target is older than {TARGET_AGE_S} s")
         if order.takeoff and not self.on_ground(now_s):
             raise CommandRefused("the vehicle is in the air already")
-        command = self._written(order, wish, first=first)
-        order.motion = self._begun(order, wish, position, now_s, first=first)
+        command = self._writer.command(
+            wish, first=first, datum_m=order.datum_m, home=self._home
+        )
+        order.motion = Commanded(
+            wish=wish,
+            manners=self.manners,
+            sent_s=now_s,
+            first=first,
+            before=self._target,
+            start=position,
+            turning_deg_s=self._turning_deg_s,
+            previous=motion,
+        )
         order.flown, order.still_ours = None, False
         self.counters["commands_sent"] += 1
         return command
@@ -521,120 +457,6 @@ class Authority:
         if order.switches is not None and order.switches.unsure:
             raise CommandRefused("a switch of the remote control was moved just now")
         return position
-
-    def _written(self, order: _Order, wish: Wish, *, first: bool) -> VehicleCommand:
-        match wish:
-            case FlyThere():
-                values = (wish.latitude_deg, wish.longitude_deg, wish.altitude_amsl_m)
-                on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
-                if not (on_globe and isfinite(wish.altitude_amsl_m)):
-                    raise CommandRefused(f"{values} is no place")
-                above = wish.altitude_amsl_m - order.datum_m
-                if not self._lowest_m - 0.5 <= above <= self._highest_m + 0.5:
-                    raise CommandRefused(f"{above:.0f} m above home is too low or too high")
-                home = self._home
-                if home is None or self._farthest_m < distance_m(
-                    wish.latitude_deg, wish.longitude_deg, home.latitude_deg, home.longitude_deg
-                ):
-                    raise CommandRefused(f"farther than {self._farthest_m:.0f} m from home")
-                yaw = nan
-                if wish.yaw_deg is not None and self.manners.yaw_in_reposition:
-                    yaw = radians(wrap_degrees_360(wish.yaw_deg))
-                return VehicleCommand(
-                    name="DO_REPOSITION",
-                    param1=-1.0,
-                    param2=1.0 if first else 0.0,
-                    param4=yaw,
-                    x=round(wish.latitude_deg * 1e7),
-                    y=round(wish.longitude_deg * 1e7),
-                    z_m=wish.altitude_amsl_m,
-                )
-            case TurnInPlace():
-                if first or self.manners.yaw_in_reposition:
-                    raise CommandRefused("this autopilot cannot turn so")
-                if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
-                    raise CommandRefused(f"{wish} is no turn")
-                return VehicleCommand(
-                    name="CONDITION_YAW",
-                    param1=abs(wish.turn_deg),
-                    param2=wish.rate_deg_s,
-                    param3=1.0 if wish.turn_deg > 0.0 else -1.0,
-                    param4=1.0,
-                )
-            case GoHome():
-                return VehicleCommand(name="NAV_RETURN_TO_LAUNCH")
-            case TakeMode():
-                if not (first and self.manners.own_mode_first):
-                    raise CommandRefused("this autopilot takes off out of any mode")
-                return VehicleCommand(
-                    name="DO_SET_MODE", param1=1.0, param2=float(self.manners.own_mode)
-                )
-            case TakeOff():
-                return self._written_takeoff(order, wish, first=first)
-
-    def _written_takeoff(self, order: _Order, wish: TakeOff, *, first: bool) -> VehicleCommand:
-        """PX4 takes an altitude above mean sea level, ArduPilot a height above home."""
-        above = wish.altitude_amsl_m - order.datum_m
-        if first == self.manners.own_mode_first:
-            raise CommandRefused("the mode for a take-off is not taken")
-        if not self._lowest_m - 0.5 <= above <= self._highest_m + 0.5:
-            raise CommandRefused(f"{above:.0f} m above home is too low or too high")
-        if not abs(above - wish.height_m) <= 1.0:
-            raise CommandRefused(f"{wish} is two heights")
-        if self.manners.own_mode_first:
-            return VehicleCommand(name="NAV_TAKEOFF", z_m=wish.height_m)
-        return VehicleCommand(
-            name="NAV_TAKEOFF",
-            param1=-1.0,
-            param4=nan,
-            param5=nan,
-            param6=nan,
-            z_m=wish.altitude_amsl_m,
-        )
-
-    def _begun(
-        self, order: _Order, wish: Wish, position: PositionSeen, now_s: float, *, first: bool
-    ) -> _Motion:
-        """The motion that must be observed from now on."""
-        before, left, yaw = order.motion, 0.0, None
-        heights = [position.altitude_amsl_m]
-        if isinstance(wish, FlyThere):
-            left = _distance_m(position, wish)
-            heights.append(wish.altitude_amsl_m)
-        elif isinstance(wish, TakeOff):
-            heights.append(wish.altitude_amsl_m)
-        elif before is not None and isinstance(wish, TurnInPlace):
-            heights += [before.lowest_m, before.highest_m]
-            left = before.left_m
-        if position.yaw_deg is not None and not isinstance(wish, GoHome):
-            yaw = YawWatch(
-                start_s=now_s,
-                yaw_deg=position.yaw_deg,
-                tolerance_deg=YAW_DEG,
-                wanted_deg=self._wanted_yaw_deg(wish),
-                turn_deg=wish.turn_deg if isinstance(wish, TurnInPlace) else None,
-                rate_deg_s=wish.rate_deg_s if isinstance(wish, TurnInPlace) else 0.0,
-                turning_deg_s=self._turning_deg_s,
-            )
-        return _Motion(
-            wish=wish,
-            sent_s=now_s,
-            first=first,
-            before=self._target,
-            left_m=left,
-            slack_m=ASTRAY_M + stops_within_m(position.speed_m_s),
-            lowest_m=min(heights),
-            highest_m=max(heights),
-            yaw=yaw,
-            progress=Progress(),
-            start=position,
-            top_m=position.altitude_amsl_m,
-        )
-
-    def _wanted_yaw_deg(self, wish: Wish) -> float | None:
-        """Heading that a command asks for, by an autopilot that takes one."""
-        takes = isinstance(wish, FlyThere) and self.manners.yaw_in_reposition
-        return wish.yaw_deg if isinstance(wish, FlyThere) and takes else None
 
     @property
     def mode_now(self) -> str:
@@ -659,36 +481,22 @@ class Authority:
         order = self._order
         return order is not None and (order.motion is not None or order.still_ours)
 
-    @property
-    def obeyed(self) -> bool:
-        """Whether the last command was seen to be obeyed; another may follow."""
-        motion = self._motion
-        return motion is not None and motion.obeyed
-
-    @property
-    def turned_deg(self) -> float:
-        """How far the turn in place is."""
-        watch = None if self._motion is None else self._motion.yaw
-        return 0.0 if watch is None else watch.turned_deg
-
-    def vehicle_now(
+    def vehicle_seen(
         self,
-        now_s: float,
         *,
-        battery_percent: float | None,
-        wishes_sent: int,
-        wishes_refused: int,
-        ground_silent_s: float,
-    ) -> VehicleNow | None:
-        """What a pilot is to know; None without a position or a home."""
-        position, home = self._position, self._home
+        battery_percent: float | None = None,
+        wishes_sent: int = 0,
+        wishes_refused: int = 0,
+        ground_silent_s: float = 0.0,
+    ) -> VehicleSeen | None:
+        """What a pilot needs to know; None without a position or a home."""
+        position, home, motion = self._position, self._home, self._motion
         if position is None or home is None:
             return None
         above = position.altitude_relative_m
         if self._order is not None:
             above = position.altitude_amsl_m - self._order.datum_m
-        return VehicleNow(
-            time_s=now_s,
+        return VehicleSeen(
             latitude_deg=position.latitude_deg,
             longitude_deg=position.longitude_deg,
             altitude_amsl_m=position.altitude_amsl_m,
@@ -697,14 +505,18 @@ class Authority:
             yaw_deg=position.yaw_deg,
             home=(home.latitude_deg, home.longitude_deg),
             battery_percent=battery_percent,
-            order_id=self.order_id,
-            began=self.standing is Standing.IN_COMMAND,
             obeyed=self.obeyed,
             wishes_sent=wishes_sent,
             wishes_refused=wishes_refused,
-            turned_deg=self.turned_deg,
+            turned_deg=0.0 if motion is None else motion.turned_deg,
             ground_silent_s=ground_silent_s,
         )
+
+    @property
+    def obeyed(self) -> bool:
+        """Whether the last command was seen to be obeyed; another may follow."""
+        motion = self._motion
+        return motion is not None and motion.obeyed
 
     # --------------------------------------------------------------- what is seen
 
@@ -755,24 +567,10 @@ class Authority:
         elif order.switches is not None and order.switches.sure(now_s) is not None:
             self._end(switched(order.switches.sure(now_s) or 0), now_s)
         elif order.motion is not None:
-            self._see_time(order, order.motion, now_s)
+            self._end_if(order.motion.overdue(now_s, self._target_age_s(now_s)), now_s)
         elif now_s - order.confirmed_s > BEGINS_WITHIN_S:
             late = "" if self.late is None else f": {self.late}"
             self._end(f"the order was not begun within 10 s{late}", now_s)
-
-    def _see_time(self, order: _Order, motion: _Motion, now_s: float) -> None:
-        longest_s = OBEYED_WITHIN_S
-        if isinstance(motion.wish, TakeOff):
-            longest_s = TAKES_OFF_WITHIN_S
-        target_lost_s = self.manners.target_lost_s
-        if not motion.obeyed and now_s - motion.sent_s > longest_s:
-            self._end("the command was not seen to be obeyed", now_s)
-        elif motion.obeyed and motion.progress.stands(now_s):
-            self._end("the drone has stopped on its way", now_s)
-        elif order.takeoff:
-            return  # ArduPilot tells no target then
-        elif motion.obeyed and self._target_age_s(now_s) > target_lost_s:
-            self._end("the target is not told any more", now_s)
 
     def _target_age_s(self, now_s: float) -> float:
         return inf if self._target is None else now_s - self._target.time_s
@@ -809,7 +607,7 @@ class Authority:
         elif order is not None and seen.mode != order.mode:
             self._end(self._mode_words(seen.mode), seen.time_s)
 
-    def _see_mode_in_command(self, order: _Order, motion: _Motion, seen: ModeSeen) -> None:
+    def _see_mode_in_command(self, order: _Order, motion: Commanded, seen: ModeSeen) -> None:
         own = self.manners.own_mode
         if isinstance(motion.wish, GoHome) and seen.mode in self.manners.return_modes:
             self._end("returning: the autopilot flies home", seen.time_s)
@@ -845,96 +643,18 @@ class Authority:
         order = self._order
         if order is None:
             return
+        watched = seen, self._position, self._target_turning_deg_s
         if order.motion is not None:
-            self._see_target_in_command(order.motion, seen)
+            self._end_if(order.motion.see_target(*watched), seen.time_s)
             return
-        if order.flown is not None and isinstance(order.flown.wish, FlyThere):
-            self._see_target_yaw(order.flown, seen)
+        if order.flown is not None:
+            self._end_if(order.flown.see_target_yaw(*watched), seen.time_s)
         # A vehicle in another mode follows the sticks with its target, or a mission.
         if order.mode == self.manners.own_mode:
-            changed = before is not None and not self._same(seen, before)
+            within_m = self.manners.target_m
+            changed = before is not None and not same_place(seen, before, within_m)
             if changed or (before is None and _is_elsewhere(seen, order.place)):
-                self._end("another has given a target", seen.time_s)
-
-    def _see_target_in_command(self, motion: _Motion, seen: TargetSeen) -> None:
-        place = motion.wish
-        if isinstance(place, GoHome):
-            return  # the mode tells
-        if isinstance(place, TakeMode | TakeOff):
-            self._see_target_of_takeoff(motion, seen)
-            return
-        if isinstance(place, TurnInPlace):
-            if motion.before is not None and not self._same(seen, motion.before):
-                self._end("another has given a target", seen.time_s)
-            else:
-                motion.obeyed |= self.turned_deg >= 10.0
-            return
-        if self._same(seen, _target_of(place)):
-            self._see_target_yaw(motion, seen)
-            # A turn keeps the place: there only the heading shows that it was obeyed.
-            watch = motion.target_yaw or motion.yaw
-            motion.obeyed |= watch is None or watch.begun
-            return
-        waits = not motion.obeyed and seen.time_s - motion.sent_s < CHANGES_WITHIN_S
-        if waits and self._may_be_before(motion, seen):
-            return
-        self._end("another has given a target", seen.time_s)
-
-    def _see_target_of_takeoff(self, motion: _Motion, seen: TargetSeen) -> None:
-        """None, or above where it stood and at the height asked for, where it tells one."""
-        height = seen.altitude_amsl_m
-        if seen.latitude_deg is None or height is None:
-            return
-        here = _distance_m(motion.start, seen) < ASTRAY_M
-        waits = isinstance(motion.wish, TakeMode) or (
-            not motion.obeyed and seen.time_s - motion.sent_s < CHANGES_WITHIN_S
-        )
-        before = waits and abs(height - motion.start.altitude_amsl_m) < HEIGHT_OFF_M
-        wanted = isinstance(motion.wish, TakeOff) and (
-            abs(height - motion.highest_m) <= self.manners.target_m
-        )
-        if not (here and (before or wanted)):
-            self._end("another has given a target", seen.time_s)
-
-    def _same(self, one: TargetSeen, other: TargetSeen) -> bool:
-        return _same(one, other, self.manners.target_m)
-
-    def _may_be_before(self, motion: _Motion, seen: TargetSeen) -> bool:
-        """Whether it is that of before our command, or what our change of mode makes."""
-        if motion.before is not None and self._same(seen, motion.before):
-            return True
-        position = self._position
-        if not motion.first or position is None:
-            return False
-        return seen.latitude_deg is None or (
-            seen.longitude_deg is not None
-            and distance_m(
-                seen.latitude_deg,
-                seen.longitude_deg,
-                position.latitude_deg,
-                position.longitude_deg,
-            )
-            < ASTRAY_M + stops_within_m(position.speed_m_s)
-        )
-
-    def _see_target_yaw(self, motion: _Motion, seen: TargetSeen) -> None:
-        if seen.yaw_deg is None or not self.manners.yaw_in_reposition:
-            return
-        assert isinstance(motion.wish, FlyThere)
-        if motion.target_yaw is None:
-            motion.target_yaw = YawWatch(
-                start_s=motion.sent_s,
-                yaw_deg=seen.yaw_deg,
-                tolerance_deg=TARGET_YAW_DEG,
-                wanted_deg=self._wanted_yaw_deg(motion.wish),
-                turning_deg_s=self._target_turning_deg_s,
-                exact=True,
-            )
-        position = self._position
-        here = (None, 0.0) if position is None else _bearing(position, motion.wish)
-        fault = motion.target_yaw.fault(seen.time_s, seen.yaw_deg, *here)
-        if fault is not None:
-            self._end(fault, seen.time_s)
+                self._end(OTHERS_TARGET, seen.time_s)
 
     def _see_position(self, seen: PositionSeen) -> None:
         before = self._position
@@ -951,7 +671,7 @@ class Authority:
             self._see_jump(order, before, seen)
         motion = order.motion or order.flown
         if motion is not None:
-            self._see_motion(motion, seen)
+            self._end_if(motion.see_position(seen, self._turning_deg_s), seen.time_s)
 
     def _see_jump(self, order: _Order, before: PositionSeen, seen: PositionSeen) -> None:
         """The place must not jump, nor the altitude; the altitude of home may be corrected."""
@@ -965,9 +685,7 @@ class Authority:
             order.jumped_m += rise - above
         if abs(order.jumped_m) > HOME_MOVED_M:
             self._end(f"the altitude jumped by {order.jumped_m:+.0f} m", seen.time_s)
-        moved = distance_m(
-            seen.latitude_deg, seen.longitude_deg, before.latitude_deg, before.longitude_deg
-        )
+        moved = between_m(seen, before)
         if moved > PLACE_JUMP_M + seen.speed_m_s * gap_s:
             self._end(f"the position jumped by {moved:.0f} m", seen.time_s)
 
@@ -979,56 +697,6 @@ class Authority:
         rest = None if order is None or order.motion is not None else order.rest
         if rest is not None and rest.turned(seen):
             self._end(OTHERS_TURN, seen.time_s)
-
-    def _see_motion(self, motion: _Motion, seen: PositionSeen) -> None:
-        if isinstance(motion.wish, GoHome):
-            return
-        if isinstance(motion.wish, TakeMode | TakeOff):
-            self._see_climb(motion, seen)
-            return
-        place = motion.wish if isinstance(motion.wish, FlyThere) else motion.before
-        left = 0.0 if place is None else _distance_m(seen, place)
-        motion.left_m = min(motion.left_m, left)
-        if left > motion.left_m + motion.slack_m:
-            self._end("the drone does not fly to our target", seen.time_s)
-        lowest, highest = motion.lowest_m - HEIGHT_OFF_M, motion.highest_m + HEIGHT_OFF_M
-        if not lowest <= seen.altitude_amsl_m <= highest:
-            self._end("another changes the height", seen.time_s)
-        self._see_yaw(motion, seen)
-        free = isinstance(motion.wish, FlyThere) and (
-            left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SLOW_M_S
-        )
-        parts = _left(motion, seen, self._turning_deg_s)
-        motion.progress.see(seen.time_s, *parts, free=free)
-
-    def _see_yaw(self, motion: _Motion, seen: PositionSeen) -> None:
-        if motion.yaw is None or seen.yaw_deg is None:
-            return
-        here = _bearing(seen, motion.wish) if isinstance(motion.wish, FlyThere) else (None, 0.0)
-        fault = motion.yaw.fault(seen.time_s, seen.yaw_deg, *here)
-        if fault is not None:
-            self._end(fault, seen.time_s)
-
-    def _see_climb(self, motion: _Motion, seen: PositionSeen) -> None:
-        """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""
-        altitude, start = seen.altitude_amsl_m, motion.start
-        motion.top_m = max(motion.top_m, altitude)
-        rises = isinstance(motion.wish, TakeOff)
-        motion.obeyed |= rises and altitude > start.altitude_amsl_m + RISEN_M
-        if motion.obeyed and rises:
-            left = abs(motion.highest_m - altitude)
-            part = Left(now=left, soon=left, least=HIGHER_M, tolerance=AT_TOP_M)
-            motion.progress.see(seen.time_s, part)
-        moved = distance_m(
-            seen.latitude_deg, seen.longitude_deg, start.latitude_deg, start.longitude_deg
-        )
-        off = HEIGHT_OFF_M if rises else RISEN_M
-        if moved > ASTRAY_M:
-            self._end("the drone does not climb straight up", seen.time_s)
-        elif not motion.top_m - AT_TOP_M <= altitude <= motion.highest_m + off:
-            self._end("another changes the height", seen.time_s)
-        else:
-            self._see_yaw(motion, seen)
 
     def _see_landed(self, seen: LandedSeen) -> None:
         self._landed = seen
@@ -1097,16 +765,17 @@ class Authority:
             before = self._offer.home
         if before is None:
             return
-        moved = distance_m(
-            seen.latitude_deg, seen.longitude_deg, before.latitude_deg, before.longitude_deg
-        )
-        if moved > HOME_MOVED_M:
+        if between_m(seen, before) > HOME_MOVED_M:
             self._end("home was moved", seen.time_s)
 
     def _withdraw(self, why: str) -> None:
         """Offer it no more: a confirmation of it is refused with the reason."""
         assert self._offer is not None
         self._withdrawn, self._offer = (self._offer.nonce, why), None
+
+    def _end_if(self, fault: str | None, time_s: float) -> None:
+        if fault is not None:
+            self._end(fault, time_s)
 
     def _end(self, reason: str, time_s: float) -> None:
         """Be out, with nothing on offer; the first reason counts."""
@@ -1115,37 +784,6 @@ class Authority:
             return
         self._order, self.reason, self.out_s = None, reason, time_s
         self.counters["orders_ended"] += 1
-
-
-def _left(motion: _Motion, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
-    """What is left of a motion in the air."""
-    wish, yaw = motion.wish, motion.yaw
-    if not isinstance(wish, FlyThere):
-        if yaw is None or yaw.turn_deg is None:
-            return ()
-        left = abs(yaw.turn_deg) - yaw.turned_deg
-        least = min(TURNED_DEG, 1.5 * yaw.rate_deg_s)
-        return (Left(now=left, soon=left, least=least, tolerance=LOOKS_DEG),)
-    bearing, left = _bearing(seen, wish)
-    height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
-    stops = [one * seen.speed_m_s / (2.0 * BRAKES_M_S2) for one in seen.velocity_m_s[:2]]
-    along = radians(bearing)
-    soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
-    place = Left(now=left, soon=soon, least=NEARER_M, tolerance=ARRIVED_M)
-    up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)
-    if seen.yaw_deg is None:
-        return place, up
-    asked = None if yaw is None else yaw.wanted_deg
-    off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
-    stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * STOPS_TURNING_DEG_S2)
-    heading = Left(
-        now=abs(off),
-        soon=abs(off - stops_deg),
-        least=TURNED_DEG,
-        tolerance=LOOKS_ABOUT_DEG if asked is None else LOOKS_DEG,
-        needed=asked is not None,
-    )
-    return place, up, heading
 
 
 def _resting(
@@ -1171,44 +809,6 @@ def _turning_deg_s(
     return wrap_degrees_180(seen.yaw_deg - before.yaw_deg) / gap_s
 
 
-def _distance_m(seen: PositionSeen, place: FlyThere | TargetSeen) -> float:
-    if place.latitude_deg is None or place.longitude_deg is None:
-        return 0.0
-    return distance_m(
-        seen.latitude_deg, seen.longitude_deg, place.latitude_deg, place.longitude_deg
-    )
-
-
-def _bearing(seen: PositionSeen, place: FlyThere) -> tuple[float, float]:
-    """Bearing of a place [deg] and its distance [m], from where the vehicle is."""
-    east = wrap_degrees_180(place.longitude_deg - seen.longitude_deg)
-    north = place.latitude_deg - seen.latitude_deg
-    bearing = degrees(atan2(east * cos(radians(seen.latitude_deg)), north))
-    return bearing, _distance_m(seen, place)
-
-
-def _target_of(place: FlyThere) -> TargetSeen:
-    """The target as the autopilot reports it."""
-    return TargetSeen(
-        time_s=0.0,
-        latitude_deg=place.latitude_deg,
-        longitude_deg=place.longitude_deg,
-        altitude_amsl_m=place.altitude_amsl_m,
-        yaw_deg=None,
-    )
-
-
-def _same(one: TargetSeen, other: TargetSeen, within_m: float) -> bool:
-    """Whether two targets are one place; the heading is looked at elsewhere."""
-    a, b, c, d = one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg
-    if a is None or b is None or c is None or d is None:
-        return a is None and c is None
-    heights = one.altitude_amsl_m, other.altitude_amsl_m
-    if heights[0] is None or heights[1] is None:
-        return False
-    return distance_m(a, b, c, d) <= within_m and abs(heights[0] - heights[1]) <= within_m
-
-
 def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool:
     """Whether a target that is the first one seen is not where the vehicle holds.
 
@@ -1219,4 +819,4 @@ def _is_elsewhere(target: TargetSeen | None, place: PositionSeen | None) -> bool
         return False
     height = target.altitude_amsl_m
     climbs = height is not None and abs(height - place.altitude_amsl_m) > HEIGHT_OFF_M
-    return climbs or _distance_m(place, target) > ASTRAY_M + stops_within_m(place.speed_m_s)
+    return climbs or between_m(place, target) > ASTRAY_M + stops_within_m(place.speed_m_s)

@@ -43,6 +43,10 @@ class Manners:
     """So near to what was asked for is the target that is told. PX4 keeps the very numbers of
     the command; a pause of the drone where it stands must differ from them."""
 
+    settles_m: float
+    """So near to its target a drone comes before it stands; one that stands farther away was
+    stopped. PX4 approaches over the last metres too slowly to tell."""
+
     target_lost_s: float
     """Without a report of the target for so long an order ends. ArduCopter reports none while
     another station flies it by velocities."""
@@ -88,6 +92,7 @@ PX4 = Manners(
     mission_modes=frozenset({_px4(4, 4), _px4(4, 5)}),
     home_in_mission=False,
     target_m=0.05,
+    settles_m=3.0,
     target_lost_s=3.0,
 )
 ARDUPILOT = Manners(
@@ -116,6 +121,7 @@ ARDUPILOT = Manners(
     mission_modes=frozenset({3, 27}),
     home_in_mission=True,
     target_m=0.3,
+    settles_m=0.6,
     target_lost_s=1.0,
 )
 MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(

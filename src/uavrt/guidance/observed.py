@@ -1,8 +1,12 @@
 """Observed vehicle state, each item with our monotonic arrival time [s]."""
 
 from dataclasses import dataclass
-from math import hypot
+from math import atan2, cos, degrees, hypot, radians
 from typing import Literal
+
+from uavrt.geodesy import distance_m
+from uavrt.messages import FlyThere
+from uavrt.units import wrap_degrees_180
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +42,13 @@ class PositionSeen:
     def speed_m_s(self) -> float:
         """Speed over ground."""
         return hypot(self.velocity_m_s[0], self.velocity_m_s[1])
+
+    def way_to(self, place: FlyThere) -> tuple[float, float]:
+        """Bearing [deg] of a place and its distance [m]."""
+        east = wrap_degrees_180(place.longitude_deg - self.longitude_deg)
+        north = place.latitude_deg - self.latitude_deg
+        bearing = degrees(atan2(east * cos(radians(self.latitude_deg)), north))
+        return bearing, between_m(self, place)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,3 +139,20 @@ Observation = (
     | BootTimeSeen
     | Boot
 )
+Located = PositionSeen | TargetSeen | HomeSeen | FlyThere
+
+
+def between_m(one: Located, other: Located) -> float:
+    """Distance over ground; 0 where one of them is no place."""
+    a, b, c, d = one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg
+    return 0.0 if a is None or b is None or c is None or d is None else distance_m(a, b, c, d)
+
+
+def same_place(one: Located, other: Located, within_m: float) -> bool:
+    """Whether both are one place and height, or neither is a place."""
+    if one.latitude_deg is None or other.latitude_deg is None:
+        return one.latitude_deg is other.latitude_deg
+    a, b = one.altitude_amsl_m, other.altitude_amsl_m
+    if a is None or b is None:
+        return False
+    return between_m(one, other) <= within_m and abs(a - b) <= within_m

@@ -1,11 +1,11 @@
 """Orders that an operator can give, and the vehicle's state during them. Pure."""
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.heights import LOWEST_M
-from uavrt.messages import KeepOut, Motion
+from uavrt.messages import KeepOut, Motion, VehicleSeen
 
 if TYPE_CHECKING:
     from uavrt.planning.energy import EnergyModel
@@ -72,29 +72,20 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleNow:
+class VehicleNow(VehicleSeen):
     """What the pilot sees of the vehicle and of its own authority over it."""
 
     time_s: float
-    latitude_deg: float
-    longitude_deg: float
-    altitude_amsl_m: float
-    altitude_relative_m: float
-    speed_m_s: float
-    yaw_deg: float | None
-    home: Place
-    battery_percent: float | None
     order_id: int | None
     """Of the order that is confirmed or in command; None: out."""
     began: bool
     """The first command was sent."""
-    obeyed: bool
-    """The last command is seen to be obeyed."""
-    wishes_sent: int
-    wishes_refused: int
-    turned_deg: float
-    ground_silent_s: float
     wind: "Wind | None" = None
     """By the autopilot; None: it tells of none."""
     energy: "EnergyModel | None" = None
     """What flying takes, as learnt so far; None: as the limits tell."""
+
+    @classmethod
+    def of(cls, seen: VehicleSeen, **own: Any) -> Self:
+        """Add what only the pilot knows to what is seen."""
+        return cls(**{field.name: getattr(seen, field.name) for field in fields(seen)}, **own)

@@ -1,7 +1,14 @@
-"""The command to the autopilot that does what a pilot wishes."""
+"""Write the command to the autopilot that does what a pilot wishes. Pure."""
 
 from dataclasses import dataclass
+from math import isfinite, nan, radians
 from typing import Literal
+
+from uavrt.errors import CommandRefused
+from uavrt.guidance.manners import Manners
+from uavrt.guidance.observed import HomeSeen, between_m
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.units import wrap_degrees_360
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,3 +27,96 @@ class VehicleCommand:
     x: int = 0
     y: int = 0
     z_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandWriter:
+    """Writes commands for one autopilot, and none beyond its bounds."""
+
+    manners: Manners
+    lowest_m: float = 20.0
+    highest_m: float = 120.0
+    """Heights above home beyond which nothing is commanded."""
+    farthest_m: float = 1000.0
+    """The same for the distance from home."""
+
+    def command(
+        self, wish: Wish, *, first: bool, datum_m: float, home: HomeSeen | None
+    ) -> VehicleCommand:
+        """Write the command of a wish; heights count from an altitude, the datum.
+
+        Raises
+        ------
+        CommandRefused
+            It is beyond the bounds, or this autopilot has no such command.
+        """
+        match wish:
+            case FlyThere():
+                return self._fly_there(wish, first, wish.altitude_amsl_m - datum_m, home)
+            case TurnInPlace():
+                if first or self.manners.yaw_in_reposition:
+                    raise CommandRefused("this autopilot cannot turn so")
+                if not 0.0 < abs(wish.turn_deg) <= 360.0 or not wish.rate_deg_s > 0.0:
+                    raise CommandRefused(f"{wish} is no turn")
+                return VehicleCommand(
+                    name="CONDITION_YAW",
+                    param1=abs(wish.turn_deg),
+                    param2=wish.rate_deg_s,
+                    param3=1.0 if wish.turn_deg > 0.0 else -1.0,
+                    param4=1.0,
+                )
+            case GoHome():
+                return VehicleCommand(name="NAV_RETURN_TO_LAUNCH")
+            case TakeMode():
+                if not (first and self.manners.own_mode_first):
+                    raise CommandRefused("this autopilot takes off out of any mode")
+                return VehicleCommand(
+                    name="DO_SET_MODE", param1=1.0, param2=float(self.manners.own_mode)
+                )
+            case TakeOff():
+                return self._take_off(wish, first, wish.altitude_amsl_m - datum_m)
+
+    def _fly_there(
+        self, wish: FlyThere, first: bool, above_m: float, home: HomeSeen | None
+    ) -> VehicleCommand:
+        values = (wish.latitude_deg, wish.longitude_deg, wish.altitude_amsl_m)
+        on_globe = abs(wish.latitude_deg) <= 90.0 and abs(wish.longitude_deg) <= 180.0
+        if not (on_globe and isfinite(wish.altitude_amsl_m)):
+            raise CommandRefused(f"{values} is no place")
+        self._check_height(above_m)
+        if home is None or self.farthest_m < between_m(wish, home):
+            raise CommandRefused(f"farther than {self.farthest_m:.0f} m from home")
+        yaw = nan
+        if wish.yaw_deg is not None and self.manners.yaw_in_reposition:
+            yaw = radians(wrap_degrees_360(wish.yaw_deg))
+        return VehicleCommand(
+            name="DO_REPOSITION",
+            param1=-1.0,
+            param2=1.0 if first else 0.0,
+            param4=yaw,
+            x=round(wish.latitude_deg * 1e7),
+            y=round(wish.longitude_deg * 1e7),
+            z_m=wish.altitude_amsl_m,
+        )
+
+    def _take_off(self, wish: TakeOff, first: bool, above_m: float) -> VehicleCommand:
+        """PX4 takes an altitude above mean sea level, ArduPilot a height above home."""
+        if first == self.manners.own_mode_first:
+            raise CommandRefused("the mode for a take-off is not taken")
+        self._check_height(above_m)
+        if not abs(above_m - wish.height_m) <= 1.0:
+            raise CommandRefused(f"{wish} is two heights")
+        if self.manners.own_mode_first:
+            return VehicleCommand(name="NAV_TAKEOFF", z_m=wish.height_m)
+        return VehicleCommand(
+            name="NAV_TAKEOFF",
+            param1=-1.0,
+            param4=nan,
+            param5=nan,
+            param6=nan,
+            z_m=wish.altitude_amsl_m,
+        )
+
+    def _check_height(self, above_m: float) -> None:
+        if not self.lowest_m - 0.5 <= above_m <= self.highest_m + 0.5:
+            raise CommandRefused(f"{above_m:.0f} m above home is too low or too high")

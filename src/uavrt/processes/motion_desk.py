@@ -6,7 +6,7 @@ Orders come sealed, but for a simulator that says that it is one, on this comput
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 from uavrt.clock import monotonic_s
@@ -17,7 +17,7 @@ from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Boot
-from uavrt.guidance.reports import with_place
+from uavrt.guidance.wishes import CommandWriter
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address
@@ -58,7 +58,8 @@ STANDS_WITHIN_S = 1.5
 """After this a stop is one without the command to stand."""
 GAP_S, LATE_S = 1.0, 0.2
 """Between two turns of the process, which come every 50 ms: beyond the first it is out, beyond
-the second what the autopilot said meanwhile is read before a command is sent."""
+the second what the autopilot said meanwhile is read before a command is sent, and before it
+counts as silent."""
 LATE_TURNS = 2
 """So many turns later it is read: the hub and the link wait for one turn together, in whatever
 order they are served, and whatever comes from the hub first."""
@@ -153,6 +154,8 @@ class MotionDesk:
         self._said = ""
         self._awake_s = monotonic_s()
         self._late_turns = 0
+        self._rules_by_s = 0.0
+        """From then on silence counts, however seldom this process has a turn."""
         self._stop_by_s = 0.0
         self._silent_s: Mapping[Asker, float] = {}
         self._teller: tuple[Asker | None, float] = (None, -inf)
@@ -206,18 +209,20 @@ class MotionDesk:
         if kind == self._kind:
             return
         self._kind = kind
+        if kind is None:
+            self._authority = None
+            return
         settings = self._settings
-        self._authority = (
-            None
-            if kind is None
-            else Authority(
-                MANNERS[kind],
-                lowest_m=settings.lowest_m,
-                highest_m=settings.highest_m,
-                farthest_m=settings.fence_m,
-                may_take_off=settings.may_take_off,
-                unwatched_channels=frozenset(settings.unwatched_channels),
-            )
+        writer = CommandWriter(
+            manners=MANNERS[kind],
+            lowest_m=settings.lowest_m,
+            highest_m=settings.highest_m,
+            farthest_m=settings.fence_m,
+        )
+        self._authority = Authority(
+            writer,
+            may_take_off=settings.may_take_off,
+            unwatched_channels=frozenset(settings.unwatched_channels),
         )
 
     # ----------------------------------------------------------------- from the ground
@@ -379,14 +384,8 @@ class MotionDesk:
     def _stand(self, authority: Authority, now_s: float) -> bool:
         if self._late_turns > 0:
             return False
-        now = authority.vehicle_now(
-            now_s,
-            battery_percent=None,
-            wishes_sent=0,
-            wishes_refused=0,
-            ground_silent_s=0.0,
-        )
-        if now is None or now.order_id is None:
+        now, order_id = authority.vehicle_seen(), authority.order_id
+        if now is None or order_id is None:
             return False
         height = max(now.altitude_relative_m, self._settings.lowest_m)
         here = FlyThere(
@@ -398,7 +397,7 @@ class MotionDesk:
                 min(height, self._settings.highest_m),
             ),
         )
-        return self._command(authority, now.order_id, here, now_s, stops=True)
+        return self._command(authority, order_id, here, now_s, stops=True)
 
     # ---------------------------------------------------------------- from the guide
 
@@ -497,7 +496,8 @@ class MotionDesk:
             self._late_turns = max(0, self._late_turns - 1)
         self._silent_s = silent_s
         if self._authority is not None:
-            self._authority.tick(now_s)
+            if not self._late_turns or now_s >= self._rules_by_s:
+                self._authority.tick(now_s)
             if self._stop_by_s:
                 self._go_on_stopping(self._authority, now_s)
             self._watch(now_s)
@@ -516,6 +516,8 @@ class MotionDesk:
         """Give up control after this process stalled: what it hears now may be old."""
         gap_s, self._awake_s = now_s - self._awake_s, now_s
         if gap_s > LATE_S:
+            if not self._late_turns:
+                self._rules_by_s = now_s + GAP_S
             self._late_turns = LATE_TURNS
         if gap_s > GAP_S and self._authority is not None:
             self._authority.stop(now_s, f"the drone side stood still for {gap_s:.0f} s")
@@ -596,14 +598,7 @@ class MotionDesk:
                 mode="",
             )
         battery = self._battery_percent
-        now = authority.vehicle_now(
-            now_s,
-            battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
-            wishes_sent=self._sent,
-            wishes_refused=self._refused,
-            ground_silent_s=self._ground_silent_s,
-        )
-        report = VehicleReport(
+        return VehicleReport(
             autopilot=self._kind,
             fault=self._fault(authority, now_s),
             takeoff_fault=self._fault(authority, now_s, takeoff=True),
@@ -611,10 +606,14 @@ class MotionDesk:
             reason=authority.reason,
             order_id=authority.order_id,
             mode=authority.mode_now,
+            seen=authority.vehicle_seen(
+                battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
+                wishes_sent=self._sent,
+                wishes_refused=self._refused,
+                ground_silent_s=self._ground_silent_s,
+            ),
+            wind_m_s=self._wind_m_s if now_s - self._wind_s <= WIND_AGE_S else None,
         )
-        if now_s - self._wind_s <= WIND_AGE_S:
-            report = replace(report, wind_m_s=self._wind_m_s)
-        return report if now is None else with_place(report, now)
 
     def _fault(
         self, authority: Authority, now_s: float, *, takeoff: bool = False

@@ -28,6 +28,7 @@ PX4_PARAMETERS = {
 ARDUCOPTER_PARAMETERS: dict[str, float] = {
     "DISARM_DELAY": 30,
     "SIM_BATT_CAP_AH": 0,
+    "BATT_CAPACITY": 1_000_000,
     "FS_GCS_ENABLE": 0,
     "BATT_MONITOR": 4,
     "FRAME_CLASS": 1,

@@ -28,7 +28,7 @@ from uavrt_experiments.autopilots.tap import write_frames
 from uavrt_experiments.kept import KeptOutcomes
 
 WELL = ("done", "returning: the autopilot flies home")
-"""How an order without a takeover must end."""
+"""How an order without a takeover must end; a note of a late link may follow."""
 ORDERS = ("takeoff", "survey", "goto", "rotate", "hold", "search", "return")
 TAKEN = ("survey", "rotate", "goto")
 """Orders that are taken over."""
@@ -43,7 +43,7 @@ UNDER_WAY_S, TAKEN_AFTER_S, MOVES_M_S = 60.0, (1.5, 10.0), 1.0
 """Longest wait for an order to begin [s]; time from there to its takeover, at random [s]; least
 speed at a takeover that only the stop reveals [m/s]."""
 TRIES = 4
-"""Attempts at a takeover whose order ends by itself first."""
+"""Attempts at a takeover whose order ends by itself first, and at a later start."""
 
 
 class _NotTakenError(UavrtError):
@@ -128,7 +128,7 @@ def rehearse(
     time.
     `say`: takes a line of progress.
     Raises `UsageError`: no flight is asked for.
-    Raises `UavrtError`: an autopilot does not start.
+    Raises `UavrtError`: an autopilot does not start, or four times does not start again.
     """
     if not any(planned(builds, asked)):
         raise UsageError(
@@ -137,11 +137,16 @@ def rehearse(
         )
     for build in builds:
         flights = [one for one in planned([build], asked) if one.name not in kept]
+        begun, failures = len(flights), 0
         while flights:
             with tempfile.TemporaryDirectory(prefix="uavrt-autopilots-") as work:
-                flights = asyncio.run(
-                    _session(build, flights, Path(work), frames, kept, failed, say)
-                )
+                try:
+                    asyncio.run(_session(build, flights, Path(work), frames, kept, failed, say))
+                except UavrtError as error:
+                    failures += 1
+                    if len(flights) == begun or failures == TRIES:
+                        raise
+                    say(f"{build.name} is started again: {error}")
 
 
 async def _session(
@@ -152,8 +157,8 @@ async def _session(
     kept: KeptOutcomes,
     failed: list[dict[str, Any]],
     say: Callable[[str], None],
-) -> list[Flight]:
-    """Fly until the autopilot must be started again; return the flights that are left."""
+) -> None:
+    """Take flights from the list and fly them until the autopilot must be started again."""
     first = flights[0]
     async with running(build, work, first.seed, frames / first.name, say) as scene:
         while flights:
@@ -173,7 +178,6 @@ async def _session(
             say(f"{flight.name}: {ended} ({monotonic_s() - begun_s:.0f} s)")
             if "failed" in outcome or (flight.takeover and flight.takeover.restarts):
                 break
-    return flights
 
 
 async def _tried(scene: RunningScene, flight: Flight, frames: Path) -> dict[str, Any]:
@@ -223,7 +227,7 @@ class _Rehearsed:
         if order == "search":
             outcome |= await self._listened()
         await self._left()
-        if flight.takeover is not None and outcome["ended"] in WELL:
+        if flight.takeover is not None and has_arrived(outcome["ended"]):
             raise _NotTakenError("the order came to its own end after its takeover")
         return outcome
 
@@ -246,7 +250,7 @@ class _Rehearsed:
         outcome: dict[str, Any] = {
             "ended": told,
             "duration_s": (out_s or scene.now_s) - confirmed_s,
-            "arrived": takeover is None and told in WELL,
+            "arrived": takeover is None and has_arrived(told),
             "flying": asdict(flying_of(kept, taken_s or math.inf)),
         }
         if takeover is not None and taken_s is not None:
@@ -365,6 +369,11 @@ class _Rehearsed:
             await asyncio.sleep(1.0)
             hand.go_to(0.0, 0.0)
             await asyncio.sleep(3.0)
+
+
+def has_arrived(ended: str) -> bool:
+    """Whether an order ended by its arrival, as the drone reports it."""
+    return ended.startswith(WELL)
 
 
 def _name_of(one: PulsePose) -> tuple[int, int]:

@@ -36,7 +36,7 @@ class Takeover:
     restarts: bool = False
     """The autopilot is started again afterwards."""
     real_only: bool = False
-    """uavrt's simulated autopilot does not read the message that takes over."""
+    """uavrt's simulated autopilot does not read the message or parameter that takes over."""
     sticks: bool = False
     """A remote control is switched on before."""
 
@@ -188,11 +188,15 @@ def _fence(scene: Scene, *, on: bool) -> None:
 
 
 def _battery(scene: Scene, *, empty: bool) -> None:
+    """Make the autopilot find its battery low.
+
+    The reported charge stays: uavrt itself returns in good time when that falls.
+    """
     hand = scene.hand
     if hand.flavour == "px4":
-        hand.set_parameter("SIM_BAT_MIN_PCT", 3.0 if empty else 99.0)
-        hand.set_parameter("SIM_BAT_DRAIN", 3.0 if empty else 60.0)
+        hand.set_parameter("BAT_CRIT_THR", 1.1 if empty else 0.07)
     else:
+        hand.set_parameter("BATT_LOW_TIMER", 1.0)
         hand.set_parameter("BATT_LOW_VOLT", 10.5)
         hand.set_parameter("BATT_FS_LOW_ACT", 2.0 if empty else 0.0)
         hand.set_parameter("SIM_BATT_VOLTAGE", 9.8 if empty else 12.6)
@@ -245,6 +249,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         act=lambda scene: _fence(scene, on=True),
         shows=_failing,
         undo=lambda scene: _fence(scene, on=False),
+        real_only=True,
     ),
     Takeover(
         name="battery",
@@ -252,6 +257,7 @@ TAKEOVERS: tuple[Takeover, ...] = (
         shows=_failing,
         undo=lambda scene: _battery(scene, empty=False),
         restarts=True,
+        real_only=True,
     ),
     Takeover(name="guide killed", act=_kill("guide")),
     Takeover(name="connection killed", act=_kill("connection")),

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 from typing import Any
 
 from searched import Animal, Searched
@@ -32,9 +33,7 @@ class Slow:
 def now_at(time_s: float) -> VehicleNow:
     now = Searched("px4", []).flown.now()
     assert now is not None
-    return VehicleNow(
-        **{name: getattr(now, name) for name in now.__slots__} | {"time_s": time_s}
-    )
+    return replace(now, time_s=time_s)
 
 
 def thoughts_of(thinker: Thinker) -> list[Any]:

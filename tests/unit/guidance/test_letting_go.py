@@ -9,6 +9,7 @@ from flown import HOME, Flown
 from uavrt.errors import CommandRefused
 from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.wishes import CommandWriter
 from uavrt.messages import FlyThere, GoHome
 from uavrt.simulation.flying import MODES, Flavour, Frame
 
@@ -76,7 +77,7 @@ def untold_target(flavour: Flavour) -> Flown:
     flown = Flown(flavour)
     flown.vehicle.set_mode(MODES[flavour]["hold"])
     flown.run(1.2)
-    flown.authority = Authority(MANNERS[flavour])
+    flown.authority = Authority(CommandWriter(manners=MANNERS[flavour]))
     flown.target_told = False
     flown.run(1.2)
     return flown

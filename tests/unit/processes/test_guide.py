@@ -24,6 +24,7 @@ from uavrt.messages import (
     Tag,
     VehicleFence,
     VehicleReport,
+    VehicleSeen,
     VehicleWish,
 )
 from uavrt.processes.guide import Guide
@@ -57,6 +58,22 @@ class Hub:
 
     def report(self, north_m: float = 0.0, **values: Any) -> VehicleReport:
         latitude, longitude = self.flown.place(north_m, 0.0)
+        seen: dict[str, Any] = {
+            "latitude_deg": latitude,
+            "longitude_deg": longitude,
+            "altitude_amsl_m": 470.0,
+            "altitude_relative_m": 40.0,
+            "speed_m_s": 0.0,
+            "yaw_deg": 0.0,
+            "home": self.flown.place(0.0, 0.0),
+            "battery_percent": 90.0,
+            "obeyed": False,
+            "wishes_sent": 0,
+            "wishes_refused": 0,
+            "turned_deg": 0.0,
+            "ground_silent_s": 0.0,
+        }
+        seen |= {name: values.pop(name) for name in list(values) if name in seen}
         report = VehicleReport(
             autopilot="px4",
             fault=None,
@@ -64,13 +81,7 @@ class Hub:
             reason="",
             order_id=None,
             mode="Position",
-            latitude_deg=latitude,
-            longitude_deg=longitude,
-            altitude_amsl_m=470.0,
-            altitude_relative_m=40.0,
-            yaw_deg=0.0,
-            home=self.flown.place(0.0, 0.0),
-            battery_percent=90.0,
+            seen=VehicleSeen(**seen),
         )
         return replace(report, **values)
 

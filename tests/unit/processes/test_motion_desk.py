@@ -372,7 +372,7 @@ def test_a_wish_while_the_port_is_busy_is_refused_and_moves_nothing_later(link: 
 def test_the_silence_of_who_confirmed_counts_whoever_else_is_heard(link: Link) -> None:
     def told() -> float:
         reports = [one for one in link.records if isinstance(one, VehicleReport)]
-        return float(reports[-1].ground_silent_s)
+        return float(some(reports[-1].seen).ground_silent_s)
 
     link.silent_s = {US: 40.0, OTHERS: 0.5}
     link.run(0.2)
@@ -623,11 +623,11 @@ def test_a_wish_read_after_a_pause_waits_for_what_the_autopilot_said_meanwhile(
 
 def test_what_the_battery_told_long_ago_is_not_told_to_the_guide(link: Link) -> None:
     reports = [one for one in link.records if isinstance(one, VehicleReport)]
-    assert reports[-1].battery_percent is not None
+    assert some(reports[-1].seen).battery_percent is not None
     link.flown.status_told = False
     link.run(11.0)
     reports = [one for one in link.records if isinstance(one, VehicleReport)]
-    assert reports[-1].battery_percent is None
+    assert some(reports[-1].seen).battery_percent is None
 
 
 def begin(link: Link, north_m: float = 60.0) -> None:

@@ -1,6 +1,5 @@
 """Wind and power on their way: from the autopilot to the guide, and into what it plans."""
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -98,11 +97,16 @@ def test_the_guide_learns_over_all_its_orders(clock_of_test: VirtualClock) -> No
     """Two minutes of reports of a drone that takes thrice what is believed."""
     hub = ready()
     offer = hub.ask("hold")
-    flying = replace(hub.report(), standing="in command", order_id=offer.order_id, obeyed=True)
+    flying: dict[str, Any] = {
+        "standing": "in command",
+        "order_id": offer.order_id,
+        "obeyed": True,
+    }
     for second in range(120):
         clock_of_test.now_s += 1.0
         used = 100.0 * 1200.0 * second / 3600.0 / 120.0
-        hub.guide.take("vehicle", replace(flying, battery_percent=round(90.0 - used)))
+        report = hub.report(**flying, battery_percent=round(90.0 - used))
+        hub.guide.take("vehicle", report)
     assert hub.guide.counters()["lessons_of_power"] >= 3.0
     assert hub.guide.counters()["hover_w"] == pytest.approx(1200.0, rel=0.15)
     hub.guide.take("vehicle", hub.report())  # out again: the next order knows it, too

@@ -14,7 +14,7 @@ from uavrt.simulation.flying import Flavour
 
 FLIGHTS = int(os.environ.get("UAVRT_FLIGHTS", "8"))
 INSTANTS = int(os.environ.get("UAVRT_TAKEOVERS", "3"))
-SHARES = {"survey": 1.0, "search": 0.25, "takeoff": 1.0, "rotation": 0.5}
+SHARES = {"survey": 1.0, "search": 0.6, "takeoff": 1.0, "rotation": 0.5}
 """Flights of each kind; a search takes the longest."""
 BOTH = pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
 

@@ -1,0 +1,278 @@
+"""Watch what was commanded last: the drone must do that and nothing else. Pure."""
+
+from dataclasses import InitVar, dataclass, field
+from math import cos, hypot, radians, sin
+
+from uavrt.guidance.manners import Manners
+from uavrt.guidance.observed import PositionSeen, TargetSeen, between_m, same_place
+from uavrt.guidance.progress import (
+    ARRIVED_M,
+    AT_HEIGHT_M,
+    HIGHER_M,
+    LOOKS_DEG,
+    NEARER_M,
+    TURNED_DEG,
+    Left,
+    Progress,
+)
+from uavrt.guidance.stopping import stops_within_m
+from uavrt.guidance.yaw import YawWatch
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, TurnInPlace, Wish
+from uavrt.units import wrap_degrees_180
+
+OBEYED_WITHIN_S, TAKES_OFF_WITHIN_S = 3.0, 10.0
+CHANGES_WITHIN_S = 0.5
+"""The autopilots show a new target after 0.05 to 0.09 s; until then the one before is right."""
+ASTRAY_M = 6.0
+"""Farther from the target than before, besides what it takes to brake."""
+HEIGHT_OFF_M = 5.0
+YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
+"""Tolerance of the drone's own heading, and of the one that it reports as its target."""
+BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
+"""Weakest braking of a flight and of a turn."""
+SLOW_M_S = 1.5
+"""A drone that is not near its target is not slower, but at the start of a step."""
+LOOKS_ABOUT_DEG = 15.0
+"""So near to its bearing, a heading that changes shows gusts, and no turn before the flight."""
+RISEN_M, AT_TOP_M = 1.0, 3.0
+"""Of a take-off: obeyed; as good as there."""
+OTHERS_TARGET, OTHERS_HEIGHT = "another has given a target", "another changes the height"
+
+
+@dataclass(slots=True, kw_only=True)
+class Commanded:
+    """The last command, and how the drone follows it; its methods say what is not ours."""
+
+    wish: Wish
+    manners: Manners
+    sent_s: float
+    first: bool
+    """It is the first command of its order, which may change the mode."""
+    before: TargetSeen | None
+    """Target of the time before the command."""
+    start: PositionSeen
+    """Where the drone was."""
+    turning_deg_s: InitVar[float]
+    """How fast the drone's heading changed."""
+    previous: InitVar["Commanded | None"]
+    """The command before, of the same order."""
+    left_m: float = field(init=False)
+    """Least distance to the target so far."""
+    slack_m: float = field(init=False)
+    lowest_m: float = field(init=False)
+    highest_m: float = field(init=False)
+    yaw: YawWatch | None = field(init=False, default=None)
+    target_yaw: YawWatch | None = field(init=False, default=None)
+    progress: Progress = field(init=False, default_factory=Progress)
+    top_m: float = field(init=False)
+    """Greatest altitude so far, of a take-off."""
+    obeyed: bool = field(init=False, default=False)
+    settled: bool = field(init=False, default=False)
+    """It was at its target once."""
+    arrives: bool = field(init=False, default=False)
+    """It is about to settle: a pause would keep it so, and no message would show it."""
+
+    def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
+        wish, start = self.wish, self.start
+        turns = wish if isinstance(wish, TurnInPlace) else None
+        self.top_m = start.altitude_amsl_m
+        self.left_m = between_m(start, wish) if isinstance(wish, FlyThere) else 0.0
+        self.slack_m = ASTRAY_M + stops_within_m(start.speed_m_s)
+        heights = [start.altitude_amsl_m]
+        if isinstance(wish, FlyThere | TakeOff):
+            heights.append(wish.altitude_amsl_m)
+        elif turns is not None and previous is not None:
+            heights += [previous.lowest_m, previous.highest_m]
+            self.left_m = previous.left_m
+        self.lowest_m, self.highest_m = min(heights), max(heights)
+        if start.yaw_deg is not None and not isinstance(wish, GoHome):
+            self.yaw = YawWatch(
+                start_s=self.sent_s,
+                yaw_deg=start.yaw_deg,
+                tolerance_deg=YAW_DEG,
+                wanted_deg=self._wanted_yaw_deg,
+                turn_deg=None if turns is None else turns.turn_deg,
+                rate_deg_s=0.0 if turns is None else turns.rate_deg_s,
+                turning_deg_s=turning_deg_s,
+            )
+
+    @property
+    def _wanted_yaw_deg(self) -> float | None:
+        """Heading that the command asks for, by an autopilot that takes one."""
+        if isinstance(self.wish, FlyThere) and self.manners.yaw_in_reposition:
+            return self.wish.yaw_deg
+        return None
+
+    @property
+    def takes_off(self) -> bool:
+        """Whether it is of a take-off, during which the autopilot may report no target."""
+        return isinstance(self.wish, TakeMode | TakeOff)
+
+    @property
+    def turned_deg(self) -> float:
+        """How far the turn in place is."""
+        return 0.0 if self.yaw is None else self.yaw.turned_deg
+
+    def overdue(self, now_s: float, target_age_s: float) -> str | None:
+        """Say what should have been seen by now."""
+        longest_s = OBEYED_WITHIN_S
+        if isinstance(self.wish, TakeOff):
+            longest_s = TAKES_OFF_WITHIN_S
+        if not self.obeyed:
+            late = now_s - self.sent_s > longest_s
+            return "the command was not seen to be obeyed" if late else None
+        if self.progress.stands(now_s):
+            return "the drone has stopped on its way"
+        lost = not self.takes_off and target_age_s > self.manners.target_lost_s
+        return "the target is not told any more" if lost else None
+
+    # ------------------------------------------------------------------ its target
+
+    def see_target(
+        self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
+    ) -> str | None:
+        """Take the target that the autopilot reports, and how fast its heading changes."""
+        match self.wish:
+            case GoHome():
+                return None  # the mode tells
+            case TakeMode() | TakeOff():
+                return self._see_target_of_takeoff(seen)
+            case TurnInPlace():
+                if self.before is not None and not self._same(seen, self.before):
+                    return OTHERS_TARGET
+                self.obeyed |= self.turned_deg >= 10.0
+                return None
+        if self._same(seen, self.wish):
+            fault = self.see_target_yaw(seen, position, turning_deg_s)
+            # A turn keeps the place: there only the heading shows that it was obeyed.
+            watch = self.target_yaw or self.yaw
+            self.obeyed |= watch is None or watch.begun
+            return fault
+        waits = not self.obeyed and seen.time_s - self.sent_s < CHANGES_WITHIN_S
+        return None if waits and self._may_be_before(seen, position) else OTHERS_TARGET
+
+    def see_target_yaw(
+        self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
+    ) -> str | None:
+        """Take the heading that the autopilot reports with its target."""
+        if seen.yaw_deg is None or not self.manners.yaw_in_reposition:
+            return None
+        if not isinstance(self.wish, FlyThere):
+            return None
+        if self.target_yaw is None:
+            self.target_yaw = YawWatch(
+                start_s=self.sent_s,
+                yaw_deg=seen.yaw_deg,
+                tolerance_deg=TARGET_YAW_DEG,
+                wanted_deg=self._wanted_yaw_deg,
+                turning_deg_s=turning_deg_s,
+                exact=True,
+            )
+        here = (None, 0.0) if position is None else position.way_to(self.wish)
+        return self.target_yaw.fault(seen.time_s, seen.yaw_deg, *here)
+
+    def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
+        """None, or above where it stood and at the height asked for, where it tells one."""
+        height = seen.altitude_amsl_m
+        if seen.latitude_deg is None or height is None:
+            return None
+        waits = isinstance(self.wish, TakeMode) or (
+            not self.obeyed and seen.time_s - self.sent_s < CHANGES_WITHIN_S
+        )
+        before = waits and abs(height - self.start.altitude_amsl_m) < HEIGHT_OFF_M
+        wanted = isinstance(self.wish, TakeOff) and (
+            abs(height - self.highest_m) <= self.manners.target_m
+        )
+        here = between_m(self.start, seen) < ASTRAY_M
+        return None if here and (before or wanted) else OTHERS_TARGET
+
+    def _same(self, one: TargetSeen, other: TargetSeen | FlyThere) -> bool:
+        return same_place(one, other, self.manners.target_m)
+
+    def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
+        """Whether it is that of before the command, or what our change of mode makes."""
+        if self.before is not None and self._same(seen, self.before):
+            return True
+        if not self.first or position is None:
+            return False
+        return between_m(seen, position) < ASTRAY_M + stops_within_m(position.speed_m_s)
+
+    # ---------------------------------------------------------------- its position
+
+    def see_position(self, seen: PositionSeen, turning_deg_s: float) -> str | None:
+        """Take a position, and how fast the heading changes."""
+        wish = self.wish
+        if isinstance(wish, GoHome):
+            return None
+        if isinstance(wish, TakeMode | TakeOff):
+            return self._see_climb(seen)
+        place = wish if isinstance(wish, FlyThere) else self.before
+        left = 0.0 if place is None else between_m(seen, place)
+        self.left_m = min(self.left_m, left)
+        lowest, highest = self.lowest_m - HEIGHT_OFF_M, self.highest_m + HEIGHT_OFF_M
+        if left > self.left_m + self.slack_m:
+            return "the drone does not fly to our target"
+        if not lowest <= seen.altitude_amsl_m <= highest:
+            return OTHERS_HEIGHT
+        free = isinstance(wish, FlyThere) and (
+            left > stops_within_m(seen.speed_m_s) or seen.speed_m_s < SLOW_M_S
+        )
+        fault = self._see_yaw(seen)
+        self.progress.see(seen.time_s, *self._left(seen, turning_deg_s), free=free)
+        return fault
+
+    def _see_yaw(self, seen: PositionSeen) -> str | None:
+        if self.yaw is None or seen.yaw_deg is None:
+            return None
+        wish = self.wish
+        here = seen.way_to(wish) if isinstance(wish, FlyThere) else (None, 0.0)
+        return self.yaw.fault(seen.time_s, seen.yaw_deg, *here)
+
+    def _see_climb(self, seen: PositionSeen) -> str | None:
+        """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""
+        altitude, rises = seen.altitude_amsl_m, isinstance(self.wish, TakeOff)
+        self.top_m = max(self.top_m, altitude)
+        self.obeyed |= rises and altitude > self.start.altitude_amsl_m + RISEN_M
+        if self.obeyed and rises:
+            left = abs(self.highest_m - altitude)
+            part = Left(now=left, soon=left, least=HIGHER_M, tolerance=AT_TOP_M)
+            self.progress.see(seen.time_s, part)
+        off = HEIGHT_OFF_M if rises else RISEN_M
+        if between_m(seen, self.start) > ASTRAY_M:
+            return "the drone does not climb straight up"
+        if not self.top_m - AT_TOP_M <= altitude <= self.highest_m + off:
+            return OTHERS_HEIGHT
+        return self._see_yaw(seen)
+
+    def _left(self, seen: PositionSeen, turning_deg_s: float) -> tuple[Left, ...]:
+        """What is left of a motion in the air."""
+        wish, yaw = self.wish, self.yaw
+        if not isinstance(wish, FlyThere):
+            if yaw is None or yaw.turn_deg is None:
+                return ()
+            left = abs(yaw.turn_deg) - yaw.turned_deg
+            least = min(TURNED_DEG, 1.5 * yaw.rate_deg_s)
+            return (Left(now=left, soon=left, least=least, tolerance=LOOKS_DEG),)
+        bearing, left = seen.way_to(wish)
+        height = abs(seen.altitude_amsl_m - wish.altitude_amsl_m)
+        stops = [one * seen.speed_m_s / (2.0 * BRAKES_M_S2) for one in seen.velocity_m_s[:2]]
+        along = radians(bearing)
+        soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
+        self.settled |= left <= self.manners.settles_m
+        self.arrives = not self.settled and left <= ARRIVED_M
+        near = ARRIVED_M if self.settled else self.manners.settles_m
+        place = Left(now=left, soon=soon, least=NEARER_M, tolerance=near)
+        up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)
+        if seen.yaw_deg is None:
+            return place, up
+        asked = None if yaw is None else yaw.wanted_deg
+        off = wrap_degrees_180((bearing if asked is None else asked) - seen.yaw_deg)
+        stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * STOPS_TURNING_DEG_S2)
+        heading = Left(
+            now=abs(off),
+            soon=abs(off - stops_deg),
+            least=TURNED_DEG,
+            tolerance=LOOKS_ABOUT_DEG if asked is None else LOOKS_DEG,
+            needed=asked is not None,
+        )
+        return place, up, heading

@@ -1,0 +1,51 @@
+"""ArduCopter's pause shows in no message, also just before the drone would have arrived."""
+
+import math
+
+import pytest
+from flown import Flown
+
+from uavrt.guidance.authority import Standing
+from uavrt.simulation.flying import Frame
+
+STANDS_M_S = 0.1
+
+
+def left_m(flown: Flown) -> float:
+    target = flown.vehicle.target
+    assert target is not None
+    north, east = flown.vehicle.place_m
+    return math.hypot(target.north_m - north, target.east_m - east)
+
+
+@pytest.mark.parametrize("near_m", [7.0, 5.6, 4.6])
+def test_a_pause_metres_before_a_corner_ends_the_order_and_no_command_follows(
+    near_m: float,
+) -> None:
+    """It may stand nearer than the 3 m at which orders go on."""
+    flown = Flown("ardupilot")
+    flown.run(1.5)
+    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
+    flown.order("survey", places=tuple(flown.place(*one) for one in corners), spacing_m=20.0)
+    flown.run(40.0, until=lambda: bool(flown.commands) and left_m(flown) < near_m)
+    assert flown.authority.standing is Standing.IN_COMMAND
+    flown.pause_by_193()
+    sent = len(flown.commands)
+    flown.run(5.0, until=lambda: math.hypot(*flown.vehicle.velocity_m_s) < STANDS_M_S)
+    assert 0.7 < left_m(flown) < 3.0
+    flown.run(4.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.authority.reason == "the drone has stopped on its way"
+    flown.run(20.0)
+    assert len(flown.commands) == sent
+
+
+@pytest.mark.parametrize("wind_m_s", [0.0, 8.0])
+def test_a_drone_that_holds_in_wind_is_not_taken_for_paused(wind_m_s: float) -> None:
+    flown = Flown("ardupilot", frame=Frame(wind_m_s=(wind_m_s, 0.0), gust_m=0.3))
+    flown.run(1.5)
+    flown.order("goto", places=(flown.place(50.0, 20.0),), height_m=40.0)
+    flown.run(90.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.authority.reason == "done"
+    flown.order("hold", duration_s=60.0)
+    flown.run(90.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.authority.reason == "done"
