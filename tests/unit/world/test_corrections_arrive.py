@@ -1,0 +1,104 @@
+"""A correction is listed once the drone searches with it; what cannot be sent is refused."""
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import made
+import pytest
+from asked_page import Answer, AskedPage
+
+from uavrt.config.tag_files import read_tags
+from uavrt.messages import Beep
+from world import THESIS_TAG, World, until
+
+HERE_HZ, AWAY_HZ = 148_710_000.0, 148_710_640.0
+ROW = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20}
+CORRECT = {"tag_id": 2, "frequency_hz": AWAY_HZ}
+UNDO = {"tag_id": 2, "undo": True}
+
+
+async def press(page: AskedPage, wish: dict[str, Any]) -> Answer:
+    return await page.ask("POST", "/api/commands/correct_tag", wish)
+
+
+def listed_hz(page: AskedPage) -> float:
+    (tag,) = read_tags(page.directory / "tags.toml")
+    return tag.frequency_hz
+
+
+def off_label(world: World, **changed: Any) -> Beep:
+    named = {"frequency_hz": AWAY_HZ, "tag_ids": (2,), "offsets_hz": (AWAY_HZ - HERE_HZ,)}
+    return made.beep(time_ns=world.clock.now_ns(), **(named | changed))
+
+
+async def flown(world: World, page: AskedPage, *, sent_by_page: bool = True) -> None:
+    """Begin a flight, and find its tag off its label."""
+    await page.until(lambda state: state["drone"]["state"] == "idle")
+    assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
+    if sent_by_page:
+        for name in ("send_tags", "start"):
+            assert (await page.ask("POST", f"/api/commands/{name}", {})).status == 200
+    else:
+        world.detect(THESIS_TAG)
+    await page.until(lambda state: state["drone"]["state"] == "detecting")
+    world.beeps.append(off_label(world))
+    await page.until(lambda state: len(state["beeps"]) == 1)
+
+
+async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterwards(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page)
+        pressed = asyncio.create_task(press(page, CORRECT))
+        await until(lambda: world.mission.tags[2].frequency_hz == AWAY_HZ)
+        world.radio_cut()  # its answer is lost
+        refused = await press(page, UNDO)
+        assert (refused.status, listed_hz(page)) == (422, HERE_HZ), refused.body
+        again = await press(page, CORRECT)
+        assert (again.status, again.json["message"]) == (409, "Wait: correcting tag 2")
+        world.radio_back()
+        assert (await pressed).status == 200
+        assert listed_hz(page) == AWAY_HZ
+        assert (await press(page, UNDO)).status == 200
+        assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (HERE_HZ, HERE_HZ)
+
+
+async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_corrected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page)
+        session = page.session
+        with monkeypatch.context() as patch:
+            now = session.situation
+            patch.setattr(session, "situation", lambda: replace(now(), foreign=True))
+            foreign = await press(page, CORRECT)
+        assert "same number" in foreign.json["message"]
+        world.radio_cut()
+        unanswered = await press(page, CORRECT)
+        assert "did not answer" in unanswered.json["message"]
+        await page.until(lambda state: not state["drone"]["present"])
+        unreachable = await press(page, CORRECT)
+        assert "not heard" in unreachable.json["message"]
+        for answer in (foreign, unanswered, unreachable):
+            assert answer.status == 409
+        assert listed_hz(page) == HERE_HZ
+        assert world.mission.tags[2].frequency_hz == HERE_HZ
+
+
+async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_too(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page, sent_by_page=False)
+        assert (await press(page, CORRECT)).status == 200
+        assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (AWAY_HZ, AWAY_HZ)
