@@ -1,5 +1,6 @@
 """Correct a listed tag by what was measured of it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -91,6 +92,30 @@ def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
     if tag.coded or after == tag:
         return None
     return TagCorrection(time_ns=time_ns, tag_id=tag.tag_id, what=what, before=tag, after=after)
+
+
+def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
+    """Whether a measurement was made with these entries of the list, or of tags not in it."""
+    at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
+    away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
+    for tag in tags:
+        if tag.tag_id not in away_hz:
+            continue
+        listed_hz = at_hz - away_hz[tag.tag_id]
+        at_other_rate = beep.kind is BeepKind.OTHER_RATE and tag.tag_id == beep.tag_ids[0]
+        if abs(tag.frequency_hz - listed_hz) >= 1.0 or (
+            at_other_rate and keeps_interval(tag, beep.interval_s)
+        ):
+            return False
+    return True
+
+
+def keeps_interval(tag: Tag, interval_s: float) -> bool:
+    """Whether a measured interval is one of a tag's, within what the list allows."""
+    return any(
+        abs(interval_s - one) <= max(tag.interval_uncertainty_s, 0.01 * one)
+        for one in tag.pulse_intervals_s
+    )
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:

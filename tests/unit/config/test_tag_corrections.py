@@ -6,7 +6,7 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.config.tag_corrections import correction_of
+from uavrt.config.tag_corrections import correction_of, still_holds
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import BeepKind, Command
 from uavrt.tunnel.exchange import Exchange
@@ -75,3 +75,18 @@ def test_a_correction_is_one_message_that_needs_no_open_upload(generation: Any) 
     assert (command.name, command.tag and command.tag.tag_id) == ("add_tag", 2)
     assert command.tag is not None
     assert command.tag.frequency_hz == 148_710_640.0
+
+
+def test_a_measurement_holds_until_the_entry_that_it_was_made_with_is_corrected() -> None:
+    other = replace(TAG, tag_id=4, frequency_hz=148_760_000.0)
+    off = made.beep(frequency_hz=148_710_640.0, tag_ids=(2,), offsets_hz=(640.0,))
+    rate = made.beep(BeepKind.OTHER_RATE, interval_s=0.75, tag_ids=(2,))
+    image = replace(off, kind=BeepKind.IMAGE, frequency_hz=1.4e8, image_of_hz=148_710_640.0)
+    others = image, made.beep(BeepKind.UNLISTED), replace(off, tag_ids=(9,))
+    for beep in (off, rate, *others):
+        assert still_holds(beep, (TAG, other))
+    for beep in (off, rate):
+        correction = correction_of(TAG, beep, 0)
+        assert correction is not None
+        assert not still_holds(beep, (correction.after, other))
+        assert still_holds(beep, (other,)), "of a tag that another station has listed"

@@ -120,3 +120,28 @@ async def test_what_nobody_measured_corrects_nothing(tmp_path: Path) -> None:
             assert answer.status in (400, 422), answer.json
         (listed,) = read_tags(page.directory / "tags.toml")
         assert listed.frequency_hz == THESIS_TAG.frequency_hz
+
+
+async def test_of_a_flood_the_page_keeps_tags_and_the_strongest_also_after_a_restart(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    many = [
+        replace(UNLISTED, frequency_hz=148e6 + 1e3 * n, time_ns=n, pulses=8 + n)
+        for n in range(100)
+    ]
+    async with page.served():
+        session = page.session
+        session.begin_flight()
+        for one in (OFF_LABEL, *many):
+            session._take(one)
+        state = await page.state()
+        assert [one["pulses"] for one in state["beeps"]] == [12, *range(77, 108)]
+        session.flight.commit()
+        await session.flight.settle(5.0)
+    restarted = AskedPage(tmp_path / "ground", world.ground_address)
+    async with restarted.served():
+        state = await restarted.state()
+        assert len(state["beeps"]) == 32
+        assert state["beeps"][0]["tag_ids"] == [2]

@@ -29,7 +29,11 @@ def listed_hz(page: AskedPage) -> float:
 
 
 def off_label(world: World, **changed: Any) -> Beep:
-    named = {"frequency_hz": AWAY_HZ, "tag_ids": (2,), "offsets_hz": (AWAY_HZ - HERE_HZ,)}
+    named: dict[str, Any] = {
+        "frequency_hz": AWAY_HZ,
+        "tag_ids": (2,),
+        "offsets_hz": (AWAY_HZ - HERE_HZ,),
+    }
     return made.beep(time_ns=world.clock.now_ns(), **(named | changed))
 
 
