@@ -43,13 +43,12 @@ function item(one: BeepRecord): HTMLElement {
     { class: "beep", "data-kind": one.kind },
     h("strong", {}, one.meaning),
     h("span", { class: "facts" }, `${place} · every ${interval}\u202fms · ${one.pulses} pulses · ${one.level_db.toFixed(0)}\u202fdB`),
-    ...one.corrects.map((id) => press(words(one, id), { tag_id: id, frequency_hz: one.frequency_hz })),
+    ...one.corrects.map((of) => press(words(of), { tag_id: of.tag_id, frequency_hz: one.frequency_hz })),
   );
 }
 
-function words(one: BeepRecord, id: number): string {
-  const interval = !one.odd || (one.kind === "other rate" && id === one.tag_ids[0]);
-  return interval ? `List this interval for tag ${id}` : `List tag ${id} here`;
+function words({ tag_id, what }: BeepRecord["corrects"][number]): string {
+  return what === "interval" ? `List this interval for tag ${tag_id}` : `List tag ${tag_id} here`;
 }
 
 function common(ppm: number): HTMLElement {

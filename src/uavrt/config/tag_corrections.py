@@ -8,6 +8,10 @@ from uavrt.messages import Beep, BeepKind, Tag
 
 DRIFT: Final = 0.005
 """Change of a measured interval with temperature and battery, as a part of it."""
+LEAST_UNCERTAINTY: Final = 0.01
+"""Difference from a listed interval that is no other rate, as a part of it."""
+_INTERVAL_ERROR_S: Final = 0.003
+"""Largest error of a measured interval [s]."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
@@ -78,14 +82,15 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
 
 def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
     """Get what a measured sender corrects of a tag that it may be; None if nothing."""
+    at_other_rate = beep.kind is BeepKind.OTHER_RATE
     if beep.kind is BeepKind.OFF_LABEL or (
-        beep.kind is BeepKind.OTHER_RATE and tag.tag_id != beep.tag_ids[0]
+        at_other_rate and keeps_interval(tag, beep.interval_s, _INTERVAL_ERROR_S)
     ):
         what: Literal["frequency", "interval"] = "frequency"
         after = corrected_frequency(tag, beep.frequency_hz)
     elif beep.kind is BeepKind.LISTED and _is_narrow(tag, beep.interval_s):
         return None
-    elif beep.kind in (BeepKind.OTHER_RATE, BeepKind.LISTED):
+    elif at_other_rate or beep.kind is BeepKind.LISTED:
         what, after = "interval", corrected_interval(tag, beep.interval_s, beep.jitter_s)
     else:
         return None
@@ -110,10 +115,11 @@ def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
     return True
 
 
-def keeps_interval(tag: Tag, interval_s: float) -> bool:
-    """Whether a measured interval is one of a tag's, within what the list allows."""
+def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
+    """Whether an interval, measured with some error, is one that the list allows for a tag."""
     return any(
-        abs(interval_s - one) <= max(tag.interval_uncertainty_s, 0.01 * one)
+        abs(interval_s - one)
+        <= max(tag.interval_uncertainty_s, LEAST_UNCERTAINTY * one) + error_s
         for one in tag.pulse_intervals_s
     )
 

@@ -52,7 +52,12 @@ def test_another_rate_becomes_the_second_interval_and_the_bounds_of_the_first_st
 
 
 def test_a_neighbour_that_may_be_meant_at_another_rate_is_corrected_in_frequency() -> None:
-    other = replace(TAG, tag_id=4, frequency_hz=148_712_000.0)
+    other = replace(
+        TAG,
+        tag_id=4,
+        frequency_hz=148_712_000.0,
+        pulse_intervals_s=(TAG.pulse_intervals_s[0], 0.75),
+    )
     beep = made.beep(
         BeepKind.OTHER_RATE, interval_s=0.75, tag_ids=(2, 4), offsets_hz=(0.0, -2000.0)
     )

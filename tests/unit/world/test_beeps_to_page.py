@@ -72,7 +72,7 @@ async def test_one_press_corrects_a_label_in_the_list_and_in_the_flight(
             assert answer.status == 200, answer.json
         world.beeps.append(present(OFF_LABEL, world))
         state = await page.until(found(1))
-        assert state["beeps"][0]["corrects"] == [2]
+        assert state["beeps"][0]["corrects"] == [{"tag_id": 2, "what": "frequency"}]
         wish = {"tag_id": 2, "frequency_hz": 148_710_640.0}
         answer = await page.ask("POST", "/api/commands/correct_tag", wish)
         assert answer.json["message"] == "tag 2: 148.710640 MHz, was 148.710000 MHz"

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from uavrt.config.tag_corrections import LEAST_UNCERTAINTY, keeps_interval
 from uavrt.detection.beeps.trains import Train
 from uavrt.messages import Beep, BeepKind, Tag
 from uavrt.units import ns_from_s
@@ -16,8 +17,8 @@ REACH_PPM: Final = 70.0
 _BESIDE_HZ: Final = 30.0
 """Error of a train's frequency, and of a window's edge [Hz]."""
 _CODE_HZ: Final = 1000.0
-_LEAST_UNCERTAINTY: Final = 0.01
-"""Change of an interval with temperature and battery, as a part of it."""
+_RATIOS: Final = (2.0, 1 / 2, 1 / 3)
+"""Listed interval as a multiple of one that shows mortality, or that misses pulses."""
 _POINT_S: Final = 0.001
 _LEAST_PULSES: Final = 8
 """Pulses of a stretch that shows a rate of its own."""
@@ -63,11 +64,14 @@ def name_trains(
 
 
 def shared_offset_ppm(named: Sequence[Beep]) -> float | None:
-    """Offset of all tags that are off their label, if it is one: the receiver's own error."""
+    """Offset that all tags off their label share, if they do: the receiver's own error.
+
+    Trains that may be of two tags say nothing of it.
+    """
     off = [
         1e6 * one.away_hz / (one.frequency_hz - one.away_hz)
         for one in named
-        if one.kind is BeepKind.OFF_LABEL and one.away_hz is not None
+        if one.kind is BeepKind.OFF_LABEL and one.away_hz is not None and len(one.tag_ids) == 1
     ]
     if len(off) < 2 or any(one.kind is BeepKind.LISTED for one in named):
         return None
@@ -95,8 +99,10 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
         kind, names = BeepKind.DOUBTFUL, near[:1]
     elif near:
         kind, interval_s = BeepKind.OTHER_RATE, others_s[0]
-        names = [*near[:1], *(tag for tag in fitting if tag not in near)]
-        reason = _twice(interval_s, near[0])
+        # A rate that a tag is known to change to, or with pulses missing, is its own.
+        names = [one for one in near if _fits(interval_s, one, train, _RATIOS)] or near
+        reason = _twice(interval_s, names[0])
+        names = [*names, *(tag for tag in fitting if tag not in near)]
     elif fitting:
         kind, names = BeepKind.OFF_LABEL, fitting
     names = names[:_MOST_NAMES]
@@ -153,7 +159,7 @@ def _mirrored(
 
 def _twice(interval_s: float, tag: Tag) -> str:
     twice = any(
-        abs(2.0 * interval_s - listed_s) <= _LEAST_UNCERTAINTY * listed_s
+        abs(2.0 * interval_s - listed_s) <= LEAST_UNCERTAINTY * listed_s
         for listed_s in tag.pulse_intervals_s
     )
     return "twice the listed one (mortality)" if twice else ""
@@ -169,13 +175,10 @@ def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
     return sorted(near, key=away_hz)
 
 
-def _fits(interval_s: float, tag: Tag, train: Train) -> bool:
+def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (1.0,)) -> bool:
+    """Whether the interval, or one with one of these ratios to it, is one of a tag's."""
     allowed_s = 3.0 * min(train.interval_sigma_s, 0.01 * interval_s) + _POINT_S
-    return any(
-        abs(interval_s - listed_s)
-        <= max(tag.interval_uncertainty_s, _LEAST_UNCERTAINTY * listed_s) + allowed_s
-        for listed_s in tag.pulse_intervals_s
-    )
+    return any(keeps_interval(tag, ratio * interval_s, ratio * allowed_s) for ratio in ratios)
 
 
 def _rates(train: Train) -> Iterator[float]:
