@@ -108,6 +108,7 @@ class Receiver:
             )
         )
         self._beeping: list[Beep] = []
+        self._beeps_failed = False
         self._frame = frame
         self._told = self._trouble_reported = False
         self._tell = frame.tell
@@ -200,6 +201,9 @@ class Receiver:
                 log.info("beeps", what=str(beep))
                 if beep.tag_ids and beep.kind is not BeepKind.IMAGE:
                     self._tell(5, beep.meaning)
+        if self._beeps.failed and not self._beeps_failed:
+            self._beeps_failed = True
+            self._tell(4, "Unlisted tags no longer searched: internal fault")
 
     def _missed(self, block: IQBlock) -> int:
         """Count what the air brought while the radio was being opened again."""
@@ -245,6 +249,7 @@ class Receiver:
         self._check = SampleCheck("the radio")
         if not failed:  # its crystal's correction may be another
             self._beeps.begin_again()
+            self._beeping.clear()
 
     def flush(self) -> None:
         """End a radio block; try again to send what the detectors have not taken yet."""

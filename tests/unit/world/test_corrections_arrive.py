@@ -10,6 +10,7 @@ import pytest
 from asked_page import Answer, AskedPage
 
 from uavrt.config.tag_files import read_tags
+from uavrt.ipc.process import ProcessFrame
 from uavrt.messages import Beep
 from world import THESIS_TAG, World, until
 
@@ -106,3 +107,46 @@ async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_to
         await flown(world, page, sent_by_page=False)
         assert (await press(page, CORRECT)).status == 200
         assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (AWAY_HZ, AWAY_HZ)
+
+
+async def test_what_the_old_search_finds_as_it_ends_is_dropped_and_the_new_one_has_its_settings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    receive = world._receive
+
+    async def find_more_at_the_end(frame: ProcessFrame) -> None:
+        await receive(frame)
+        frame.send("beep", off_label(world, pulses=24))
+
+    monkeypatch.setattr(world, "_receive", find_more_at_the_end)
+    async with world.flying(), page.served():
+        await flown(world, page)
+        wish = {"name": "DET_K", "value": 7}
+        answer = await page.ask("POST", "/api/commands/set_parameter", wish)
+        assert answer.status == 200, answer.json
+        searched = await newer_detector(world)
+        assert (await press(page, CORRECT)).status == 200
+        searched = await newer_detector(world, searched)
+        news = [topic for topic, _ in world.records if topic in ("beep", "corrected_tags")]
+        assert news[-2:] == ["beep", "corrected_tags"]
+        assert searched.assignment.settings.detection.k == 0
+        world.kill("detector-1")
+        searched = await newer_detector(world, searched)
+        assert searched.assignment.settings.detection.k == 0
+        await asyncio.sleep(20.0)
+        assert (await page.state())["beeps"] == []
+
+
+async def newer_detector(world: World, than: ProcessFrame | None = None) -> ProcessFrame:
+    """Wait for a detector that was started after another one."""
+    launcher = world.computer.launcher
+
+    def newest() -> ProcessFrame | None:
+        return launcher._frames.get(launcher.started["detector-1"])
+
+    await until(lambda: newest() not in (None, than))
+    found = newest()
+    assert found is not None
+    return found
