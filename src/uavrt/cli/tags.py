@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -138,25 +139,29 @@ def correct(
     from uavrt.detection.sensitivity import gain_in_words
     from uavrt.recording.flight_reader import read_beeps
 
-    found = {tag.tag_id: tag for tag in _read(file).tags}
+    listed = {tag.tag_id: tag for tag in _read(file).tags}
+    found = dict(listed)
     beeps = [beep for flight in flights for beep in read_beeps(flight)]
-    corrections: dict[int, TagCorrection] = {}
+    corrections: dict[tuple[int, str], TagCorrection] = {}
     for beep in sorted(beeps, key=lambda one: one.time_ns):
         if len(beep.tag_ids) > 1:
             print(f"not corrected: {beep}")
         elif beep.tag_ids and beep.tag_ids[0] in found and (beep.odd or intervals):
             correction = correction_of(found[beep.tag_ids[0]], beep, beep.time_ns)
             if correction is not None:
-                corrections[correction.tag_id] = correction
+                found[correction.tag_id] = correction.after
+                corrections[correction.tag_id, correction.what] = correction
     for one in corrections.values():
-        print(f"{one}{gain_in_words(one.before, one.after)}")
-        found[one.tag_id] = one.after
+        before = listed[one.tag_id]
+        gain = gain_in_words(before, one.after) if one.what == "interval" else ""
+        print(f"{replace(one, before=before)}{gain}")
+    count = len({one.tag_id for one in corrections.values()})
     if output is None:
-        print(f"{len(corrections)} tag(s) to correct; -o FILE writes the list")
+        print(f"{count} tag(s) to correct; -o FILE writes the list")
         return
     check_place(output, overwrite=overwrite)
     write_tags(output, tuple(found.values()))
-    print(f"{output}: {len(corrections)} of {len(found)} tag(s) corrected")
+    print(f"{output}: {count} of {len(found)} tag(s) corrected")
 
 
 def _read(path: Path) -> "TagSource":

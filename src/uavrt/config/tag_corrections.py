@@ -25,6 +25,8 @@ class TagCorrection:
     what: Literal["frequency", "interval"]
     before: Tag
     after: Tag
+    undo: bool = False
+    """Whether it lists the values before an earlier correction again."""
 
     def __str__(self) -> str:
         """Write it as a line for the operator."""
@@ -78,6 +80,17 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
         ),
         interval_jitter_s=jitter_s if alone else max(jitter_s, tag.interval_jitter_s),
     )
+
+
+def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
+    """Corrections in order of time, without those that were undone and what undid them."""
+    standing: list[TagCorrection] = []
+    for one in corrections:
+        if not one.undo:
+            standing.append(one)
+        elif undone := [x for x in standing if x.tag_id == one.tag_id]:
+            standing.remove(undone[-1])
+    return standing
 
 
 def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:

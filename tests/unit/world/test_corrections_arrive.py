@@ -73,6 +73,31 @@ async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterw
         assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (HERE_HZ, HERE_HZ)
 
 
+async def test_each_undo_goes_back_by_one_correction_until_the_first_list_is_back(
+    tmp_path: Path,
+) -> None:
+    page = AskedPage(tmp_path / "ground", World(tmp_path).ground_address)
+    places_hz = [HERE_HZ, AWAY_HZ, 148_710_900.0]
+    async with page.served():
+        assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
+        for at_hz in places_hz[1:]:
+            away_hz = at_hz - listed_hz(page)
+            page.session.beeps[:] = [
+                made.beep(frequency_hz=at_hz, tag_ids=(2,), offsets_hz=(away_hz,))
+            ]
+            wish = {"tag_id": 2, "frequency_hz": at_hz}
+            assert (await press(page, wish)).status == 200
+    restarted = AskedPage(page.directory, World(tmp_path).ground_address)
+    async with restarted.served():
+        for at_hz in reversed(places_hz[:-1]):
+            (one,) = (await restarted.state())["corrections"]
+            assert one["tag_id"] == 2
+            assert (await press(restarted, UNDO)).status == 200
+            assert listed_hz(restarted) == at_hz
+        assert (await restarted.state())["corrections"] == []
+        assert (await press(restarted, UNDO)).status == 422
+
+
 async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_corrected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

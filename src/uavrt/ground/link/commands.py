@@ -48,12 +48,10 @@ def _correction(session: HeldSession, wish: Any) -> TagCorrection:
     if tag is None:
         raise FormatError("tag_id must be a listed tag's")
     if wish.get("undo") is True:
-        last = next(
-            (x for x in reversed(session.store.corrections) if x.tag_id == tag_id), None
-        )
-        if last is None or last.after != tag:
+        last = next((x for x in session.store.corrections_listed if x.tag_id == tag_id), None)
+        if last is None:
             raise FormatError(f"tag {tag_id} has no correction to undo")
-        return replace(last, time_ns=now_ns, before=tag, after=last.before)
+        return replace(last, time_ns=now_ns, before=tag, after=last.before, undo=True)
     frequency_hz = wish.get("frequency_hz")
     if not isinstance(frequency_hz, int | float):
         raise FormatError("frequency_hz must be a number")
