@@ -1,4 +1,4 @@
-/** What beeps beside the listed tags, and what a measurement corrects of the list. */
+/** Unlisted beeps, and what a measurement corrects of the list. */
 
 import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h } from "./dom";
@@ -61,8 +61,8 @@ function corrected(one: State["corrections"][number]): HTMLElement {
   return h("div", { class: "beep" }, h("span", { class: "facts" }, one.text), press("Undo", { tag_id: one.tag_id, undo: true }));
 }
 
-function press(text: string, wish: object): HTMLElement {
-  return button(text, () => send<{ message: string }>("POST", "/commands/correct_tag", wish));
+function press(text: string, request: object): HTMLElement {
+  return button(text, () => send<{ message: string }>("POST", "/commands/correct_tag", request));
 }
 
 function button(text: string, ask: () => Promise<{ message: string }>): HTMLElement {

@@ -111,7 +111,7 @@ class GroundStatus:
             for step in self._exchange.progress_again():
                 self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
         if self._beeps and self._due("beep", BEEP_NS, now_ns):
-            self._tell_beep()
+            self._send_beep()
         if self._due("computer", COMPUTER_NS, now_ns):
             self._tell_computer()
 
@@ -132,7 +132,7 @@ class GroundStatus:
         self._next_ns.pop("beep", None)
         self.beeps_left_out += drop_beeps(self._beeps)
 
-    def _tell_beep(self) -> None:
+    def _send_beep(self) -> None:
         self._next_beep %= len(self._beeps)
         payload = encode_beep(self._beeps[self._next_beep])
         self._sender.send_tunnel(payload, Priority.OTHER, payload_type=BEEP_TYPE)

@@ -191,10 +191,10 @@ class Receiver:
         self._pass_on(band)
         self.flush()
         self._beeps.add(block, band)
-        self._tell_beeps()
+        self._report_beeps()
 
-    def _tell_beeps(self) -> None:
-        """Report what beeps beside the listed tags."""
+    def _report_beeps(self) -> None:
+        """Report beeps that were found without a list."""
         for beep in self._beeps.take_news():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
@@ -259,7 +259,7 @@ class Receiver:
     def close(self) -> None:
         """Finish the recordings and the searches."""
         self._beeps.close()
-        self._tell_beeps()
+        self._report_beeps()
         self._kept.close()
         if self._recorder is not None:
             self._recorder.close()

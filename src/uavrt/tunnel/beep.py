@@ -1,6 +1,6 @@
-"""What beeps beside the listed tags, to a ground station of uavrt.
+"""Unlisted beeps, to a ground station of uavrt.
 
-Sent with the lowest priority and again and again in turn, so that one that arrives is enough.
+Sent with the lowest priority, repeated in turn: one that arrives is enough.
 Layout: payload type 60012 of the manual's tunnel reference.
 """
 

@@ -74,5 +74,5 @@ def test_a_search_that_fails_is_reported_to_the_operator_once_and_samples_flow_o
     for number in range(5):
         receiver.process(IQBlock(samples, number * samples.size, number * 200_000_000, RATE_HZ))
     receiver.close()
-    assert frame.told == ["Unlisted tags no longer searched: internal fault"]
+    assert frame.texts == ["Unlisted tags no longer searched: internal fault"]
     assert receiver.counters()["samples"] == 1_000_000

@@ -73,8 +73,8 @@ async def test_one_press_corrects_a_label_in_the_list_and_in_the_flight(
         world.beeps.append(present(OFF_LABEL, world))
         state = await page.until(found(1))
         assert state["beeps"][0]["corrects"] == [{"tag_id": 2, "what": "frequency"}]
-        wish = {"tag_id": 2, "frequency_hz": 148_710_640.0}
-        answer = await page.ask("POST", "/api/commands/correct_tag", wish)
+        request = {"tag_id": 2, "frequency_hz": 148_710_640.0}
+        answer = await page.ask("POST", "/api/commands/correct_tag", request)
         assert answer.json["message"] == "tag 2: 148.710640 MHz, was 148.710000 MHz"
         assert answer.status == 200
         (listed,) = read_tags(page.directory / "tags.toml")
@@ -103,20 +103,20 @@ def _searched_hz(world: World) -> float | None:
     return world.searched[2].frequency_hz if 2 in world.searched else None
 
 
-async def test_what_nobody_measured_corrects_nothing(tmp_path: Path) -> None:
+async def test_what_was_not_measured_corrects_nothing(tmp_path: Path) -> None:
     world = World(tmp_path)
     page = AskedPage(tmp_path / "ground", world.ground_address)
     async with page.served():
         assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
-        wishes: tuple[object, ...] = (
+        requests: tuple[object, ...] = (
             {"tag_id": 2, "frequency_hz": 148_710_640.0},
             {"tag_id": 4, "frequency_hz": 148_710_640.0},
             {"tag_id": 2, "undo": True},
             {"tag_id": 2},
             [],
         )
-        for wish in wishes:
-            answer = await page.ask("POST", "/api/commands/correct_tag", wish)
+        for request in requests:
+            answer = await page.ask("POST", "/api/commands/correct_tag", request)
             assert answer.status in (400, 422), answer.json
         (listed,) = read_tags(page.directory / "tags.toml")
         assert listed.frequency_hz == THESIS_TAG.frequency_hz

@@ -20,8 +20,8 @@ CORRECT = {"tag_id": 2, "frequency_hz": AWAY_HZ}
 UNDO = {"tag_id": 2, "undo": True}
 
 
-async def press(page: AskedPage, wish: dict[str, Any]) -> Answer:
-    return await page.ask("POST", "/api/commands/correct_tag", wish)
+async def press(page: AskedPage, request: dict[str, Any]) -> Answer:
+    return await page.ask("POST", "/api/commands/correct_tag", request)
 
 
 def listed_hz(page: AskedPage) -> float:
@@ -85,8 +85,8 @@ async def test_each_undo_goes_back_by_one_correction_until_the_first_list_is_bac
             page.session.beeps[:] = [
                 made.beep(frequency_hz=at_hz, tag_ids=(2,), offsets_hz=(away_hz,))
             ]
-            wish = {"tag_id": 2, "frequency_hz": at_hz}
-            assert (await press(page, wish)).status == 200
+            request = {"tag_id": 2, "frequency_hz": at_hz}
+            assert (await press(page, request)).status == 200
     restarted = AskedPage(page.directory, World(tmp_path).ground_address)
     async with restarted.served():
         for at_hz in reversed(places_hz[:-1]):
@@ -148,8 +148,8 @@ async def test_what_the_old_search_finds_as_it_ends_is_dropped_and_the_new_one_h
     monkeypatch.setattr(world, "_receive", find_more_at_the_end)
     async with world.flying(), page.served():
         await flown(world, page)
-        wish = {"name": "DET_K", "value": 7}
-        answer = await page.ask("POST", "/api/commands/set_parameter", wish)
+        request = {"name": "DET_K", "value": 7}
+        answer = await page.ask("POST", "/api/commands/set_parameter", request)
         assert answer.status == 200, answer.json
         searched = await newer_detector(world)
         assert (await press(page, CORRECT)).status == 200

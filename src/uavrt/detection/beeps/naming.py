@@ -14,7 +14,7 @@ from uavrt.units import ns_from_s
 
 REACH_PPM: Final = 70.0
 """Error of a dongle without a temperature-compensated crystal [ppm]."""
-_BESIDE_HZ: Final = 30.0
+_EDGE_HZ: Final = 30.0
 """Error of a train's frequency, and of a window's edge [Hz]."""
 _CODE_HZ: Final = 1000.0
 _RATIOS: Final = (2.0, 1 / 2, 1 / 3)
@@ -52,11 +52,13 @@ def name_trains(
         Time from which the points' times count.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
-    heard = {tag_id for one in named if one.kind is BeepKind.LISTED for tag_id in one.tag_ids}
-    finished = [_finished(one, heard, named) for one in named]
+    listed_ids = {
+        tag_id for one in named if one.kind is BeepKind.LISTED for tag_id in one.tag_ids
+    }
+    finished = [_finished(one, listed_ids, named) for one in named]
     if center_hz is None:
         return finished
-    silent = [tag for tag in tags if tag.tag_id not in heard]
+    silent = [tag for tag in tags if tag.tag_id not in listed_ids]
     return [
         _mirrored(one, train, silent, frequency_window_hz, center_hz)
         for one, train in zip(finished, trains, strict=True)
@@ -80,7 +82,7 @@ def shared_offset_ppm(named: Sequence[Beep]) -> float | None:
 
 def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) -> Beep:
     interval_s = train.interval_s
-    near = _within(train, tags, window_hz + _BESIDE_HZ)
+    near = _within(train, tags, window_hz + _EDGE_HZ)
     reach_hz = REACH_PPM * 1e-6 * train.frequency_hz
     kind, names, reason = BeepKind.UNLISTED, list[Tag](), train.doubt or ""
     fitting = [tag for tag in _within(train, tags, reach_hz) if _fits(interval_s, tag, train)]
@@ -121,14 +123,14 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
     )
 
 
-def _finished(one: Beep, heard: set[int], named: Sequence[Beep]) -> Beep:
+def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
     """Leave out the names of tags that beep at their own place; name an image's original."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:
                 return replace(one, tag_ids=other.tag_ids, offsets_hz=other.offsets_hz)
     if one.kind is BeepKind.OFF_LABEL:
-        left = [place for place, tag_id in enumerate(one.tag_ids) if tag_id not in heard]
+        left = [place for place, tag_id in enumerate(one.tag_ids) if tag_id not in listed_ids]
         return replace(
             one,
             tag_ids=tuple(one.tag_ids[place] for place in left),
@@ -141,13 +143,13 @@ def _finished(one: Beep, heard: set[int], named: Sequence[Beep]) -> Beep:
 def _mirrored(
     one: Beep, train: Train, silent: Sequence[Tag], window_hz: float, center_hz: float
 ) -> Beep:
-    """Recognize a tag that is heard at the other side of the centre and not at its own."""
+    """Recognize a tag on the other side of the centre that is not found on its own."""
     if one.kind is not BeepKind.UNLISTED:
         return one
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)
     near = [
         tag
-        for tag in _within(there, silent, window_hz + _BESIDE_HZ)
+        for tag in _within(there, silent, window_hz + _EDGE_HZ)
         if _fits(train.interval_s, tag, train)
     ][:1]
     if not near:

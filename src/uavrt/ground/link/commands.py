@@ -40,19 +40,19 @@ def _parameter(wish: Any) -> tuple[str, float]:
     return name, float(number)
 
 
-def _correction(session: HeldSession, wish: Any) -> TagCorrection:
-    """Read which correction is wished; raises `FormatError`."""
+def _correction(session: HeldSession, request: Any) -> TagCorrection:
+    """Read which correction is requested; raises `FormatError`."""
     now_ns = session.clock.now_ns()
-    tag_id = wish.get("tag_id") if isinstance(wish, dict) else None
+    tag_id = request.get("tag_id") if isinstance(request, dict) else None
     tag = next((one for one in session.store.tags if one.tag_id == tag_id), None)
     if tag is None:
         raise FormatError("tag_id must be a listed tag's")
-    if wish.get("undo") is True:
+    if request.get("undo") is True:
         last = next((x for x in session.store.corrections_listed if x.tag_id == tag_id), None)
         if last is None:
             raise FormatError(f"tag {tag_id} has no correction to undo")
         return replace(last, time_ns=now_ns, before=tag, after=last.before, undo=True)
-    frequency_hz = wish.get("frequency_hz")
+    frequency_hz = request.get("frequency_hz")
     if not isinstance(frequency_hz, int | float):
         raise FormatError("frequency_hz must be a number")
     for beep in session.beeps:
@@ -161,7 +161,7 @@ class Commands:
         async with self._working(button.action, button.asking):
             return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
 
-    async def correct_tag(self, wish: Any) -> str:
+    async def correct_tag(self, request: Any) -> str:
         """Correct a listed tag by what was measured, in the flight and then in the list.
 
         ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency, and ``"undo":
@@ -175,7 +175,7 @@ class Commands:
             The drone refused, or did not answer; the list is as it was.
         """
         session, store = self._session, self._session.store
-        correction = _correction(session, wish)
+        correction = _correction(session, request)
         after = correction.after
         if faults := faults_of_tags([after]):
             raise FormatError(faults[0])
