@@ -30,7 +30,7 @@ export function drawBeeps(): void {
     state.common_ppm !== null && common(state.common_ppm),
     ...odd.map(item),
     listed.length > 0 &&
-      h("details", {}, h("summary", {}, `Measured intervals (${listed.length})`), ...listed.map(item)),
+      h("details", {}, h("summary", {}, `Measured values (${listed.length})`), ...listed.map(item)),
     ...state.corrections.map(corrected),
   );
 }

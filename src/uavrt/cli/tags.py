@@ -119,6 +119,7 @@ def correct(
 ) -> None:
     """Correct a tag list by what flights have measured; the old values are printed.
 
+    Tags that are off their label, or have drifted by 100 Hz, are listed where they were found.
     A pulse train that may be of two listed tags corrects neither.
 
     Parameters
@@ -137,6 +138,7 @@ def correct(
     from uavrt.config.tag_corrections import TagCorrection, correction_of
     from uavrt.config.tag_files import write_tags
     from uavrt.detection.sensitivity import gain_in_words
+    from uavrt.messages import BeepKind
     from uavrt.recording.flight_reader import read_beeps
 
     listed = {tag.tag_id: tag for tag in _read(file).tags}
@@ -146,9 +148,10 @@ def correct(
     for beep in sorted(beeps, key=lambda one: one.time_ns):
         if len(beep.tag_ids) > 1:
             print(f"not corrected: {beep}")
-        elif beep.tag_ids and beep.tag_ids[0] in found and (beep.odd or intervals):
+        elif beep.tag_ids and beep.tag_ids[0] in found:
             correction = correction_of(found[beep.tag_ids[0]], beep, beep.time_ns)
-            if correction is not None:
+            of_drift = correction is not None and correction.what == "frequency"
+            if correction and (intervals or of_drift or beep.kind is not BeepKind.LISTED):
                 found[correction.tag_id] = correction.after
                 corrections[correction.tag_id, correction.what] = correction
     for one in corrections.values():

@@ -12,6 +12,8 @@ LEAST_UNCERTAINTY: Final = 0.01
 """Difference from a listed interval that is no other rate, as a part of it."""
 _INTERVAL_ERROR_S: Final = 0.003
 """Largest error of a measured interval [s]."""
+_DRIFT_HZ: Final = 100.0
+"""Distance from a label that is worth listing [Hz]; a fifth of the usual search."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
@@ -96,8 +98,11 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
     """Get what a measured sender corrects of a tag that it may be; None if nothing."""
     at_other_rate = beep.kind is BeepKind.OTHER_RATE
-    if beep.kind is BeepKind.OFF_LABEL or (
-        at_other_rate and keeps_interval(tag, beep.interval_s, _INTERVAL_ERROR_S)
+    drifted = beep.kind is BeepKind.LISTED and beep.tag_ids == (tag.tag_id,)
+    if (
+        beep.kind is BeepKind.OFF_LABEL
+        or (at_other_rate and keeps_interval(tag, beep.interval_s, _INTERVAL_ERROR_S))
+        or (drifted and abs(beep.frequency_hz - tag.frequency_hz) >= _DRIFT_HZ)
     ):
         what: Literal["frequency", "interval"] = "frequency"
         after = corrected_frequency(tag, beep.frequency_hz)

@@ -82,6 +82,29 @@ def test_measured_intervals_are_listed_when_asked_for_with_what_they_are_worth(
     assert read_tags(better)[1].pulse_intervals_s == pytest.approx((1.0013,))
 
 
+def test_a_drift_within_the_search_is_listed_from_the_newest_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights = [tmp_path / name for name in ("first", "second")]
+    for directory, drift_hz, time_ns in zip(flights, (260.0, 140.0), (20, 10), strict=True):
+        recorder = FlightRecorder.create(made.flight_info(directory, (TAG,)))
+        recorder.write_beep(
+            made.beep(
+                BeepKind.LISTED,
+                time_ns=time_ns,
+                frequency_hz=TAG.frequency_hz + drift_hz,
+                tag_ids=(2,),
+                offsets_hz=(drift_hz,),
+            )
+        )
+        recorder.close()
+    tags = tmp_path / "tags.toml"
+    write_tags(tags, [TAG])
+    correct(tags, *flights)
+    said = capsys.readouterr().out
+    assert said.startswith("tag 2: 148.710260 MHz, was 148.710000 MHz\n1 tag(s) to correct")
+
+
 def test_frequency_and_interval_of_one_tag_are_corrected_together(
     flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

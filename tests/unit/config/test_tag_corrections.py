@@ -6,7 +6,7 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.config.tag_corrections import correction_of, still_holds
+from uavrt.config.tag_corrections import TagCorrection, correction_of, still_holds
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import BeepKind, Command
 from uavrt.tunnel.exchange import Exchange
@@ -80,6 +80,26 @@ def test_a_correction_is_one_message_that_needs_no_open_upload(generation: Any) 
     assert (command.name, command.tag and command.tag.tag_id) == ("add_tag", 2)
     assert command.tag is not None
     assert command.tag.frequency_hz == 148_710_640.0
+
+
+def test_a_tag_that_drifts_away_from_its_label_is_listed_there_before_the_search_loses_it() -> (
+    None
+):
+    def after(drift_hz: float, *others: int) -> TagCorrection | None:
+        beep = made.beep(
+            BeepKind.LISTED,
+            frequency_hz=TAG.frequency_hz + drift_hz,
+            tag_ids=(2, *others),
+            offsets_hz=(drift_hz, *(0.0 for _ in others)),
+        )
+        return correction_of(replace(TAG, interval_uncertainty_s=0.01), beep, 0)
+
+    for drift_hz in (-180.0, 130.0, 420.0):
+        one = after(drift_hz)
+        assert one is not None
+        assert (one.what, one.after.frequency_hz) == ("frequency", TAG.frequency_hz + drift_hz)
+        assert after(drift_hz, 4) is None, "of which of two tags?"
+    assert after(60.0) is None
 
 
 def test_a_measurement_holds_until_the_entry_that_it_was_made_with_is_corrected() -> None:
