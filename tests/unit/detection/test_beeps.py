@@ -15,7 +15,7 @@ from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
 from uavrt.detection.beeps.points import Points, PointSearch
 from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
 from uavrt.detection.beeps.trains import Train, find_trains
-from uavrt.messages import Beep, BeepKind, Tag, keep_beep
+from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt_experiments.detection.beeping import (
     Beeper,
     Scene,
@@ -262,6 +262,15 @@ def test_an_interval_that_changes_with_the_temperature_is_one_train_of_ten_minut
     (one,) = find_beats(times_s, 600.0)
     assert one.members.size >= 440
     assert one.beat.interval_s == pytest.approx(1.2012, abs=1e-3)
+
+
+def test_a_live_search_of_the_tags_band_pauses_for_45_s_at_most() -> None:
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, 1e3), live=True)
+    band = IQBlock(np.zeros(100, np.complex64), 0, 0, 100.0)
+    due = "".join("x" if search.due(band, band)[1] else " " for _ in range(600))
+    assert due.startswith("x" * 60)
+    assert max(map(len, due.split("x"))) == 45
+    assert 0.5 <= due.count("x") / len(due) <= 0.6
 
 
 def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:

@@ -19,7 +19,8 @@ from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
 _TAGS_BAND: Final = (60.0, 20.0, 90.0)
-"""The band of the tags: the first minute, then 20 s of every 90; .4 % of a core [s]."""
+"""The band of the tags: the first minute, then 20 s of every 90 [s]."""
+_TAGS_BAND_LIVE: Final = (60.0, 45.0, 90.0)
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
 _WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
@@ -133,7 +134,7 @@ class BeepSearch:
         self._tags = tuple(tags)
         self._window_hz = frequency_window_hz
         self._receiver = receiver
-        self._near = _Band(_TAGS_BAND, live=live)
+        self._near = _Band(_TAGS_BAND_LIVE if live else _TAGS_BAND, live=live)
         self._whole = _Band(_WHOLE_BAND_LIVE if live else _WHOLE_BAND, live=live)
         self._next_ns: int | None = None
         self._received = (0, 0)
