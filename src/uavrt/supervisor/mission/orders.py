@@ -373,12 +373,14 @@ class Mission:
             raise UavrtError(f"not received at {center_hz / 1e6:.6f} MHz: send stop first")
         settings = self.flight_settings
         (searched,) = tags_with_overrides(settings, (tag,))
+        tags = tuple(searched if one.tag_id == tag.tag_id else one for one in flight.tags)
         warnings: tuple[str, ...] = ()
         if settings.detection.frequency_window_hz > _USUAL_WINDOW_HZ:
-            warnings = self._ask_tuner(self._question((searched,), center_hz)).warnings
+            # What the search costs was measured at the start, when the computer was not busy.
+            question = replace(self._question(tags, center_hz), spare_cores=None)
+            warnings = self._ask_tuner(question).warnings
         self.tags[tag.tag_id] = tag
-        others = (searched if one.tag_id == tag.tag_id else one for one in flight.tags)
-        self.flight = replace(flight, tags=tuple(others))
+        self.flight = replace(flight, tags=tags)
         self._last_tags.keep(tuple(self.tags.values()))
         self._save()
         self._on_correction(self.flight)
