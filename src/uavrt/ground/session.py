@@ -419,7 +419,7 @@ class GroundSession:
                 self.heard[event.tag_id] = now_ns
                 self._bench.alive(event.tag_id, now_ns)
             case Beep():
-                if event not in self.beeps and still_holds(event, self.sent_tags):
+                if event not in self.beeps and not self._is_outdated(event):
                     keep_beep(self.beeps, event)
                     drop_beeps(self.beeps)
                     self.flight.add_beep(event)
@@ -547,6 +547,13 @@ class GroundSession:
         except (UavrtError, OSError):
             return []
         return [beep for beep in beeps if still_holds(beep, self.store.tags)]
+
+    def _is_outdated(self, beep: Beep) -> bool:
+        """Whether a sender was measured before this station corrected its tag."""
+        return not still_holds(beep, self.sent_tags) and any(
+            one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
+            for one in self.store.corrections
+        )
 
     def _drones_own(self) -> Path | None:
         """Get the drone's own recording of its flight, where that is in our directory.

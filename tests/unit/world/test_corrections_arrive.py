@@ -134,6 +134,23 @@ async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_to
         assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (AWAY_HZ, AWAY_HZ)
 
 
+async def test_only_what_was_measured_before_a_correction_of_this_station_is_dropped(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    of_other_station = off_label(world, frequency_hz=148_711_000.0, offsets_hz=(360.0,))
+    async with world.flying(), page.served():
+        await flown(world, page)
+        page.session._take(of_other_station)
+        assert of_other_station in page.session.beeps, "measured with a list of another station"
+        stale = page.session.beeps[0]
+        assert (await press(page, CORRECT)).status == 200
+        for one in (stale, of_other_station):
+            page.session._take(one)
+        assert page.session.beeps == [of_other_station]
+
+
 async def test_what_the_old_search_finds_as_it_ends_is_dropped_and_the_new_one_has_its_settings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
