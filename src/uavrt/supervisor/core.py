@@ -227,7 +227,7 @@ class Supervisor:
         self._restart_task = asyncio.ensure_future(self._search_again())
 
     async def _search_again(self) -> None:
-        """Restart the search; then consumers drop what the old one has found until its end."""
+        """Restart the search; publish the tags again, so that its last news are dropped."""
         flight = await self._fleet.restart_search()
         if flight is not None:
             self._publish("corrected_tags", flight)

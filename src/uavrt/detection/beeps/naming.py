@@ -68,7 +68,7 @@ def name_trains(
 def shared_offset_ppm(named: Sequence[Beep]) -> float | None:
     """Offset that all tags off their label share, if they do: the receiver's own error.
 
-    Trains that may be of two tags say nothing of it.
+    Trains that may be of two tags are ignored.
     """
     off = [
         1e6 * one.away_hz / (one.frequency_hz - one.away_hz)
@@ -101,7 +101,7 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
         kind, names = BeepKind.DOUBTFUL, near[:1]
     elif near:
         kind, interval_s = BeepKind.OTHER_RATE, others_s[0]
-        # A rate that a tag is known to change to, or with pulses missing, is its own.
+        # Prefer tags that change to this rate, or show it where pulses are missing.
         names = [one for one in near if _fits(interval_s, one, train, _RATIOS)] or near
         reason = _twice(interval_s, names[0])
         names = [*names, *(tag for tag in fitting if tag not in near)]

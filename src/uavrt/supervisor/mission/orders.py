@@ -107,7 +107,7 @@ class Mission:
             Path(settings.recording.directory) / LAST_TAGS_NAME, tuple[Tag, ...], "last tags"
         )
         self.settings = self.flight_settings = self._kept.applied_to(settings)
-        """Of the two, the flight's lack what was set in it from the next start on."""
+        """Settings for the next start, and those in force in the present flight."""
         self.clock = Clock.start()
         self.state = SystemState.IDLE
         self._ask_tuner = tuner

@@ -33,7 +33,7 @@ class SavedState:
     gain: int | None = None
     """As an operator has set it, in place of the settings' one."""
     waiting: dict[str, float] = field(default_factory=dict)
-    """Parameters for which another value waits for the next start: what holds in the flight."""
+    """Values in force in the flight of parameters that change at the next start."""
     commander: str | None = None
     """Whose commands count."""
 
