@@ -9,9 +9,10 @@ import made
 import pytest
 from asked_page import Answer, AskedPage
 
+from uavrt.commands import SystemState
 from uavrt.config.tag_files import read_tags
 from uavrt.ipc.process import ProcessFrame
-from uavrt.messages import Beep
+from uavrt.messages import Beep, StatusText
 from world import THESIS_TAG, World, until
 
 HERE_HZ, AWAY_HZ = 148_710_000.0, 148_710_640.0
@@ -49,7 +50,8 @@ async def flown(world: World, page: AskedPage, *, sent_by_page: bool = True) -> 
         world.detect(THESIS_TAG)
     await page.until(lambda state: state["drone"]["state"] == "detecting")
     world.beeps.append(off_label(world))
-    await page.until(lambda state: len(state["beeps"]) == 1)
+    state = await page.until(lambda state: len(state["beeps"]) == 1)
+    assert state["beeps"][0]["corrects"] == [{"tag_id": 2, "what": "frequency"}]
 
 
 async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterwards(
@@ -67,10 +69,18 @@ async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterw
         again = await press(page, CORRECT)
         assert (again.status, again.json["message"]) == (409, "Wait: correcting tag 2")
         world.radio_back()
-        assert (await pressed).status == 200
+        words = "tag 2: 148.710640 MHz, was 148.710000 MHz"
+        assert (await pressed).json == {"accepted": True, "message": words}
         assert listed_hz(page) == AWAY_HZ
+        await until(lambda: world.searched[2].frequency_hz == AWAY_HZ)
+        state = await page.state()
+        assert (state["beeps"], state["tags_sent"]) == ([], True)
         assert (await press(page, UNDO)).status == 200
         assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (HERE_HZ, HERE_HZ)
+        await until(lambda: world.searched[2].frequency_hz == HERE_HZ)
+        assert world.mission.state is SystemState.DETECTING
+        texts = [one.text for one in world.of(StatusText)]
+        assert "Tag 2: 148.710640 MHz, was 148.710000" in texts
 
 
 async def test_each_undo_goes_back_by_one_correction_until_the_first_list_is_back(
