@@ -1,4 +1,4 @@
-/** What beeps beside the listed tags, and what a measurement corrects of the list. */
+/** Unlisted beeps, and what a measurement corrects of the list. */
 
 import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h } from "./dom";
@@ -30,7 +30,7 @@ export function drawBeeps(): void {
     state.common_ppm !== null && common(state.common_ppm),
     ...odd.map(item),
     listed.length > 0 &&
-      h("details", {}, h("summary", {}, `Measured intervals (${listed.length})`), ...listed.map(item)),
+      h("details", {}, h("summary", {}, `Measured values (${listed.length})`), ...listed.map(item)),
     ...state.corrections.map(corrected),
   );
 }
@@ -43,13 +43,12 @@ function item(one: BeepRecord): HTMLElement {
     { class: "beep", "data-kind": one.kind },
     h("strong", {}, one.meaning),
     h("span", { class: "facts" }, `${place} · every ${interval}\u202fms · ${one.pulses} pulses · ${one.level_db.toFixed(0)}\u202fdB`),
-    ...one.corrects.map((id) => press(words(one, id), { tag_id: id, frequency_hz: one.frequency_hz })),
+    ...one.corrects.map((of) => press(words(of), { tag_id: of.tag_id, frequency_hz: one.frequency_hz })),
   );
 }
 
-function words(one: BeepRecord, id: number): string {
-  const interval = !one.odd || (one.kind === "other rate" && id === one.tag_ids[0]);
-  return interval ? `List this interval for tag ${id}` : `List tag ${id} here`;
+function words({ tag_id, what }: BeepRecord["corrects"][number]): string {
+  return what === "interval" ? `List this interval for tag ${tag_id}` : `List tag ${tag_id} here`;
 }
 
 function common(ppm: number): HTMLElement {
@@ -62,8 +61,8 @@ function corrected(one: State["corrections"][number]): HTMLElement {
   return h("div", { class: "beep" }, h("span", { class: "facts" }, one.text), press("Undo", { tag_id: one.tag_id, undo: true }));
 }
 
-function press(text: string, wish: object): HTMLElement {
-  return button(text, () => send<{ message: string }>("POST", "/commands/correct_tag", wish));
+function press(text: string, request: object): HTMLElement {
+  return button(text, () => send<{ message: string }>("POST", "/commands/correct_tag", request));
 }
 
 function button(text: string, ask: () => Promise<{ message: string }>): HTMLElement {

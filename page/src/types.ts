@@ -120,8 +120,8 @@ export interface BeepRecord {
   meaning: string;
   /** Something is not as listed. */
   odd: boolean;
-  /** Tags of the list that it can correct. */
-  corrects: number[];
+  /** Tags of the list that it can correct, and what of them. */
+  corrects: { tag_id: number; what: "frequency" | "interval" }[];
 }
 
 /** One of several vehicles. */

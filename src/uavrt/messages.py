@@ -7,6 +7,7 @@ the sample blocks, which have their own road.
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Literal
 
 import msgspec
@@ -227,6 +228,9 @@ class BeepKind(StrEnum):
     DOUBTFUL = "doubtful"
 
 
+_OF_A_TAG = (BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.MIRRORED)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beep:
     """A sender of pulses that was found without knowing any tag, and which tags it may be."""
@@ -248,6 +252,18 @@ class Beep:
     image_of_hz: float | None = None
     reason: str = ""
     """Why it is doubtful or no animal; what another rate may mean."""
+
+    def __post_init__(self) -> None:
+        """Raise `ValueError` for values that cannot be: they come by radio and from files."""
+        numbers = (self.frequency_hz, self.interval_s, self.jitter_s, self.level_db)
+        if not all(map(isfinite, (*numbers, self.image_of_hz or 0.0))) or self.interval_s <= 0:
+            raise ValueError(f"a beep has frequency, interval, jitter and level {numbers}")
+        if len(self.tag_ids) != len(self.offsets_hz):
+            raise ValueError("a beep has not one offset for each tag")
+        if not all(1.0 <= self.frequency_hz - one < inf for one in self.offsets_hz):
+            raise ValueError(f"a beep has an offset that no tag has: {self.offsets_hz}")
+        if self.kind in _OF_A_TAG and not self.tag_ids:
+            raise ValueError(f"a beep that is {self.kind} names no tag")
 
     @property
     def away_hz(self) -> float | None:
@@ -330,6 +346,18 @@ def keep_beep(known: list[Beep], new: Beep) -> bool:
             return False
     known.append(new)
     return True
+
+
+MOST_BEEPS = 32
+"""Senders that a drone repeats and a page shows."""
+
+
+def drop_beeps(known: list[Beep]) -> int:
+    """Drop senders above `MOST_BEEPS`, those of no listed tag and of few pulses; count them."""
+    excess = max(0, len(known) - MOST_BEEPS)
+    for one in sorted(known, key=lambda one: (bool(one.tag_ids), one.pulses))[:excess]:
+        known.remove(one)
+    return excess
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -209,6 +209,7 @@ def beep(kind: BeepKind = BeepKind.OFF_LABEL, **fields: Any) -> Beep:
         "jitter_s": 0.005,
         "pulses": 12,
         "level_db": 20.0,
+        "offsets_hz": (0.0,) * len(fields.get("tag_ids", ())),
     }
     return Beep(kind=kind, **(usual | fields))
 

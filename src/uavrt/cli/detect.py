@@ -202,7 +202,7 @@ def _inside(known: TagSource, source: SampleSource) -> tuple[Tag, ...]:
 
 
 def _name(beeps: Sequence[Beep]) -> None:
-    """Say what beeps beside the listed tags."""
+    """Print what is not as listed."""
     for line in words_of_beeps(beeps):
         print(line, file=sys.stderr)
 

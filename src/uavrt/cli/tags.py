@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -119,6 +120,7 @@ def correct(
 ) -> None:
     """Correct a tag list by what flights have measured; the old values are printed.
 
+    Tags that are off their label, or have drifted by 100 Hz, are listed where they were found.
     A pulse train that may be of two listed tags corrects neither.
 
     Parameters
@@ -137,27 +139,33 @@ def correct(
     from uavrt.config.tag_corrections import TagCorrection, correction_of
     from uavrt.config.tag_files import write_tags
     from uavrt.detection.sensitivity import gain_in_words
+    from uavrt.messages import BeepKind
     from uavrt.recording.flight_reader import read_beeps
 
-    found = {tag.tag_id: tag for tag in _read(file).tags}
+    listed = {tag.tag_id: tag for tag in _read(file).tags}
+    found = dict(listed)
     beeps = [beep for flight in flights for beep in read_beeps(flight)]
-    corrections: dict[int, TagCorrection] = {}
+    corrections: dict[tuple[int, str], TagCorrection] = {}
     for beep in sorted(beeps, key=lambda one: one.time_ns):
         if len(beep.tag_ids) > 1:
             print(f"not corrected: {beep}")
-        elif beep.tag_ids and beep.tag_ids[0] in found and (beep.odd or intervals):
+        elif beep.tag_ids and beep.tag_ids[0] in found:
             correction = correction_of(found[beep.tag_ids[0]], beep, beep.time_ns)
-            if correction is not None:
-                corrections[correction.tag_id] = correction
+            of_drift = correction is not None and correction.what == "frequency"
+            if correction and (intervals or of_drift or beep.kind is not BeepKind.LISTED):
+                found[correction.tag_id] = correction.after
+                corrections[correction.tag_id, correction.what] = correction
     for one in corrections.values():
-        print(f"{one}{gain_in_words(one.before, one.after)}")
-        found[one.tag_id] = one.after
+        before = listed[one.tag_id]
+        gain = gain_in_words(before, one.after) if one.what == "interval" else ""
+        print(f"{replace(one, before=before)}{gain}")
+    count = len({one.tag_id for one in corrections.values()})
     if output is None:
-        print(f"{len(corrections)} tag(s) to correct; -o FILE writes the list")
+        print(f"{count} tag(s) to correct; -o FILE writes the list")
         return
     check_place(output, overwrite=overwrite)
     write_tags(output, tuple(found.values()))
-    print(f"{output}: {len(corrections)} of {len(found)} tag(s) corrected")
+    print(f"{output}: {count} of {len(found)} tag(s) corrected")
 
 
 def _read(path: Path) -> "TagSource":

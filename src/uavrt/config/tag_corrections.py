@@ -1,5 +1,6 @@
 """Correct a listed tag by what was measured of it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -7,6 +8,12 @@ from uavrt.messages import Beep, BeepKind, Tag
 
 DRIFT: Final = 0.005
 """Change of a measured interval with temperature and battery, as a part of it."""
+LEAST_UNCERTAINTY: Final = 0.01
+"""Difference from a listed interval that is no other rate, as a part of it."""
+_INTERVAL_ERROR_S: Final = 0.003
+"""Largest error of a measured interval [s]."""
+_DRIFT_HZ: Final = 100.0
+"""Distance from a label that is worth listing [Hz]; a fifth of the usual search."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
@@ -20,6 +27,8 @@ class TagCorrection:
     what: Literal["frequency", "interval"]
     before: Tag
     after: Tag
+    undo: bool = False
+    """Whether it lists the values before an earlier correction again."""
 
     def __str__(self) -> str:
         """Write it as a line for the operator."""
@@ -71,22 +80,62 @@ def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
     )
 
 
+def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrection]:
+    """Corrections in order of time, without those that were undone and what undid them."""
+    standing: list[TagCorrection] = []
+    for one in corrections:
+        if not one.undo:
+            standing.append(one)
+        elif undone := [x for x in standing if x.tag_id == one.tag_id]:
+            standing.remove(undone[-1])
+    return standing
+
+
 def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
     """Get what a measured sender corrects of a tag that it may be; None if nothing."""
-    if beep.kind is BeepKind.OFF_LABEL or (
-        beep.kind is BeepKind.OTHER_RATE and tag.tag_id != beep.tag_ids[0]
+    at_other_rate = beep.kind is BeepKind.OTHER_RATE
+    drifted = beep.kind is BeepKind.LISTED and beep.tag_ids == (tag.tag_id,)
+    if (
+        beep.kind is BeepKind.OFF_LABEL
+        or (at_other_rate and keeps_interval(tag, beep.interval_s, _INTERVAL_ERROR_S))
+        or (drifted and abs(beep.frequency_hz - tag.frequency_hz) >= _DRIFT_HZ)
     ):
         what: Literal["frequency", "interval"] = "frequency"
         after = corrected_frequency(tag, beep.frequency_hz)
     elif beep.kind is BeepKind.LISTED and _is_narrow(tag, beep.interval_s):
         return None
-    elif beep.kind in (BeepKind.OTHER_RATE, BeepKind.LISTED):
+    elif at_other_rate or beep.kind is BeepKind.LISTED:
         what, after = "interval", corrected_interval(tag, beep.interval_s, beep.jitter_s)
     else:
         return None
     if tag.coded or after == tag:
         return None
     return TagCorrection(time_ns=time_ns, tag_id=tag.tag_id, what=what, before=tag, after=after)
+
+
+def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
+    """Whether a measurement was made with these entries of the list, or of tags not in it."""
+    at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
+    away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
+    for tag in tags:
+        if tag.tag_id not in away_hz:
+            continue
+        listed_hz = at_hz - away_hz[tag.tag_id]
+        at_other_rate = beep.kind is BeepKind.OTHER_RATE and tag.tag_id == beep.tag_ids[0]
+        if abs(tag.frequency_hz - listed_hz) >= 1.0 or (
+            at_other_rate and keeps_interval(tag, beep.interval_s)
+        ):
+            return False
+    return True
+
+
+def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
+    """Whether an interval, measured with some error, is one that the list allows for a tag."""
+    return any(
+        abs(interval_s - one)
+        <= max(tag.interval_uncertainty_s, LEAST_UNCERTAINTY * one) + error_s
+        for one in tag.pulse_intervals_s
+    )
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:

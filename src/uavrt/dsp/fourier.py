@@ -19,17 +19,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Transform = Callable[[NDArray[np.complex64]], NDArray[np.complex64]]
+Transform = Callable[
+    [NDArray[np.complex64], NDArray[np.complex64] | None], NDArray[np.complex64]
+]
 
 
-def transform_columns(values: NDArray[np.complex64]) -> NDArray[np.complex64]:
+def transform_columns(
+    values: NDArray[np.complex64], out: NDArray[np.complex64] | None = None
+) -> NDArray[np.complex64]:
     """Fourier transform of each column.
 
     `values` (n, columns): of any memory order; columns that lie side by side are not copied
     first.
+    `out` (n, columns): place for the result, which saves the time to allocate one; it need not
+    be used.
     Returns: shape (n, columns).
     """
-    return column_transform()(values)
+    return column_transform()(values, out)
 
 
 @lru_cache(maxsize=1)
@@ -37,7 +43,7 @@ def column_transform() -> Transform:
     """Find the fastest that there is."""
     try:
         module = _load(_extension())
-        return lambda values: module.c2c(values, (0,), True, 0, None, 1)
+        return lambda values, out: module.c2c(values, (0,), True, 0, out, 1)
     except (ImportError, AttributeError, TypeError, OSError):
         return public_transform()
 
@@ -46,7 +52,7 @@ def public_transform() -> Transform:
     """The same by SciPy's documented function."""
     import scipy.fft
 
-    return lambda values: scipy.fft.fft(values, axis=0, workers=1)
+    return lambda values, _out: scipy.fft.fft(values, axis=0, workers=1)
 
 
 def _extension() -> ModuleSpec:

@@ -16,6 +16,7 @@ from uavrt.commands import SystemState
 from uavrt.computer.bench import Bench, FlightFacts, first_flight
 from uavrt.computer.finding import Finding
 from uavrt.config.settings import RecordingSettings
+from uavrt.config.tag_corrections import still_holds
 from uavrt.errors import ConfigError, LinkError, RecordingError, UavrtError, UsageError
 from uavrt.ground.commanding_page import Commander
 from uavrt.ground.fetch.downloads import Downloads
@@ -55,6 +56,7 @@ from uavrt.messages import (
     SearchReport,
     StatusText,
     Tag,
+    drop_beeps,
     keep_beep,
 )
 from uavrt.recording.flight_reader import read_beeps
@@ -420,8 +422,9 @@ class GroundSession:
                 self.heard[event.tag_id] = now_ns
                 self._bench.alive(event.tag_id, now_ns)
             case Beep():
-                if event not in self.beeps:
+                if event not in self.beeps and not self._is_outdated(event):
                     keep_beep(self.beeps, event)
+                    drop_beeps(self.beeps)
                     self.flight.add_beep(event)
                     self.send_state()
             case LiveBearing():
@@ -496,6 +499,7 @@ class GroundSession:
         """Continue with the flight that a restart interrupted."""
         kept = self.store.current_flight
         self.beeps += await self._disk.run(self._last_beeps, kept)
+        drop_beeps(self.beeps)
         if kept is None:
             return
         try:
@@ -539,21 +543,20 @@ class GroundSession:
 
     def _last_beeps(self, flight_id: str | None) -> list[Beep]:
         """Read what beeped in a flight, or in the last one, as far as the list is as it was."""
-        known = {tag.tag_id: tag.frequency_hz for tag in self.store.tags}
         try:
             flights = self.store.directory.glob(f"{flight_id or '*'}/flight.sqlite")
             newest = max(flights, key=lambda path: path.stat().st_mtime, default=None)
             beeps = () if newest is None else read_beeps(newest.parent)
         except (UavrtError, OSError):
             return []
-        return [
-            beep
-            for beep in beeps
-            if all(
-                abs(known.get(tag_id, 0.0) + away_hz - beep.frequency_hz) < 1.0
-                for tag_id, away_hz in zip(beep.tag_ids, beep.offsets_hz, strict=True)
-            )
-        ]
+        return [beep for beep in beeps if still_holds(beep, self.store.tags)]
+
+    def _is_outdated(self, beep: Beep) -> bool:
+        """Whether a sender was measured before this station corrected its tag."""
+        return not still_holds(beep, self.sent_tags) and any(
+            one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
+            for one in self.store.corrections
+        )
 
     def _drones_own(self) -> Path | None:
         """Get the drone's own recording of its flight, where that is in our directory.

@@ -109,11 +109,10 @@ def snapshot(session: ShownSession) -> dict[str, Any]:
 
 def beep_record(session: ShownSession, beep: Beep) -> dict[str, Any]:
     """What beeps, in words, and which listed tags it can correct."""
-    corrects = [
-        tag.tag_id
-        for tag in session.store.tags
-        if tag.tag_id in beep.tag_ids and correction_of(tag, beep, 0) is not None
-    ]
+    found = (
+        correction_of(tag, beep, 0) for tag in session.store.tags if tag.tag_id in beep.tag_ids
+    )
+    corrects = [{"tag_id": one.tag_id, "what": one.what} for one in found if one is not None]
     words = {"meaning": beep.meaning, "odd": beep.odd, "corrects": corrects}
     return asdict(beep) | words
 

@@ -21,6 +21,10 @@ _CLOSE_S: Final = 2.0
 """The search ends within this time, or is left alone."""
 
 
+_Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
+"""For which search, the radio's samples, those of the tags' band."""
+
+
 class BeepListener:
     """Gives samples to a search in its thread and collects what it names.
 
@@ -30,9 +34,11 @@ class BeepListener:
     def __init__(self, make: Callable[[], BeepSearch]) -> None:
         self._make = make
         self._search = make()
-        self._waiting: deque[tuple[IQBlock | None, IQBlock | None] | None] = deque()
+        self._waiting: deque[_Item | None] = deque()
         self._there = threading.Semaphore(0)
-        self._found: deque[Beep] = deque()
+        self._found: deque[tuple[BeepSearch, Beep]] = deque()
+        self.failed = False
+        """Whether the thread has ended by a fault: nothing more is found."""
         self.dropped_s = 0.0
         """Time of samples that were left out, since the search was behind."""
         self._thread = threading.Thread(target=self._work, name="beeps", daemon=True)
@@ -50,14 +56,15 @@ class BeepListener:
         radio, tags = (
             None if one is None else replace(one, samples=one.samples.copy()) for one in wanted
         )
-        self._put((radio, tags))
+        self._put((self._search, radio, tags))
 
     def take_news(self) -> list[Beep]:
         """Take what was named since the last call."""
-        return [self._found.popleft() for _ in range(len(self._found))]
+        found = [self._found.popleft() for _ in range(len(self._found))]
+        return [beep for search, beep in found if search is self._search]
 
     def begin_again(self) -> None:
-        """Forget all samples: frequencies have another meaning now."""
+        """Discard all samples and what was found: frequencies have another meaning now."""
         self._search = self._make()
 
     @property
@@ -70,7 +77,7 @@ class BeepListener:
         self._put(None)
         self._thread.join(_CLOSE_S)
 
-    def _put(self, item: tuple[IQBlock | None, IQBlock | None] | None) -> None:
+    def _put(self, item: _Item | None) -> None:
         self._waiting.append(item)
         self._there.release()
 
@@ -81,9 +88,12 @@ class BeepListener:
                 item = self._waiting.popleft()
                 if item is None:
                     return
-                search = self._search
-                search.take(*item)
-                time_ns = next(one.time_ns for one in item if one is not None)
-                self._found.extend(search.news(time_ns))
+                search, *blocks = item
+                if search is not self._search:
+                    continue
+                search.take(*blocks)
+                time_ns = next(one.time_ns for one in blocks if one is not None)
+                self._found.extend((search, beep) for beep in search.news(time_ns))
         except Exception:  # the flight goes on without it
+            self.failed = True
             log.exception("search for beeps failed")

@@ -19,7 +19,14 @@ from uavrt.mavlink.ftp_server import Disk, at_once
 from uavrt.mavlink.pacing import Priority
 from uavrt.mavlink.sender import TunnelSender
 from uavrt.mavlink.statustext import TextLimiter
-from uavrt.messages import Beep, ProcessStatus, SearchReport, StatusText, keep_beep
+from uavrt.messages import (
+    Beep,
+    ProcessStatus,
+    SearchReport,
+    StatusText,
+    drop_beeps,
+    keep_beep,
+)
 from uavrt.tunnel.beep import BEEP_TYPE, encode_beep
 from uavrt.tunnel.exchange import Exchange
 from uavrt.units import ns_from_s
@@ -39,7 +46,6 @@ ALIVE_PER_TAG_NS = ns_from_s(0.1)
 """With many tags ever less often: they never take more than 10 small messages a second."""
 BEEP_NS = ns_from_s(5.0)
 """Between two messages on what beeps; all of them go out again and again, in turn."""
-MOST_BEEPS = 32
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127
@@ -98,7 +104,7 @@ class GroundStatus:
             for step in self._exchange.progress_again():
                 self._sender.send_tunnel(step.payload, Priority.STATUS, Peer(*step.asker))
         if self._beeps and self._due("beep", BEEP_NS, now_ns):
-            self._tell_beep()
+            self._send_beep()
         if self._due("computer", COMPUTER_NS, now_ns):
             self._tell_computer()
 
@@ -117,13 +123,9 @@ class GroundStatus:
         keep_beep(self._beeps, beep)
         self._next_beep = self._beeps.index(beep)
         self._next_ns.pop("beep", None)
-        if len(self._beeps) > MOST_BEEPS:
-            self._beeps.remove(
-                min(self._beeps, key=lambda one: (bool(one.tag_ids), one.pulses))
-            )
-            self.beeps_left_out += 1
+        self.beeps_left_out += drop_beeps(self._beeps)
 
-    def _tell_beep(self) -> None:
+    def _send_beep(self) -> None:
         self._next_beep %= len(self._beeps)
         payload = encode_beep(self._beeps[self._next_beep])
         self._sender.send_tunnel(payload, Priority.OTHER, payload_type=BEEP_TYPE)

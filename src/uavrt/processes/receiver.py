@@ -112,6 +112,7 @@ class Receiver:
             )
         )
         self._beeping: list[Beep] = []
+        self._beeps_failed = False
         self._frame = frame
         self._told = False
         self._trouble_after_s = 0.0
@@ -197,16 +198,19 @@ class Receiver:
         self._pass_on(band)
         self.flush()
         self._beeps.add(block, band)
-        self._tell_beeps()
+        self._report_beeps()
 
-    def _tell_beeps(self) -> None:
-        """Report what beeps beside the listed tags."""
+    def _report_beeps(self) -> None:
+        """Report beeps that were found without a list."""
         for beep in self._beeps.take_news():
             self._frame.send("beep", beep)
             if keep_beep(self._beeping, beep) and beep.odd:
                 log.info("beeps", what=str(beep))
                 if beep.tag_ids and beep.kind is not BeepKind.IMAGE:
                     self._tell(5, beep.meaning)
+        if self._beeps.failed and not self._beeps_failed:
+            self._beeps_failed = True
+            self._tell(4, "Unlisted tags no longer searched: internal fault")
 
     def _missed(self, block: IQBlock) -> int:
         """Count what the air brought while the radio was being opened again."""
@@ -252,6 +256,7 @@ class Receiver:
         self._check = SampleCheck("the radio")
         if not failed:  # its crystal's correction may be another
             self._beeps.begin_again()
+            self._beeping.clear()
 
     def flush(self) -> None:
         """End a radio block; try again to send what the detectors have not taken yet."""
@@ -261,7 +266,7 @@ class Receiver:
     def close(self) -> None:
         """Finish the recordings and the searches."""
         self._beeps.close()
-        self._tell_beeps()
+        self._report_beeps()
         self._kept.close()
         if self._recorder is not None:
             self._recorder.close()

@@ -216,7 +216,13 @@ class Supervisor:
     def _tag_corrected(self, flight: FlightInfo) -> None:
         """Search with the corrected tag: receiver and detectors start again."""
         self._publish("corrected_tags", flight)
-        self._restart_task = asyncio.ensure_future(self._fleet.restart_search())
+        self._restart_task = asyncio.ensure_future(self._search_again())
+
+    async def _search_again(self) -> None:
+        """Restart the search; publish the tags again, so that its last news are dropped."""
+        flight = await self._fleet.restart_search()
+        if flight is not None:
+            self._publish("corrected_tags", flight)
 
     def _end_flight_soon(self) -> None:
         self._progress.stopping()

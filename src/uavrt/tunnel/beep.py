@@ -1,6 +1,6 @@
-"""What beeps beside the listed tags, to a ground station of uavrt.
+"""Unlisted beeps, to a ground station of uavrt.
 
-Sent with the lowest priority and again and again in turn, so that one that arrives is enough.
+Sent with the lowest priority, repeated in turn: one that arrives is enough.
 Layout: payload type 60012 of the manual's tunnel reference.
 """
 
@@ -46,7 +46,8 @@ def encode_beep(beep: Beep) -> bytes:
 def decode_beep(payload: bytes) -> Beep:
     """Read the payload; raises `TunnelError` for another length or bad numbers."""
     got = _LAYOUT.unpack(payload)
-    if not all(abs(one) < inf for one in got["offsets_hz"]):
-        raise TunnelError("a beep has an offset that is not finite", payload)
     reason = got.pop("text").decode("utf-8", "ignore")
-    return Beep(**{**got, "kind": _KINDS[got["kind"]], "reason": reason})
+    try:
+        return Beep(**{**got, "kind": _KINDS[got["kind"]], "reason": reason})
+    except ValueError as error:
+        raise TunnelError(str(error), payload) from error

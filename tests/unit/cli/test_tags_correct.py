@@ -80,3 +80,55 @@ def test_measured_intervals_are_listed_when_asked_for_with_what_they_are_worth(
     assert "tag 4: 1001.3 ms ± 5.0 ms, jitter 3.6 ms, was 1000.0 ms ± 60.0 ms" in said
     assert "dB weaker are found" in said
     assert read_tags(better)[1].pulse_intervals_s == pytest.approx((1.0013,))
+
+
+def test_a_drift_within_the_search_is_listed_from_the_newest_flight(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights = [tmp_path / name for name in ("first", "second")]
+    for directory, drift_hz, time_ns in zip(flights, (260.0, 140.0), (20, 10), strict=True):
+        recorder = FlightRecorder.create(made.flight_info(directory, (TAG,)))
+        recorder.write_beep(
+            made.beep(
+                BeepKind.LISTED,
+                time_ns=time_ns,
+                frequency_hz=TAG.frequency_hz + drift_hz,
+                tag_ids=(2,),
+                offsets_hz=(drift_hz,),
+            )
+        )
+        recorder.close()
+    tags = tmp_path / "tags.toml"
+    write_tags(tags, [TAG])
+    correct(tags, *flights)
+    said = capsys.readouterr().out
+    assert said.startswith("tag 2: 148.710260 MHz, was 148.710000 MHz\n1 tag(s) to correct")
+
+
+def test_frequency_and_interval_of_one_tag_are_corrected_together(
+    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    later = tmp_path / "later"
+    recorder = FlightRecorder.create(made.flight_info(later, (TAG,)))
+    recorder.write_beep(
+        made.beep(
+            BeepKind.LISTED,
+            time_ns=99,
+            frequency_hz=148_710_643.0,
+            interval_s=1.2601,
+            tag_ids=(2,),
+            offsets_hz=(3.0,),
+        )
+    )
+    recorder.close()
+    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
+    write_tags(tags, [TAG, OTHER])
+    correct(tags, later, flight, output=better, intervals=True)
+    said = capsys.readouterr().out
+    assert "tag 2: 148.710640 MHz, was 148.710000 MHz\n" in said
+    assert "tag 2: 1260.1 ms" in said
+    assert "was 1254.0 ms" in said
+    assert "2 of 2 tag(s) corrected" in said
+    corrected = read_tags(better)[0]
+    assert corrected.frequency_hz == 148_710_640.0
+    assert corrected.pulse_intervals_s == pytest.approx((1.2601,))

@@ -6,7 +6,7 @@ from typing import Any
 import made
 import pytest
 
-from uavrt.config.tag_corrections import correction_of
+from uavrt.config.tag_corrections import TagCorrection, correction_of, still_holds
 from uavrt.ground.link.command_payloads import Writing
 from uavrt.messages import BeepKind, Command
 from uavrt.tunnel.exchange import Exchange
@@ -52,7 +52,12 @@ def test_another_rate_becomes_the_second_interval_and_the_bounds_of_the_first_st
 
 
 def test_a_neighbour_that_may_be_meant_at_another_rate_is_corrected_in_frequency() -> None:
-    other = replace(TAG, tag_id=4, frequency_hz=148_712_000.0)
+    other = replace(
+        TAG,
+        tag_id=4,
+        frequency_hz=148_712_000.0,
+        pulse_intervals_s=(TAG.pulse_intervals_s[0], 0.75),
+    )
     beep = made.beep(
         BeepKind.OTHER_RATE, interval_s=0.75, tag_ids=(2, 4), offsets_hz=(0.0, -2000.0)
     )
@@ -75,3 +80,38 @@ def test_a_correction_is_one_message_that_needs_no_open_upload(generation: Any) 
     assert (command.name, command.tag and command.tag.tag_id) == ("add_tag", 2)
     assert command.tag is not None
     assert command.tag.frequency_hz == 148_710_640.0
+
+
+def test_a_tag_that_drifts_away_from_its_label_is_listed_there_before_the_search_loses_it() -> (
+    None
+):
+    def after(drift_hz: float, *others: int) -> TagCorrection | None:
+        beep = made.beep(
+            BeepKind.LISTED,
+            frequency_hz=TAG.frequency_hz + drift_hz,
+            tag_ids=(2, *others),
+            offsets_hz=(drift_hz, *(0.0 for _ in others)),
+        )
+        return correction_of(replace(TAG, interval_uncertainty_s=0.01), beep, 0)
+
+    for drift_hz in (-180.0, 130.0, 420.0):
+        one = after(drift_hz)
+        assert one is not None
+        assert (one.what, one.after.frequency_hz) == ("frequency", TAG.frequency_hz + drift_hz)
+        assert after(drift_hz, 4) is None, "of which of two tags?"
+    assert after(60.0) is None
+
+
+def test_a_measurement_holds_until_the_entry_that_it_was_made_with_is_corrected() -> None:
+    other = replace(TAG, tag_id=4, frequency_hz=148_760_000.0)
+    off = made.beep(frequency_hz=148_710_640.0, tag_ids=(2,), offsets_hz=(640.0,))
+    rate = made.beep(BeepKind.OTHER_RATE, interval_s=0.75, tag_ids=(2,))
+    image = replace(off, kind=BeepKind.IMAGE, frequency_hz=1.4e8, image_of_hz=148_710_640.0)
+    others = image, made.beep(BeepKind.UNLISTED), replace(off, tag_ids=(9,))
+    for beep in (off, rate, *others):
+        assert still_holds(beep, (TAG, other))
+    for beep in (off, rate):
+        correction = correction_of(TAG, beep, 0)
+        assert correction is not None
+        assert not still_holds(beep, (correction.after, other))
+        assert still_holds(beep, (other,)), "of a tag that another station has listed"

@@ -8,13 +8,14 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver
+from uavrt.config.tag_corrections import correction_of
 from uavrt.detection.beeps.beats import FoundBeat, find_beats
 from uavrt.detection.beeps.interval_fit import fit_beat
 from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
 from uavrt.detection.beeps.points import Points, PointSearch
 from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
 from uavrt.detection.beeps.trains import Train, find_trains
-from uavrt.messages import Beep, BeepKind, Tag, keep_beep
+from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt_experiments.detection.beeping import (
     Beeper,
     Scene,
@@ -161,6 +162,19 @@ def test_another_rate_at_a_listed_frequency_is_named_and_twice_the_rate_explaine
     assert ("(mortality)" in str(one)) is (interval_s == 0.627)
 
 
+def test_of_two_tags_within_reach_that_with_twice_or_half_the_rate_is_meant_else_both() -> None:
+    near = replace(TAG, tag_id=6, frequency_hz=CENTER_HZ + 400.0, pulse_intervals_s=(0.9,))
+    for interval_s in (0.627, 2.508):
+        (one,) = names(train(CENTER_HZ + 350.0, interval_s), tags=(TAG, near))
+        assert (one.kind, one.tag_ids) == (BeepKind.OTHER_RATE, (2,))
+    (one,) = names(train(CENTER_HZ + 350.0, 0.75), tags=(TAG, near))
+    assert one.tag_ids == (6, 2)
+    for tag in (TAG, near):
+        correction = correction_of(tag, one, 0)
+        assert correction is not None
+        assert correction.what == "interval"
+
+
 def test_the_same_error_of_all_tags_is_the_receivers() -> None:
     shift = 50e-6 * CENTER_HZ
     found = names(
@@ -169,6 +183,16 @@ def test_the_same_error_of_all_tags_is_the_receivers() -> None:
         tags=(TAG, OTHER),
     )
     assert shared_offset_ppm(found) is None  # 4 kHz apart, either tag may be meant
+    # Each may be one of two tags: that one pair agrees is chance.
+    pairs = tuple(
+        replace(TAG, tag_id=n, frequency_hz=CENTER_HZ + at_hz)
+        for n, at_hz in enumerate((0.0, 9_000.0, 40_000.0, 49_000.0), 2)
+    )
+    found = names(
+        train(CENTER_HZ + 4_000.0, 1.254), train(CENTER_HZ + 44_000.0, 1.27), tags=pairs
+    )
+    assert [one.tag_ids for one in found] == [(2, 3), (4, 5)]
+    assert shared_offset_ppm(found) is None
     far = replace(OTHER, frequency_hz=CENTER_HZ + 40_000.0)
     found = names(
         train(TAG.frequency_hz + shift, 1.254),
@@ -238,6 +262,15 @@ def test_an_interval_that_changes_with_the_temperature_is_one_train_of_ten_minut
     (one,) = find_beats(times_s, 600.0)
     assert one.members.size >= 440
     assert one.beat.interval_s == pytest.approx(1.2012, abs=1e-3)
+
+
+def test_a_live_search_of_the_tags_band_pauses_for_45_s_at_most() -> None:
+    search = BeepSearch([TAG], 500.0, Receiver(CENTER_HZ, 1e3), live=True)
+    band = IQBlock(np.zeros(100, np.complex64), 0, 0, 100.0)
+    due = "".join("x" if search.due(band, band)[1] else " " for _ in range(600))
+    assert due.startswith("x" * 60)
+    assert max(map(len, due.split("x"))) == 45
+    assert 0.5 <= due.count("x") / len(due) <= 0.6
 
 
 def test_a_live_stream_names_each_beeper_once_while_it_runs() -> None:

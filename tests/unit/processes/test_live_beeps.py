@@ -23,7 +23,7 @@ class Frame:
 
     def __init__(self, directory: Path) -> None:
         self.sent: list[Beep] = []
-        self.told: list[str] = []
+        self.texts: list[str] = []
         self.flight = made.flight_info(
             directory, (TAG,), center_frequency_hz=CENTER_HZ, sample_rate_hz=RATE_HZ
         )
@@ -36,8 +36,8 @@ class Frame:
         )
 
     def tell(self, severity: int, text: str) -> None:
-        """Keep what the operator is told."""
-        self.told.append(text)
+        """Keep a text for the operator."""
+        self.texts.append(text)
 
     def send(self, topic: str, record: Beep) -> None:
         """Keep what beeps."""
@@ -76,7 +76,7 @@ def test_a_wrong_label_and_an_animal_anywhere_in_the_radios_band_are_named(
     assert abs(off.away_hz - 640.0) < 15.0
     assert abs(by_kind[BeepKind.UNLISTED].frequency_hz - CENTER_HZ + 420_000.0) < 15.0
     assert counters["beeping"] == 2
-    assert frame.told == ["tag 2, 640 Hz above its label"]
+    assert frame.texts == ["tag 2, 640 Hz above its label"]
     first = next(one for one in frame.sent if one.kind is BeepKind.OFF_LABEL)
     assert first.pulses <= 12, "named within 15 s"
     assert off.pulses > first.pulses, "and again when there are twice as many"

@@ -9,9 +9,17 @@ import made
 import pytest
 
 from uavrt.commands import SystemState
-from uavrt.config.settings import RadioSettings, RecordingSettings, Settings
+from uavrt.config.parameters import parameter_values
+from uavrt.config.settings import (
+    DetectionSettings,
+    RadioSettings,
+    RecordingSettings,
+    Settings,
+)
+from uavrt.errors import TunerError
 from uavrt.messages import Command, CommandReply, FlightInfo
-from uavrt.supervisor.mission.orders import Mission
+from uavrt.supervisor.mission.orders import Mission, Tuner
+from uavrt.supervisor.mission.tuning import Tuning, TuningQuestion, ask_tuner
 
 TAG = made.tag(2, 148_710_000.0, 1.254, name="otter")
 Say = Callable[..., CommandReply]
@@ -19,14 +27,22 @@ Say = Callable[..., CommandReply]
 
 @pytest.fixture
 def flown(tmp_path: Path) -> tuple[Mission, Say, list[FlightInfo]]:
+    return fly(tmp_path, 500.0)
+
+
+def fly(
+    directory: Path, window_hz: float, tuner: Tuner = ask_tuner
+) -> tuple[Mission, Say, list[FlightInfo]]:
     corrected: list[FlightInfo] = []
     mission = made.mission(
         Settings(
-            recording=RecordingSettings(directory=str(tmp_path)),
+            recording=RecordingSettings(directory=str(directory)),
             radio=RadioSettings(center_frequency_hz=148.7e6),
+            detection=DetectionSettings(frequency_window_hz=window_hz),
         ),
-        tmp_path,
+        directory,
         on_correction=corrected.append,
+        tuner=tuner,
     )
     numbers = iter(range(100))
 
@@ -76,3 +92,46 @@ def test_what_cannot_be_searched_in_this_flight_is_refused(
     assert words in reply.message
     assert mission.tags == {2: TAG}
     assert corrected == []
+
+
+def test_a_wide_search_of_a_corrected_tag_is_checked_like_that_of_a_start(
+    tmp_path: Path,
+) -> None:
+    asked: list[TuningQuestion] = []
+
+    def tuner(question: TuningQuestion) -> Tuning:
+        asked.append(question)
+        if len(asked) > 2:
+            raise TunerError("the search does not fit its channel")
+        return Tuning(center_frequency_hz=148.7e6, warnings=("at the edge",) * (len(asked) - 1))
+
+    mission, say, corrected = fly(tmp_path, 900.0, tuner)
+    assert say("add_tag", tag=replace(TAG, frequency_hz=148_711_000.0)).accepted
+    assert [one.frequency_hz for one in asked[1].tags] == [148_711_000.0]
+    assert asked[1].center_frequency_hz == 148.7e6
+    refused = say("add_tag", tag=replace(TAG, frequency_hz=148_712_000.0))
+    assert (refused.accepted, len(corrected)) == (False, 1)
+    assert "does not fit" in refused.message
+    assert mission.tags[2].frequency_hz == 148_711_000.0
+
+
+def test_settings_that_were_promised_from_the_next_start_wait_for_it(
+    flown: tuple[Mission, Say, list[FlightInfo]], tmp_path: Path
+) -> None:
+    mission, say, corrected = flown
+    begun = parameter_values(mission.flight_settings)
+    changed = {"DET_K": 7.0, "DET_FALSE_ALARM": 0.125, "RADIO_PPM": 12.0}
+    for name, value in changed.items():
+        said = say("set_parameter", parameter=name, value=value).message
+        assert ("from the next start" in said) is (name != "RADIO_PPM")
+    in_flight = begun | {"RADIO_PPM": 12.0}
+    assert parameter_values(mission.flight_settings) == in_flight
+    say("add_tag", tag=replace(TAG, frequency_hz=148_710_640.0))
+    assert corrected[0].tags[0].k == TAG.k
+    killed = mission.settings
+    again = made.mission(Settings(recording=killed.recording, radio=killed.radio), tmp_path)
+    assert again.resume()
+    assert parameter_values(again.flight_settings) == in_flight
+    again.flight_ended()
+    again.begin_flight(148.7e6)
+    assert parameter_values(again.flight_settings) == begun | changed

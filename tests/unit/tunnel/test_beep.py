@@ -1,22 +1,30 @@
 """What beeps beside the listed tags, on the wire."""
 
+import contextlib
+import json
 import math
 import struct
+from dataclasses import asdict
 
 import made
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uavrt.config.tag_corrections import correction_of
+from uavrt.detection.beeps.naming import shared_offset_ppm
 from uavrt.errors import TunnelError
 from uavrt.messages import Beep, BeepKind
+from uavrt.recording.schema import BEEP_COLUMNS, beep_from_row, beep_row
 from uavrt.tunnel.beep import decode_beep, encode_beep
 from uavrt.tunnel.wire import MAX_PAYLOAD
 
+NAMED = made.beep(offsets_hz=(640.0,), tag_ids=(2,))
 offsets = st.floats(-1e5, 1e5, width=32)
 named = st.lists(st.tuples(st.integers(1, 2**32 - 1), offsets), max_size=3)
 beeps = st.builds(
-    lambda names, **given: Beep(
+    lambda names, kind, **given: Beep(
+        kind=kind if names else BeepKind.UNLISTED,
         **given,
         tag_ids=tuple(tag_id for tag_id, _ in names),
         offsets_hz=tuple(away_hz for _, away_hz in names),
@@ -43,19 +51,52 @@ def test_a_beep_comes_back_as_it_was_sent(beep: Beep) -> None:
 
 @given(st.binary(max_size=MAX_PAYLOAD))
 def test_bytes_are_a_beep_or_refused(payload: bytes) -> None:
-    try:
-        found = decode_beep(payload)
-    except TunnelError:
-        return
-    assert str(found)
-    assert all(map(math.isfinite, (found.frequency_hz, found.interval_s, *found.offsets_hz)))
+    with contextlib.suppress(TunnelError):
+        assert_can_be_shown(decode_beep(payload))
 
 
-def test_an_offset_that_is_no_number_is_refused() -> None:
-    payload = bytearray(encode_beep(made.beep(offsets_hz=(640.0,), tag_ids=(2,))))
-    struct.pack_into("<f", payload, 45, math.nan)
+@given(beeps, st.integers(0, 52), st.binary(min_size=1, max_size=4))
+def test_a_beep_with_changed_bytes_can_be_shown_or_is_refused(
+    beep: Beep, at: int, changed: bytes
+) -> None:
+    payload = bytearray(encode_beep(beep))
+    payload[at : at + len(changed)] = changed[: max(0, len(payload) - at)]
+    with contextlib.suppress(TunnelError):
+        assert_can_be_shown(decode_beep(bytes(payload)))
+
+
+def assert_can_be_shown(beep: Beep) -> None:
+    """All that a page, a status text, a report and a list make of it."""
+    assert str(beep)
+    assert shared_offset_ppm([beep, beep]) is None or beep.away_hz is not None
+    for tag_id in beep.tag_ids:
+        correction_of(made.tag(tag_id, beep.frequency_hz), beep, 0)
+    json.dumps(asdict(beep), allow_nan=False)
+
+
+@pytest.mark.parametrize("offset_hz", [math.nan, math.inf, -math.inf, 148_710_000.0])
+def test_an_offset_that_leaves_no_listed_frequency_is_refused(offset_hz: float) -> None:
+    payload = bytearray(encode_beep(NAMED))
+    struct.pack_into("<f", payload, 45, offset_hz)
     with pytest.raises(TunnelError, match="offset"):
         decode_beep(bytes(payload))
+
+
+@pytest.mark.parametrize("kind", [BeepKind.OFF_LABEL, BeepKind.OTHER_RATE, BeepKind.MIRRORED])
+def test_a_kind_that_says_something_of_a_tag_is_refused_without_one(kind: BeepKind) -> None:
+    payload = bytearray(encode_beep(made.beep(BeepKind.UNLISTED)))
+    payload[1] = list(BeepKind).index(kind)
+    with pytest.raises(TunnelError, match="names no tag"):
+        decode_beep(bytes(payload))
+
+
+def test_a_damaged_row_of_a_flight_is_no_beep() -> None:
+    columns = BEEP_COLUMNS.split(", ")
+    for column, cell in (("offsets_hz", ""), ("kind", "mirrored"), ("interval_s", 0.0)):
+        row = list(beep_row(NAMED if column != "kind" else made.beep(BeepKind.UNLISTED)))
+        row[columns.index(column)] = cell
+        with pytest.raises(ValueError, match=r"offset|names no tag|interval"):
+            beep_from_row(tuple(row))
 
 
 def test_a_long_reason_is_cut_to_fit() -> None:

@@ -8,10 +8,9 @@ from typing import Any
 import made
 from asked_page import AskedPage
 
-from uavrt.commands import SystemState
 from uavrt.config.tag_files import read_tags
 from uavrt.messages import Beep, BeepKind
-from uavrt.recording.flight_reader import read_beeps, read_flight
+from uavrt.recording.flight_reader import read_beeps
 from world import THESIS_TAG, World, until
 
 OFF_LABEL = made.beep(
@@ -59,64 +58,45 @@ def has_recorded(directory: Path, wanted: set[tuple[BeepKind, int]]) -> bool:
     return found == wanted
 
 
-async def test_one_press_corrects_a_label_in_the_list_and_in_the_flight(
-    tmp_path: Path,
-) -> None:
-    world = World(tmp_path)
-    page = AskedPage(tmp_path / "ground", world.ground_address)
-    async with world.flying(), page.served():
-        await page.until(lambda state: state["drone"]["state"] == "idle")
-        assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
-        for name in ("send_tags", "start"):
-            answer = await page.ask("POST", f"/api/commands/{name}", {})
-            assert answer.status == 200, answer.json
-        world.beeps.append(present(OFF_LABEL, world))
-        state = await page.until(found(1))
-        assert state["beeps"][0]["corrects"] == [2]
-        wish = {"tag_id": 2, "frequency_hz": 148_710_640.0}
-        answer = await page.ask("POST", "/api/commands/correct_tag", wish)
-        assert answer.json["message"] == "tag 2: 148.710640 MHz, was 148.710000 MHz"
-        assert answer.status == 200
-        (listed,) = read_tags(page.directory / "tags.toml")
-        assert listed.frequency_hz == 148_710_640.0
-        mission = world.mission
-        assert mission.state is SystemState.DETECTING
-        assert mission.tags[2].frequency_hz == 148_710_640.0
-        await until(lambda: _searched_hz(world) == 148_710_640.0)
-        state = await page.state()
-        assert (state["beeps"], state["tags_sent"]) == ([], True)
-        undone = await page.ask(
-            "POST", "/api/commands/correct_tag", {"tag_id": 2, "undo": True}
-        )
-        assert undone.status == 200, undone.json
-        await until(lambda: _searched_hz(world) == 148_710_000.0)
-        assert mission.tags[2].frequency_hz == 148_710_000.0
-        await page.ask("POST", "/api/commands/stop", {})
-        await page.until(lambda state: state["drone"]["state"] == "has_tags")
-    (drone,) = (tmp_path / "drone").glob("*/flight.sqlite")
-    texts = [one.text for _, one in read_flight(drone.parent).status_texts]
-    assert "Tag 2: 148.710640 MHz, was 148.710000" in texts
-
-
-def _searched_hz(world: World) -> float | None:
-    """Frequency that the detector that runs was started with."""
-    return world.searched[2].frequency_hz if 2 in world.searched else None
-
-
-async def test_what_nobody_measured_corrects_nothing(tmp_path: Path) -> None:
+async def test_what_was_not_measured_corrects_nothing(tmp_path: Path) -> None:
     world = World(tmp_path)
     page = AskedPage(tmp_path / "ground", world.ground_address)
     async with page.served():
         assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
-        wishes: tuple[object, ...] = (
+        requests: tuple[object, ...] = (
             {"tag_id": 2, "frequency_hz": 148_710_640.0},
             {"tag_id": 4, "frequency_hz": 148_710_640.0},
             {"tag_id": 2, "undo": True},
             {"tag_id": 2},
             [],
         )
-        for wish in wishes:
-            answer = await page.ask("POST", "/api/commands/correct_tag", wish)
+        for request in requests:
+            answer = await page.ask("POST", "/api/commands/correct_tag", request)
             assert answer.status in (400, 422), answer.json
         (listed,) = read_tags(page.directory / "tags.toml")
         assert listed.frequency_hz == THESIS_TAG.frequency_hz
+
+
+async def test_of_a_flood_the_page_keeps_tags_and_the_strongest_also_after_a_restart(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    many = [
+        replace(UNLISTED, frequency_hz=148e6 + 1e3 * n, time_ns=n, pulses=8 + n)
+        for n in range(100)
+    ]
+    async with page.served():
+        session = page.session
+        session.begin_flight()
+        for one in (OFF_LABEL, *many):
+            session._take(one)
+        state = await page.state()
+        assert [one["pulses"] for one in state["beeps"]] == [12, *range(77, 108)]
+        session.flight.commit()
+        await session.flight.settle(5.0)
+    restarted = AskedPage(tmp_path / "ground", world.ground_address)
+    async with restarted.served():
+        state = await restarted.state()
+        assert len(state["beeps"]) == 32
+        assert state["beeps"][0]["tag_ids"] == [2]

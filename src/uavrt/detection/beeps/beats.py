@@ -77,7 +77,7 @@ def _best_beat(
         chain = longest_chain(times_s, interval_s)
         if chain.size < FEWEST:
             continue
-        # Votes tell the interval to some milliseconds, which breaks chains: once more with
+        # Votes give the interval to some milliseconds, which breaks chains: once more with
         # what the first chain says.
         again = longest_chain(times_s, fit_beat(times_s[chain], interval_s).interval_s)
         chain = again if again.size > chain.size else chain
@@ -196,7 +196,7 @@ def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     """Expected number of such beats among bursts that fall at random.
 
     After two pulses that set the interval, each further place is hit by one of the bursts with
-    probability p = density × tolerance; the first two can be chosen in so many ways. Places
+    probability p = density × tolerance; the first two can be chosen in `pairs` ways. Places
     that were missed give more ways yet.
     """
     density = bursts / max(span_s, 1e-9)

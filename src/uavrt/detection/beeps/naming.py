@@ -7,17 +7,18 @@ from typing import Final
 
 import numpy as np
 
+from uavrt.config.tag_corrections import LEAST_UNCERTAINTY, keeps_interval
 from uavrt.detection.beeps.trains import Train
 from uavrt.messages import Beep, BeepKind, Tag
 from uavrt.units import ns_from_s
 
 REACH_PPM: Final = 70.0
 """Error of a dongle without a temperature-compensated crystal [ppm]."""
-_BESIDE_HZ: Final = 30.0
+_EDGE_HZ: Final = 30.0
 """Error of a train's frequency, and of a window's edge [Hz]."""
 _CODE_HZ: Final = 1000.0
-_LEAST_UNCERTAINTY: Final = 0.01
-"""Change of an interval with temperature and battery, as a part of it."""
+_RATIOS: Final = (2.0, 1 / 2, 1 / 3)
+"""Listed interval as a multiple of one that shows mortality, or that misses pulses."""
 _POINT_S: Final = 0.001
 _LEAST_PULSES: Final = 8
 """Pulses of a stretch that shows a rate of its own."""
@@ -51,11 +52,13 @@ def name_trains(
         Time from which the points' times count.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
-    heard = {tag_id for one in named if one.kind is BeepKind.LISTED for tag_id in one.tag_ids}
-    finished = [_finished(one, heard, named) for one in named]
+    listed_ids = {
+        tag_id for one in named if one.kind is BeepKind.LISTED for tag_id in one.tag_ids
+    }
+    finished = [_finished(one, listed_ids, named) for one in named]
     if center_hz is None:
         return finished
-    silent = [tag for tag in tags if tag.tag_id not in heard]
+    silent = [tag for tag in tags if tag.tag_id not in listed_ids]
     return [
         _mirrored(one, train, silent, frequency_window_hz, center_hz)
         for one, train in zip(finished, trains, strict=True)
@@ -63,11 +66,14 @@ def name_trains(
 
 
 def shared_offset_ppm(named: Sequence[Beep]) -> float | None:
-    """Offset of all tags that are off their label, if it is one: the receiver's own error."""
+    """Offset that all tags off their label share, if they do: the receiver's own error.
+
+    Trains that may be of two tags are ignored.
+    """
     off = [
         1e6 * one.away_hz / (one.frequency_hz - one.away_hz)
         for one in named
-        if one.kind is BeepKind.OFF_LABEL and one.away_hz is not None
+        if one.kind is BeepKind.OFF_LABEL and one.away_hz is not None and len(one.tag_ids) == 1
     ]
     if len(off) < 2 or any(one.kind is BeepKind.LISTED for one in named):
         return None
@@ -76,7 +82,7 @@ def shared_offset_ppm(named: Sequence[Beep]) -> float | None:
 
 def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) -> Beep:
     interval_s = train.interval_s
-    near = _within(train, tags, window_hz + _BESIDE_HZ)
+    near = _within(train, tags, window_hz + _EDGE_HZ)
     reach_hz = REACH_PPM * 1e-6 * train.frequency_hz
     kind, names, reason = BeepKind.UNLISTED, list[Tag](), train.doubt or ""
     fitting = [tag for tag in _within(train, tags, reach_hz) if _fits(interval_s, tag, train)]
@@ -95,8 +101,10 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
         kind, names = BeepKind.DOUBTFUL, near[:1]
     elif near:
         kind, interval_s = BeepKind.OTHER_RATE, others_s[0]
-        names = [*near[:1], *(tag for tag in fitting if tag not in near)]
-        reason = _twice(interval_s, near[0])
+        # Prefer tags that change to this rate, or show it where pulses are missing.
+        names = [one for one in near if _fits(interval_s, one, train, _RATIOS)] or near
+        reason = _twice(interval_s, names[0])
+        names = [*names, *(tag for tag in fitting if tag not in near)]
     elif fitting:
         kind, names = BeepKind.OFF_LABEL, fitting
     names = names[:_MOST_NAMES]
@@ -115,14 +123,14 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
     )
 
 
-def _finished(one: Beep, heard: set[int], named: Sequence[Beep]) -> Beep:
+def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
     """Leave out the names of tags that beep at their own place; name an image's original."""
     if one.kind is BeepKind.IMAGE:
         for other in named:
             if other.frequency_hz == one.image_of_hz:
                 return replace(one, tag_ids=other.tag_ids, offsets_hz=other.offsets_hz)
     if one.kind is BeepKind.OFF_LABEL:
-        left = [place for place, tag_id in enumerate(one.tag_ids) if tag_id not in heard]
+        left = [place for place, tag_id in enumerate(one.tag_ids) if tag_id not in listed_ids]
         return replace(
             one,
             tag_ids=tuple(one.tag_ids[place] for place in left),
@@ -135,13 +143,13 @@ def _finished(one: Beep, heard: set[int], named: Sequence[Beep]) -> Beep:
 def _mirrored(
     one: Beep, train: Train, silent: Sequence[Tag], window_hz: float, center_hz: float
 ) -> Beep:
-    """Recognize a tag that is heard at the other side of the centre and not at its own."""
+    """Recognize a tag on the other side of the centre that is not found on its own."""
     if one.kind is not BeepKind.UNLISTED:
         return one
     there = replace(train, frequency_hz=2.0 * center_hz - train.frequency_hz)
     near = [
         tag
-        for tag in _within(there, silent, window_hz + _BESIDE_HZ)
+        for tag in _within(there, silent, window_hz + _EDGE_HZ)
         if _fits(train.interval_s, tag, train)
     ][:1]
     if not near:
@@ -153,7 +161,7 @@ def _mirrored(
 
 def _twice(interval_s: float, tag: Tag) -> str:
     twice = any(
-        abs(2.0 * interval_s - listed_s) <= _LEAST_UNCERTAINTY * listed_s
+        abs(2.0 * interval_s - listed_s) <= LEAST_UNCERTAINTY * listed_s
         for listed_s in tag.pulse_intervals_s
     )
     return "twice the listed one (mortality)" if twice else ""
@@ -169,13 +177,10 @@ def _within(train: Train, tags: Sequence[Tag], reach_hz: float) -> list[Tag]:
     return sorted(near, key=away_hz)
 
 
-def _fits(interval_s: float, tag: Tag, train: Train) -> bool:
+def _fits(interval_s: float, tag: Tag, train: Train, ratios: Sequence[float] = (1.0,)) -> bool:
+    """Whether the interval, or one with one of these ratios to it, is one of a tag's."""
     allowed_s = 3.0 * min(train.interval_sigma_s, 0.01 * interval_s) + _POINT_S
-    return any(
-        abs(interval_s - listed_s)
-        <= max(tag.interval_uncertainty_s, _LEAST_UNCERTAINTY * listed_s) + allowed_s
-        for listed_s in tag.pulse_intervals_s
-    )
+    return any(keeps_interval(tag, ratio * interval_s, ratio * allowed_s) for ratio in ratios)
 
 
 def _rates(train: Train) -> Iterator[float]:

@@ -37,6 +37,8 @@ _AROUND: Final = 13
 """Frames before and after a point by which its length is judged; 104 ms."""
 _LONGEST_S: Final = 0.1
 """A signal that is up for longer is a transmission and not a pulse [s]."""
+_LEAST_FRAMES: Final = 16
+"""Frames that are transformed together."""
 _MOST_CANDIDATES: Final = 200_000
 """Cells of one batch that are examined, the strongest ones."""
 _STRONG_DB: Final = 32.0
@@ -125,6 +127,9 @@ class PointSearch:
         # The power of noise is exponential: P(x times its median) = 2^-x.
         false_per_s = FALSE_POINTS_PER_S * max(1.0, self._bins * self._step_hz / _BAND_HZ)
         self._factor = np.log2(max(cells_per_s / false_per_s, 16.0))
+        at_once = max(1, (1 << 18) // length)  # some 2 MiB of windows
+        self._windows = np.zeros((at_once, self._size), np.complex64)
+        self._spectrum = np.empty_like(self._windows)
         self._tail = np.zeros(0, np.complex64)
         self._found: list[NDArray[np.float64]] = []
         self.dropped = 0
@@ -132,15 +137,21 @@ class PointSearch:
 
     def process(self, samples: NDArray[np.complex64]) -> None:
         """Take the next samples, without those that are missing."""
-        data = np.concatenate((self._tail, samples))
-        length, hop = self._window.size, self._hop
+        self._tail = np.concatenate((self._tail, samples))
+        self._take_frames(_LEAST_FRAMES)
+
+    def _take_frames(self, least: int) -> None:
+        """Add the spectra of the samples that wait, if they are enough."""
+        data, length, hop = self._tail, self._window.size, self._hop
         frames = (data.size - length) // hop + 1 if data.size >= length else 0
-        step = max(1, (1 << 19) // length)  # some 4 MiB of windows at a time
+        if frames < least:
+            return
+        windows = sliding_window_view(data, length)[::hop]
         done = 0
         while done < frames:
-            count = min(step, frames - done, len(self._power) - self._filled)
-            windows = sliding_window_view(data[done * hop :], length)[: count * hop : hop]
-            self._transform(windows, self._power[self._filled : self._filled + count])
+            count = min(len(self._windows), frames - done, len(self._power) - self._filled)
+            target = self._power[self._filled : self._filled + count]
+            self._transform(windows[done : done + count], target)
             self._filled += count
             done += count
             if self._filled == len(self._power):
@@ -149,6 +160,7 @@ class PointSearch:
 
     def finish(self) -> Points:
         """Examine the rest, and return all points."""
+        self._take_frames(1)
         if self._filled > self._from:
             self._search(self._filled)
         return self.found()
@@ -161,9 +173,9 @@ class PointSearch:
         return _without_edges(Points(*rows[np.argsort(rows[:, 0], kind="stable")].T))
 
     def _transform(self, windows: NDArray[np.complex64], power: NDArray[np.float32]) -> None:
-        framed = np.zeros((len(windows), self._size), np.complex64)
+        framed, spectrum = self._windows[: len(windows)], self._spectrum[: len(windows)]
         np.multiply(windows, self._window, out=framed[:, : self._window.size])
-        spectrum = transform_columns(framed.T).T
+        spectrum = transform_columns(framed.T, spectrum.T).T
         negative = min(max(0, -self._first_bin), self._bins)
         for target, source in (
             (power[:, :negative], spectrum[:, self._first_bin + self._size :]),
@@ -200,15 +212,18 @@ class PointSearch:
             low = segment * _SEGMENT
             high = self._bins if segment + count == segments else low + count * _SEGMENT
             part = power[first:until, low:high]
+            above = np.flatnonzero(part > np.float32(self._factor))
+            row, column = np.divmod(above, high - low)
+            # Few segments have such cells: the others' common rise is of no interest.
+            own = row * count + np.minimum(column // _SEGMENT, count - 1)
+            asked, place = np.unique(own, return_inverse=True)
             if segments == 1:
-                rise = np.median(part, axis=1)[:, None]
+                rise = np.median(part[asked], axis=1)
             else:
                 whole = part[:, : count * _SEGMENT].reshape(len(part), count, _SEGMENT)
-                rise = np.partition(whole, _SEGMENT // 2, axis=2)[:, :, _SEGMENT // 2]
-            rise = np.maximum(rise, np.float32(1.0))
-            at = np.minimum(np.arange(high - low) // _SEGMENT, rise.shape[1] - 1)
-            row, column = np.nonzero(part > np.float32(self._factor))
-            over = part[row, column] / rise[row, at[column]]
+                middle = _SEGMENT // 2
+                rise = np.partition(whole[np.divmod(asked, count)], middle)[:, middle]
+            over = part[row, column] / np.maximum(rise, np.float32(1.0))[place]
             up = over > self._factor
             places.append((row[up] + first, column[up] + low, over[up]))
         row, column, over = (np.concatenate(one) for one in zip(*places, strict=True))

@@ -1,4 +1,4 @@
-"""Find what beeps in a stream beside the listed tags, while these are detected.
+"""Find unlisted beeps in a stream while the listed tags are detected.
 
 A tag's crystal may be kilohertz off its label, the list may have a wrong digit or lack a rate,
 or the animal may belong to another study. The detector then finds nothing and gives no reason.
@@ -19,7 +19,8 @@ from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt.units import ns_from_s
 
 _TAGS_BAND: Final = (60.0, 20.0, 90.0)
-"""The band of the tags: the first minute, then 20 s of every 90; .4 % of a core [s]."""
+"""The band of the tags: the first minute, then 20 s of every 90 [s]."""
+_TAGS_BAND_LIVE: Final = (60.0, 45.0, 90.0)
 _WHOLE_BAND: Final = (20.0, 20.0, 300.0)
 """The band of the radio, where it is wider; .8 % of a core at 3 MS/s [s]."""
 _WHOLE_BAND_LIVE: Final = (20.0, 20.0, 540.0)
@@ -52,7 +53,7 @@ class _Band:
         self._rate_hz = 1.0
         self._times = BlockTimes(1.0)
         self._taken_s = 0.0
-        self.heard = 0
+        self.received = 0
         """Samples in turns."""
         self.center_hz = 0.0
         self.half_hz = 0.0
@@ -79,8 +80,8 @@ class _Band:
             )
             self._rate_hz = rate_hz
             self._times = BlockTimes(rate_hz)
-        self._times.add(self.heard, block.time_ns)
-        self.heard += len(block.samples)
+        self._times.add(self.received, block.time_ns)
+        self.received += len(block.samples)
         self._search.process(block.samples)
 
     @property
@@ -95,15 +96,15 @@ class _Band:
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
         """Return the trains so far, at absolute frequencies; while it runs, recent ones."""
-        if self._search is None or not self.heard:
+        if self._search is None or not self.received:
             return []
-        since_s = max(0.0, self.heard / self._rate_hz - _RECENT_S)
+        since_s = max(0.0, self.received / self._rate_hz - _RECENT_S)
         points = self._search.finish() if ended else self._search.found(since_s)
         if not ended and len(points) > _MOST_POINTS:
             points = points.take(np.sort(np.argsort(points.levels_db)[-_MOST_POINTS:]))
         times_s = self._times.seconds(points.times_s * self._rate_hz, self._times.start_ns)
         self.points = points = points.moved(times_s, self.center_hz)
-        span_s = self.heard / self._rate_hz
+        span_s = self.received / self._rate_hz
         return find_trains(points, span_s if ended else min(span_s, _RECENT_S), receiver)[0]
 
 
@@ -133,10 +134,10 @@ class BeepSearch:
         self._tags = tuple(tags)
         self._window_hz = frequency_window_hz
         self._receiver = receiver
-        self._near = _Band(_TAGS_BAND, live=live)
+        self._near = _Band(_TAGS_BAND_LIVE if live else _TAGS_BAND, live=live)
         self._whole = _Band(_WHOLE_BAND_LIVE if live else _WHOLE_BAND, live=live)
         self._next_ns: int | None = None
-        self._heard = (0, 0)
+        self._received = (0, 0)
         self._known: list[Beep] = []
 
     def add(self, block: IQBlock, band: IQBlock) -> None:
@@ -168,10 +169,10 @@ class BeepSearch:
         """Name the trains of a live stream that are new, or have twice the pulses by now."""
         if self._next_ns is None:
             self._next_ns = now_ns + ns_from_s(_NEWS_S)
-        heard = (self._near.heard, self._whole.heard)
-        if now_ns < self._next_ns or heard == self._heard:
+        received = (self._near.received, self._whole.received)
+        if now_ns < self._next_ns or received == self._received:
             return []
-        self._next_ns, self._heard = now_ns + ns_from_s(_NEWS_S), heard
+        self._next_ns, self._received = now_ns + ns_from_s(_NEWS_S), received
         news = [one for one in self._found(ended=False) if one.pulses >= self._wanted(one)]
         for one in news:
             keep_beep(self._known, one)
@@ -201,8 +202,8 @@ class BeepSearch:
             start_ns=self._near.start_ns,
         )
         certain = [one for one in named if one.kind is not BeepKind.DOUBTFUL]
-        heard = {tag_id for one in certain for tag_id in one.tag_ids}
-        silent = [tag for tag in self._tags if tag.tag_id not in heard and not tag.coded]
+        named_ids = {tag_id for one in certain for tag_id in one.tag_ids}
+        silent = [tag for tag in self._tags if tag.tag_id not in named_ids and not tag.coded]
         start_ns = self._near.start_ns
         gapped = gapped_tags(self._near.points, silent, self._window_hz, start_ns)
         explained = {one.tag_ids for one in gapped}

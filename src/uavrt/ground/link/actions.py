@@ -62,16 +62,28 @@ def unreachable(now: Situation) -> str | None:
         return "Not connected: choose the connection under Set-up"
     if not now.drone_present:
         return "The drone is not heard: check its power and the radio"
+    return wait_for(now)
+
+
+def cannot_command(now: Situation) -> str | None:
+    """Get the reason why no command but a stop can be sent; None if one can."""
+    reason = unreachable(now)
+    if reason is None and now.foreign:
+        return "Two vehicles have the same number: choose one above"
+    return reason
+
+
+def wait_for(now: Situation) -> str | None:
+    """Name the command that must end before another can be sent; None if there is none."""
     return None if now.busy is None else f"Wait: {now.busy.text}"
 
 
 def _reason(action: str, now: Situation) -> str | None:
     if action == "mark":
         return None if now.flight_open else "No flight yet: start first"
-    if (reason := unreachable(now)) is not None:
+    reason = unreachable(now) if action == "stop" else cannot_command(now)
+    if reason is not None:
         return reason
-    if now.foreign and action != "stop":
-        return "Two vehicles have the same number: choose one above"
     if action == "send_tags" and now.tags == 0:
         return "No tags: type them in under Set-up"
     command = COMMAND_OF_ACTION[action].name

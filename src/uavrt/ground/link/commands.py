@@ -20,7 +20,9 @@ from uavrt.ground.link.actions import (
     COMMAND_OF_ACTION,
     Busy,
     action_states,
+    cannot_command,
     unreachable,
+    wait_for,
 )
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.session_parts import HeldSession
@@ -38,21 +40,19 @@ def _parameter(wish: Any) -> tuple[str, float]:
     return name, float(number)
 
 
-def _correction(session: HeldSession, wish: Any) -> TagCorrection:
-    """Read which correction is wished; raises `FormatError`."""
+def _correction(session: HeldSession, request: Any) -> TagCorrection:
+    """Read which correction is requested; raises `FormatError`."""
     now_ns = session.clock.now_ns()
-    tag_id = wish.get("tag_id") if isinstance(wish, dict) else None
+    tag_id = request.get("tag_id") if isinstance(request, dict) else None
     tag = next((one for one in session.store.tags if one.tag_id == tag_id), None)
     if tag is None:
         raise FormatError("tag_id must be a listed tag's")
-    if wish.get("undo") is True:
-        last = next(
-            (x for x in reversed(session.store.corrections) if x.tag_id == tag_id), None
-        )
-        if last is None or last.after != tag:
+    if request.get("undo") is True:
+        last = next((x for x in session.store.corrections_listed if x.tag_id == tag_id), None)
+        if last is None:
             raise FormatError(f"tag {tag_id} has no correction to undo")
-        return replace(last, time_ns=now_ns, before=tag, after=last.before)
-    frequency_hz = wish.get("frequency_hz")
+        return replace(last, time_ns=now_ns, before=tag, after=last.before, undo=True)
+    frequency_hz = request.get("frequency_hz")
     if not isinstance(frequency_hz, int | float):
         raise FormatError("frequency_hz must be a number")
     for beep in session.beeps:
@@ -161,8 +161,8 @@ class Commands:
         async with self._working(button.action, button.asking):
             return await link.ask(COMMAND_OF_ACTION[button.action].name) or button.done
 
-    async def correct_tag(self, wish: Any) -> str:
-        """Correct a listed tag by what was measured, in the list and in the flight.
+    async def correct_tag(self, request: Any) -> str:
+        """Correct a listed tag by what was measured, in the flight and then in the list.
 
         ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency, and ``"undo":
         true`` lists the values before the last correction again.
@@ -172,31 +172,36 @@ class Commands:
         FormatError
             There is no such tag or sender, or nothing to correct.
         CommandRefused, LinkError
-            The list is corrected; the drone refused, or did not answer.
+            The drone refused, or did not answer; the list is as it was.
         """
         session, store = self._session, self._session.store
-        correction = _correction(session, wish)
-        if faults := faults_of_tags([correction.after]):
+        correction = _correction(session, request)
+        after = correction.after
+        if faults := faults_of_tags([after]):
             raise FormatError(faults[0])
-        await store.disk.run(store.correct_tag, correction)
+        sent = {tag.tag_id: tag for tag in session.sent_tags}
+        link = self._link_to_correct(searched=after.tag_id in sent or not sent)
+        async with self._working("correct_tag", f"correcting tag {after.tag_id}"):
+            if link is not None:
+                await link.correct_tag(after)
+                session.sent_tags = tuple((sent and sent | {after.tag_id: after}).values())
+                session.flight.correct_tags((after,))
+            await store.disk.run(store.correct_tag, correction)
+        session.beeps[:] = [one for one in session.beeps if after.tag_id not in one.tag_ids]
         session.tags_changed()
         session.note(5, str(correction))
-        known = {tag.tag_id: tag for tag in session.sent_tags}
-        if session.state is SystemState.DETECTING and correction.tag_id in known:
-            if (reason := unreachable(session.situation())) is not None:
-                raise LinkError(f"corrected in the list only. {reason}")
-            assert session.link is not None
-            async with self._working("correct_tag", f"correcting tag {correction.tag_id}"):
-                await session.link.correct_tag(correction.after)
-            known[correction.tag_id] = correction.after
-            session.sent_tags = tuple(known.values())
-            session.flight.correct_tags(session.sent_tags)
-        session.beeps[:] = [
-            one for one in session.beeps if correction.tag_id not in one.tag_ids
-        ]
-        session.send_state()
         gain = await asyncio.to_thread(_gain_in_words, correction)
         return f"{correction}{gain}"
+
+    def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
+        """Get the link if the drone searches with the tag, or did before contact was lost."""
+        session, now = self._session, self._session.situation()
+        lost = session.state is None and not session.flight.ended
+        in_flight = searched and (session.state is SystemState.DETECTING or lost)
+        reason = cannot_command(now) if in_flight else wait_for(now)
+        if reason is not None:
+            raise LinkError(reason)
+        return session.link if in_flight else None
 
     async def parameters(self) -> dict[str, float]:
         """Get the drone's parameters."""

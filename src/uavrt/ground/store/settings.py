@@ -12,7 +12,7 @@ from uavrt.atomic_file import write_atomically
 from uavrt.batch.questions import check_archive
 from uavrt.commands import Generation
 from uavrt.config.parameters import check_start
-from uavrt.config.tag_corrections import TagCorrection
+from uavrt.config.tag_corrections import TagCorrection, standing_corrections
 from uavrt.config.tag_files import write_tags
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
 from uavrt.ground.store.estimates import AntennaChoice
@@ -203,14 +203,9 @@ class GroundStore:
 
     @property
     def corrections_listed(self) -> list[TagCorrection]:
-        """Newest corrections of the tags that are listed with other values than at first."""
-        first = {one.tag_id: one for one in reversed(self.corrections)}
-        last = {one.tag_id: one for one in self.corrections}
-        return [
-            one
-            for one in last.values()
-            if one.after in self.tags and first[one.tag_id].before != one.after
-        ]
+        """The newest correction of each tag that is listed with its values."""
+        last = {one.tag_id: one for one in standing_corrections(self.corrections)}
+        return [one for one in last.values() if one.after in self.tags]
 
     def _read_corrections(self) -> list[TagCorrection]:
         """Read the corrections; a damaged line is left out."""

@@ -5,7 +5,7 @@ the file, so the next start begins afresh.
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from uavrt.commands import SystemState
@@ -32,6 +32,8 @@ class SavedState:
     last_flights: tuple[str, ...] = ()
     gain: int | None = None
     """As an operator has set it, in place of the settings' one."""
+    waiting: dict[str, float] = field(default_factory=dict)
+    """Values in force in the flight of parameters that change at the next start."""
     commander: str | None = None
     """Whose commands count."""
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from uavrt.clock import monotonic_s
 from uavrt.commands import SystemState
 from uavrt.config.ghost_places import Receiver
-from uavrt.config.settings import Settings
 from uavrt.ipc.assignment import Assignment
 from uavrt.ipc.sample_sockets import make_sample_sockets
 from uavrt.ipc.topics import encode_record
@@ -263,16 +262,24 @@ class Fleet:
                     sock.close()
         self._roads = {}
 
-    async def restart_search(self) -> None:
-        """Start receiver and detectors again with the flight's present tags."""
+    async def restart_search(self) -> FlightInfo | None:
+        """Start receiver and detectors again with the flight's present tags.
+
+        Returns
+        -------
+        FlightInfo or None
+            The flight that goes on; None if it has ended meanwhile.
+        """
         flight = self._mission.flight
         self._restarts_waiting += 1
         try:
             async with self._restarting:
                 await self.stop_flight()
                 now = self._mission.flight
-                if flight is not None and now is not None and now.directory == flight.directory:
-                    self.make_sample_roads()
+                if flight is None or now is None or now.directory != flight.directory:
+                    return None
+                self.make_sample_roads()
+                return now
         finally:
             self._restarts_waiting -= 1
             self._wake()
@@ -307,7 +314,7 @@ class Fleet:
 
     def make_sample_roads(self) -> None:
         """Make the sockets of a new flight, to each instance of a row that gets samples."""
-        self._window_hz = self._mission.settings.detection.frequency_window_hz
+        self._window_hz = self._mission.flight_settings.detection.frequency_window_hz
         flight = self._mission.flight
         if flight is not None and math.isfinite(flight.center_frequency_hz):
             self._receiver = Receiver(flight.center_frequency_hz, flight.sample_rate_hz)
@@ -343,7 +350,8 @@ class Fleet:
 
     def _assignment(self, instance: Instance) -> Assignment:
         mission = self._mission
-        settings: Settings = mission.settings
+        in_flight_only = not instance.row.runs(SystemState.HAS_TAGS)
+        settings = mission.flight_settings if in_flight_only else mission.settings
         # What a process has not taken of an earlier flight comes before the present one.
         taken = instance.outbox.flight
         flight: FlightInfo | None = taken if instance.row.says_taken else mission.flight

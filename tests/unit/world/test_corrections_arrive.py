@@ -1,0 +1,204 @@
+"""A correction is listed once the drone searches with it; what cannot be sent is refused."""
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import made
+import pytest
+from asked_page import Answer, AskedPage
+
+from uavrt.commands import SystemState
+from uavrt.config.tag_files import read_tags
+from uavrt.ipc.process import ProcessFrame
+from uavrt.messages import Beep, StatusText
+from world import THESIS_TAG, World, until
+
+HERE_HZ, AWAY_HZ = 148_710_000.0, 148_710_640.0
+ROW = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20}
+CORRECT = {"tag_id": 2, "frequency_hz": AWAY_HZ}
+UNDO = {"tag_id": 2, "undo": True}
+
+
+async def press(page: AskedPage, request: dict[str, Any]) -> Answer:
+    return await page.ask("POST", "/api/commands/correct_tag", request)
+
+
+def listed_hz(page: AskedPage) -> float:
+    (tag,) = read_tags(page.directory / "tags.toml")
+    return tag.frequency_hz
+
+
+def off_label(world: World, **changed: Any) -> Beep:
+    named: dict[str, Any] = {
+        "frequency_hz": AWAY_HZ,
+        "tag_ids": (2,),
+        "offsets_hz": (AWAY_HZ - HERE_HZ,),
+    }
+    return made.beep(time_ns=world.clock.now_ns(), **(named | changed))
+
+
+async def flown(world: World, page: AskedPage, *, sent_by_page: bool = True) -> None:
+    """Begin a flight, and find its tag off its label."""
+    await page.until(lambda state: state["drone"]["state"] == "idle")
+    assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
+    if sent_by_page:
+        for name in ("send_tags", "start"):
+            assert (await page.ask("POST", f"/api/commands/{name}", {})).status == 200
+    else:
+        world.detect(THESIS_TAG)
+    await page.until(lambda state: state["drone"]["state"] == "detecting")
+    world.beeps.append(off_label(world))
+    state = await page.until(lambda state: len(state["beeps"]) == 1)
+    assert state["beeps"][0]["corrects"] == [{"tag_id": 2, "what": "frequency"}]
+
+
+async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterwards(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page)
+        pressed = asyncio.create_task(press(page, CORRECT))
+        await until(lambda: world.mission.tags[2].frequency_hz == AWAY_HZ)
+        world.radio_cut()  # its answer is lost
+        refused = await press(page, UNDO)
+        assert (refused.status, listed_hz(page)) == (422, HERE_HZ), refused.body
+        again = await press(page, CORRECT)
+        assert (again.status, again.json["message"]) == (409, "Wait: correcting tag 2")
+        world.radio_back()
+        words = "tag 2: 148.710640 MHz, was 148.710000 MHz"
+        assert (await pressed).json == {"accepted": True, "message": words}
+        assert listed_hz(page) == AWAY_HZ
+        await until(lambda: world.searched[2].frequency_hz == AWAY_HZ)
+        state = await page.state()
+        assert (state["beeps"], state["tags_sent"]) == ([], True)
+        assert (await press(page, UNDO)).status == 200
+        assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (HERE_HZ, HERE_HZ)
+        await until(lambda: world.searched[2].frequency_hz == HERE_HZ)
+        assert world.mission.state is SystemState.DETECTING
+        texts = [one.text for one in world.of(StatusText)]
+        assert "Tag 2: 148.710640 MHz, was 148.710000" in texts
+
+
+async def test_each_undo_goes_back_by_one_correction_until_the_first_list_is_back(
+    tmp_path: Path,
+) -> None:
+    page = AskedPage(tmp_path / "ground", World(tmp_path).ground_address)
+    places_hz = [HERE_HZ, AWAY_HZ, 148_710_900.0]
+    async with page.served():
+        assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
+        for at_hz in places_hz[1:]:
+            away_hz = at_hz - listed_hz(page)
+            page.session.beeps[:] = [
+                made.beep(frequency_hz=at_hz, tag_ids=(2,), offsets_hz=(away_hz,))
+            ]
+            request = {"tag_id": 2, "frequency_hz": at_hz}
+            assert (await press(page, request)).status == 200
+    restarted = AskedPage(page.directory, World(tmp_path).ground_address)
+    async with restarted.served():
+        for at_hz in reversed(places_hz[:-1]):
+            (one,) = (await restarted.state())["corrections"]
+            assert one["tag_id"] == 2
+            assert (await press(restarted, UNDO)).status == 200
+            assert listed_hz(restarted) == at_hz
+        assert (await restarted.state())["corrections"] == []
+        assert (await press(restarted, UNDO)).status == 422
+
+
+async def test_without_contact_or_with_two_vehicles_of_one_number_nothing_is_corrected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page)
+        session = page.session
+        with monkeypatch.context() as patch:
+            now = session.situation
+            patch.setattr(session, "situation", lambda: replace(now(), foreign=True))
+            foreign = await press(page, CORRECT)
+        assert "same number" in foreign.json["message"]
+        world.radio_cut()
+        unanswered = await press(page, CORRECT)
+        assert "did not answer" in unanswered.json["message"]
+        await page.until(lambda state: not state["drone"]["present"])
+        unreachable = await press(page, CORRECT)
+        assert "not heard" in unreachable.json["message"]
+        for answer in (foreign, unanswered, unreachable):
+            assert answer.status == 409
+        assert listed_hz(page) == HERE_HZ
+        assert world.mission.tags[2].frequency_hz == HERE_HZ
+
+
+async def test_a_list_that_another_station_has_sent_is_corrected_on_the_drone_too(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page, sent_by_page=False)
+        assert (await press(page, CORRECT)).status == 200
+        assert (listed_hz(page), world.mission.tags[2].frequency_hz) == (AWAY_HZ, AWAY_HZ)
+
+
+async def test_only_what_was_measured_before_a_correction_of_this_station_is_dropped(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    of_other_station = off_label(world, frequency_hz=148_711_000.0, offsets_hz=(360.0,))
+    async with world.flying(), page.served():
+        await flown(world, page)
+        page.session._take(of_other_station)
+        assert of_other_station in page.session.beeps, "measured with a list of another station"
+        stale = page.session.beeps[0]
+        assert (await press(page, CORRECT)).status == 200
+        for one in (stale, of_other_station):
+            page.session._take(one)
+        assert page.session.beeps == [of_other_station]
+
+
+async def test_what_the_old_search_finds_as_it_ends_is_dropped_and_the_new_one_has_its_settings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    receive = world._receive
+
+    async def find_more_at_the_end(frame: ProcessFrame) -> None:
+        await receive(frame)
+        frame.send("beep", off_label(world, pulses=24))
+
+    monkeypatch.setattr(world, "_receive", find_more_at_the_end)
+    async with world.flying(), page.served():
+        await flown(world, page)
+        request = {"name": "DET_K", "value": 7}
+        answer = await page.ask("POST", "/api/commands/set_parameter", request)
+        assert answer.status == 200, answer.json
+        searched = await newer_detector(world)
+        assert (await press(page, CORRECT)).status == 200
+        searched = await newer_detector(world, searched)
+        news = [topic for topic, _ in world.records if topic in ("beep", "corrected_tags")]
+        assert news[-2:] == ["beep", "corrected_tags"]
+        assert searched.assignment.settings.detection.k == 0
+        world.kill("detector-1")
+        searched = await newer_detector(world, searched)
+        assert searched.assignment.settings.detection.k == 0
+        await asyncio.sleep(20.0)
+        assert (await page.state())["beeps"] == []
+
+
+async def newer_detector(world: World, than: ProcessFrame | None = None) -> ProcessFrame:
+    """Wait for a detector that was started after another one."""
+    launcher = world.computer.launcher
+
+    def newest() -> ProcessFrame | None:
+        return launcher._frames.get(launcher.started["detector-1"])
+
+    await until(lambda: newest() not in (None, than))
+    found = newest()
+    assert found is not None
+    return found
