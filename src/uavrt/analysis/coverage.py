@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.flight_noise import FlightNoise
-from uavrt.analysis.flown_with import flight_settings
+from uavrt.analysis.flown_with import antenna_poses, flight_settings
 from uavrt.analysis.listening import Stretch, missing_in_words, within
-from uavrt.config.settings import AntennaSettings
 from uavrt.config.text_files import read_text
 from uavrt.errors import RecordingError, UsageError
 from uavrt.foreign import SHAPES
@@ -25,7 +24,6 @@ from uavrt.planning.area import Polygon, survey_lines
 from uavrt.planning.coverage import Coverage, ListeningWay, coverage_of, listening_way
 from uavrt.planning.link_budget import LinkBudget
 from uavrt.planning.whole_flight import LEAST_PULSES
-from uavrt.pose.mounting import Mounting
 from uavrt.recording.flight_reader import Flight
 from uavrt.recording.integrated import SearchedFor
 from uavrt.tangent_plane import TangentPlane, plane_around
@@ -362,11 +360,7 @@ def flown_way(
 
     Only those of the time that was listened to, where that is told.
     """
-    settings = flight_settings(flight)
-    mounting = Mounting.from_settings(
-        AntennaSettings() if settings is None else settings.antenna
-    )
-    poses = PoseColumns.of(mounting.antenna_pose(pose) for pose in flight.poses)
+    poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
     interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND
     count = max(1, int((int(poses.time_ns[-1]) - begin) / interval_ns))

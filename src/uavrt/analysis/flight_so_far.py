@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.analysis.flown_with import antenna_poses
 from uavrt.analysis.hindsight import parts_of
 from uavrt.analysis.kept_samples import KeptChannel, channel_of, kept_channels
 from uavrt.analysis.verdict_words import where_in_words
 from uavrt.analysis.whole_flight import (
     POSITION_M,
     IntegratedTag,
-    antenna_poses,
     chance_in_words,
     channel_samples,
     hills_under,
@@ -30,6 +30,7 @@ from uavrt.errors import FormatError
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.growing import GrowingEnergies
 from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.heard import PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.planning.whole_flight import LEAST_PULSES
 from uavrt.radio.joined import JoinedRecording
@@ -93,7 +94,7 @@ class FlightSoFar:
             flight,
             tag,
             heard.energies(),
-            antenna_poses(flight),
+            PoseColumns.of(antenna_poses(flight)),
             self._pattern,
             searched_for(tag, self._pattern, self._window_hz, 0.0),
             WHOLE_FLIGHT_FALSE_ALARM / (heard.looks * (heard.looks + 1)),

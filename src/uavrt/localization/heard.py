@@ -20,6 +20,8 @@ POSE_STEP_NS = 180_000_000
 """Poses closer than this add nothing to a turn."""
 POSE_GAP_NS = 2_000_000_000
 """Telemetry comes several times a second; this far from it, a pulse's own pose stands."""
+MOST_MISSED = 100_000
+"""Pulses of one tag that may be missing in a flight: a day of them."""
 APART_M = 20.0
 """Least difference that is reported between heights of a flight and of elevation files."""
 LEAST_TAG_HZ = 1e6
@@ -212,7 +214,8 @@ class PulseColumns:
     def missed_ns(self, rhythm: "Rhythm | None") -> list[float]:
         """Times at which a pulse must have come between two heard ones, and was not heard.
 
-        Between two whose distance is a multiple of the tag's interval.
+        Between two whose distance is a multiple of the tag's interval. A gap with more than
+        `MOST_MISSED` of them is a jump of a clock.
         """
         missed: list[float] = []
         if rhythm is None:
@@ -223,7 +226,8 @@ class PulseColumns:
             gap_ns = int(after) - int(before)
             count = round(gap_ns / interval_ns)
             slack_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
-            if count > 1 and abs(gap_ns - count * interval_ns) <= slack_ns:
+            few = 1 < count < MOST_MISSED - len(missed)
+            if few and abs(gap_ns - count * interval_ns) <= slack_ns:
                 missed += [int(before) + gap_ns * step / count for step in range(1, count)]
         return missed
 

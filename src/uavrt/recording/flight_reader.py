@@ -10,6 +10,8 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from uavrt.errors import FormatError
 from uavrt.messages import (
     Beep,
@@ -79,12 +81,16 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
             ),
             status_texts=tuple(
                 (time_ns, StatusText(severity=severity, text=text))
-                for time_ns, severity, text in database.execute(
-                    "SELECT time_ns, severity, text FROM status_texts ORDER BY time_ns"
+                for time_ns, severity, text in msgspec.convert(
+                    database.execute(
+                        "SELECT time_ns, severity, text FROM status_texts ORDER BY time_ns"
+                    ).fetchall(),
+                    list[tuple[int, int, str]],
                 )
             ),
-            notes=tuple(
-                database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
+            notes=msgspec.convert(
+                database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall(),
+                tuple[tuple[int, str], ...],
             ),
             on_ground_ns=told_in(database).spans(),
         )

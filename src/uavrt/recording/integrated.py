@@ -10,7 +10,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -141,6 +141,9 @@ class FlightFold:
 _OPTIONAL = {one.name for one in fields(IntegratedVerdict) if one.default is None}
 _FIELDS = {one.name for one in fields(IntegratedVerdict)}
 _NESTED = {one.name for one in fields(IntegratedVerdict) if one.metadata}
+_MOST_TAGS, _MOST_CELLS = 5_000, 100_000
+"""Of a flight, and of a tag's fold: some 30 rows of some hundred columns."""
+_DAMAGED = (OSError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError)
 T = TypeVar("T")
 
 
@@ -208,8 +211,8 @@ def read_integrated(
     if not tags.is_file():
         return (), ()
     try:
-        verdicts = tuple(map(_verdict, read_json(read_file(tags, NOTES), NOTES)))
-    except (OSError, ValueError, TypeError, RecursionError) as error:
+        verdicts = _records(tags, _verdict)
+    except _DAMAGED as error:
         raise FormatError(
             f"{tags} cannot be read: {error}", remedy="Remove it, and integrate again"
         ) from error
@@ -225,11 +228,18 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
     if not path.is_file():
         return ()
     try:
-        return tuple(map(_fold, read_json(read_file(path, NOTES), NOTES)))
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        return _records(path, _fold)
+    except _DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}", remedy="Remove it, and integrate again"
         ) from error
+
+
+def _records(path: Path, make: Callable[[dict[str, Any]], T]) -> tuple[T, ...]:
+    records = read_json(read_file(path, NOTES), NOTES)
+    if len(records) > _MOST_TAGS:
+        raise ValueError(f"it tells of more than {_MOST_TAGS:,} tags")
+    return tuple(map(make, records))
 
 
 def _fold(record: dict[str, Any]) -> FlightFold:
@@ -238,6 +248,8 @@ def _fold(record: dict[str, Any]) -> FlightFold:
     lengths = float(record["interval_s"]), float(record["length_s"])
     if not profile or not raster or any(len(row) != len(profile) for row in raster):
         raise ValueError("rows of unequal length")
+    if len(raster) * len(profile) > _MOST_CELLS:
+        raise ValueError(f"a fold of more than {_MOST_CELLS:,} cells")
     if not all(map(math.isfinite, (*lengths, *profile, *(x for row in raster for x in row)))):
         raise ValueError("a value is not finite")
     return FlightFold(
