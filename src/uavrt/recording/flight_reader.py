@@ -31,11 +31,6 @@ from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
 from uavrt.recording.tag_names import tags_with_names
 
-_NO_NUMBERS = (
-    "SELECT 1 FROM pulses WHERE typeof(tag_id) != 'integer' OR "
-    "typeof(start_time_ns) != 'integer' OR typeof(end_time_ns) != 'integer' LIMIT 1"
-)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
@@ -235,8 +230,6 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:
         raise ValueError("the flight was cut off before it began")
-    if database.execute(_NO_NUMBERS).fetchone() is not None:
-        raise ValueError("a pulse has text in place of numbers")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),
