@@ -749,8 +749,11 @@ def read_whole_flight(path: Path) -> object:
 
     above = path.parent
     directory = above / "flight_log_1"
-    directory.mkdir()
+    later = above / "flight_log_2"
+    for place in (directory, later):
+        place.mkdir()
     shutil.move(path, directory)
+    honest_flight(later / path.name)
     library, antenna = FlightLibrary(above), AntennaChoice(pattern="RA-23K", offset_deg=0.0)
 
     def of_listed(name: str, *more: int) -> Callable[[], object]:
@@ -772,6 +775,7 @@ def read_whole_flight(path: Path) -> object:
             for one in ("health", "search_notes", "search_reports", "beeps", "stops")
         ),
         estimate,
+        lambda: Estimator().past(later, antenna),
         lambda: read_season(above),
         lambda: flight_noise_of(directory),
         lambda: export_bag(directory, above / "bag"),

@@ -33,6 +33,7 @@ def change(flight: Path, *statements: str) -> None:
     [
         ["UPDATE pulses SET snr_db = 'loud'"],
         ["UPDATE poses SET latitude_deg = 'north'"],
+        [f"UPDATE pulses SET end_time_ns = {2**63 - 1}"],
         ["UPDATE notes SET text = x'ff'"],
         ["UPDATE tags SET pulse_intervals_s = '[0]'"],
         ["UPDATE tags SET frequency_hz = -1"],
@@ -44,7 +45,17 @@ def change(flight: Path, *statements: str) -> None:
         ],
         [f"ALTER TABLE notes ADD COLUMN more TEXT DEFAULT '{'x' * 900_000}'"],
     ],
-    ids=["text", "place", "blob", "interval", "frequency", "counters", "computed", "default"],
+    ids=[
+        "text",
+        "place",
+        "time",
+        "blob",
+        "interval",
+        "frequency",
+        "counters",
+        "computed",
+        "default",
+    ],
 )
 def test_values_that_are_none_are_refused(flight: Path, statements: list[str]) -> None:
     change(
