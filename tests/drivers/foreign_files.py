@@ -33,6 +33,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from uavrt.errors import UavrtError
 from uavrt.foreign import CPU_S, MEMORY_BYTES, MOST_FAULTS
@@ -465,11 +466,11 @@ TELEMETRY = (
     "time_ns,latitude_deg,longitude_deg,altitude_amsl_m,altitude_relative_m,qw,qx,qy,qz\n"
 )
 PLACE = "1780000000000000000,47,8,500,40,1,0,0,0\n"
-FOLD = {
+FOLD: dict[str, Any] = {
     "tag_id": 2, "interval_s": 1.2, "length_s": 100.0, "profile": [0.0] * 40,
     "raster": [[0.0] * 40] * 10,
 }  # fmt: skip
-VERDICT = {
+VERDICT: dict[str, Any] = {
     "tag_id": 2, "found": False, "false_alarm_probability": 0.5, "interval_s": 1.2,
     "frequency_hz": 148.7e6,
 }  # fmt: skip
@@ -736,7 +737,7 @@ def each(*calls: Callable[[], object]) -> None:
         raise refusals[0]
 
 
-def read_whole_flight(path: Path) -> object:
+def read_whole_flight(path: Path) -> None:
     """Read a flight as the page, a report's and an export's survey, and a season do."""
     from uavrt.analysis.flight_noise import flight_noise_of
     from uavrt.analysis.measure.bag import export_bag
@@ -767,7 +768,7 @@ def read_whole_flight(path: Path) -> object:
     library.summaries()
     library.prepare()
     library.usual_noise_db(None, but=None)
-    return each(
+    each(
         *map(of_listed, ("summary", "places", "columns", "log")),
         of_listed("records", 0, 1000),
         *(
@@ -819,13 +820,16 @@ def small_archive() -> Path:
 
 
 def archive_file(place: str) -> Content:
-    return lambda path: path.write_bytes(next(small_archive().glob(place)).read_bytes())
+    def make(path: Path) -> None:
+        shutil.copyfile(next(small_archive().glob(place)), path)
+
+    return make
 
 
 def archive_with(place: str) -> Callable[[Path], object]:
     """Have a reader ask an archive of which one file is another."""
 
-    def read(path: Path) -> object:
+    def read(path: Path) -> None:
         from uavrt.batch.exporting import export_archive
         from uavrt.batch.flight_search import find_flights
         from uavrt.batch.ledger import Ledger
@@ -837,7 +841,7 @@ def archive_with(place: str) -> Callable[[Path], object]:
         replaced = next(archive.glob(place))
         replaced.unlink()
         shutil.move(path, replaced)
-        return each(
+        each(
             lambda: find_flights(archive),
             *(functools.partial(ask, archive, one) for one in QUESTIONS.values()),
             lambda: export_archive(archive, path.with_name("exported"), None, None),
@@ -862,6 +866,13 @@ GPX_ATTACKS: Attacks = {
     "entities": b"<!DOCTYPE x><gpx/>",
     "packed": gzip.compress(gpx("".join(map(trkpt, range(60))))),
 }  # fmt: skip
+
+
+def changed_json(record: dict[str, Any], changes: dict[str, dict[str, Any]]) -> Attacks:
+    """Lists of one record with other values."""
+    return {name: json.dumps([record | one]).encode() for name, one in changes.items()}
+
+
 FORMATS = [
     Format(name="uavrt.toml", honest=b'[radio]\nkind = "airspy"\ngain = 12\n',
            attacks=toml_attacks("[radio]\n", "gain"), read=read_settings),
@@ -1092,19 +1103,19 @@ FORMATS = [
     Format(name="tags.json", honest=json.dumps([VERDICT]).encode(), attacks={
         "objects": b"[" + b"{}," * 200_000 + b"{}]", "nested": b"[" * 40_000,
         "deep rings": b'[{"tag_id": 1, "rings": ' + b"[" * 800 + b"]" * 800 + b"}]",
-        **{name: json.dumps([VERDICT | changed]).encode() for name, changed in {
+        **changed_json(VERDICT, {
             "parts": {"parts": [{}] * 100_000}, "whole": {"interval_s": 10**400},
             "rings": {"region50": [[[10**400, 1]]]}, "searched": {"searched": {"a": 10**400}},
             "listened": {"listened": "2026-01-01T00:00:00Z/2026-01-01T00:00:01Z " * 200_000},
-            "lists": {"remarks": ["x"] * 400_000}, "number": {"tag_id": [[]]}}.items()},
+            "lists": {"remarks": ["x"] * 400_000}, "number": {"tag_id": [[]]}}),
         "many": json.dumps([VERDICT | {"tag_id": n} for n in range(60_000)]).encode(),
         }, read=read_verdicts),
     Format(name="folds.json", honest=json.dumps([FOLD]).encode(), attacks={
-        **{name: json.dumps([FOLD | changed]).encode() for name, changed in {
+        **changed_json(FOLD, {
             "not finite": {"tag_id": float("inf")}, "whole": {"interval_s": 10**400},
             "wide": {"profile": [0] * 200_000, "raster": [[0] * 200_000]},
             "tall": {"profile": [0], "raster": [[0]] * 150_000},
-            "square": {"profile": [0] * 600, "raster": [[0] * 600] * 600}}.items()},
+            "square": {"profile": [0] * 600, "raster": [[0] * 600] * 600}}),
         "many": json.dumps([FOLD | {"tag_id": n} for n in range(900)]).encode(),
         "null": b"[null]"}, read=read_verdicts),
     *(Format(name=name, honest=archive_file(place), attacks={}, read=archive_with(place))
