@@ -1241,15 +1241,11 @@ def _memory(what: str) -> int:
     return 1024 * int(status.partition(f"{what}:")[2].split()[0])
 
 
-def warm_up(formats: list[Format]) -> None:
-    """Import what the readers need: its time and memory are the program's, not a file's."""
-    with tempfile.TemporaryDirectory() as name:
-        for number, one in enumerate(formats):
-            place = Path(name) / str(number)
-            place.mkdir()
-            write(one, one.honest, place / one.name)
-            with contextlib.suppress(UavrtError):
-                one.read(place / one.name)
+def warm_up(one: Format) -> None:
+    """Import what a reader needs: its time and memory are the program's, not a file's."""
+    with tempfile.TemporaryDirectory() as name, contextlib.suppress(UavrtError):
+        write(one, one.honest, Path(name) / one.name)
+        one.read(Path(name) / one.name)
 
 
 def run(
@@ -1261,10 +1257,10 @@ def run(
     warm: bool = True,
 ) -> tuple[int, list[str]]:
     """Try some files of each format; how many, and what is not as it should be."""
-    if warm:
-        warm_up(formats)
     faults, total = [], 0
     for one in formats:
+        if warm:
+            warm_up(one)
         rng = random.Random(f"{seed} {one.name}")
         worst_s, worst_bytes, refused, count = 0.0, 0, 0, 0
         for what, content in files_of(one, each, rng):
