@@ -66,6 +66,8 @@ YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, d
 SHAPES = Limit(what="an area or a way", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
 """SigMF metadata of a recording with gaps, verdicts beside a flight."""
+ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
+"""Of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
 """Lines instead of values: ends of lines pack well, so they are counted."""
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)

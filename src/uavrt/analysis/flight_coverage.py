@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from uavrt.analysis.coverage import MOST_PULSES, MapArea, covered_by, has_boresight
 from uavrt.analysis.flight_noise import FlightNoise
-from uavrt.analysis.flown_with import flight_settings
+from uavrt.analysis.flown_with import antenna_poses, flight_settings
 from uavrt.analysis.listening import Stretch, missing_in_words, within
-from uavrt.config.settings import AntennaSettings
 from uavrt.errors import RecordingError
 from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.headings import Headings
@@ -18,7 +17,6 @@ from uavrt.localization.heard import PoseColumns, apart_in_words
 from uavrt.messages import Tag
 from uavrt.planning.coverage import Coverage, ListeningWay
 from uavrt.planning.link_budget import LinkBudget
-from uavrt.pose.mounting import Mounting
 from uavrt.recording.flight_reader import Flight
 from uavrt.recording.integrated import SearchedFor
 from uavrt.tangent_plane import TangentPlane, plane_around
@@ -102,11 +100,7 @@ def flown_way(
 
     Only those of the time that was listened to, where that is told.
     """
-    settings = flight_settings(flight)
-    mounting = Mounting.from_settings(
-        AntennaSettings() if settings is None else settings.antenna
-    )
-    poses = PoseColumns.of(mounting.antenna_pose(pose) for pose in flight.poses)
+    poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)
     interval_ns = tag.pulse_intervals_s[0] * NANOSECONDS_PER_SECOND
     count = max(1, int((int(poses.time_ns[-1]) - begin) / interval_ns))

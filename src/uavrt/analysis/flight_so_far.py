@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.analysis.flown_with import antenna_poses
 from uavrt.analysis.hindsight import parts_of
 from uavrt.analysis.kept_samples import KeptChannel, channel_of, kept_channels
 from uavrt.analysis.verdict_words import where_in_words
@@ -20,7 +21,6 @@ from uavrt.analysis.whole_flight import (
     POSITION_M,
     IntegratedTag,
     JudgeAs,
-    antenna_poses,
     chance_in_words,
     channel_samples,
     hills_under,
@@ -30,6 +30,7 @@ from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import FormatError
 from uavrt.integration.energy_grid import SlotEnergies
 from uavrt.integration.growing import GrowingEnergies
+from uavrt.localization.heard import PoseColumns
 from uavrt.messages import Tag
 from uavrt.planning.whole_flight import LEAST_PULSES
 from uavrt.radio.joined import JoinedRecording
@@ -73,7 +74,7 @@ class FlightSoFar:
             flight,
             tag,
             heard.energies(),
-            antenna_poses(flight),
+            PoseColumns.of(antenna_poses(flight)),
             replace(self._how, false_alarm_probability=chance),
             None if hills is None else hills.at(tag.frequency_hz),
         )

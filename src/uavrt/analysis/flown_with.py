@@ -5,8 +5,11 @@ from dataclasses import replace
 import msgspec
 
 from uavrt.config.settings import AntennaSettings, Settings
-from uavrt.errors import UsageError
+from uavrt.errors import FormatError, UsageError
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
+from uavrt.messages import Pose
+from uavrt.on_earth import is_attitude
+from uavrt.pose.mounting import Mounting
 from uavrt.recording.flight_reader import Flight
 
 USUAL_ANTENNA = "RA-23K"
@@ -14,14 +17,27 @@ USUAL_ANTENNA = "RA-23K"
 
 
 def flight_settings(flight: Flight) -> Settings | None:
-    """The flight's settings, for the antenna's place; None when it did not record them."""
+    """The flight's settings, for the antenna's place; None when it did not record them.
+
+    Raises `FormatError`: what it recorded is damaged.
+    """
     if flight.settings_json is None:
         return None
     try:
-        settings = msgspec.json.decode(flight.settings_json, type=Settings)
+        return _settings_in(flight.settings_json)
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise FormatError(
+            f"the settings of {flight.info.directory} cannot be read: {error}",
+            remedy="Its pulse_pose_log.txt holds the pulses; give that instead",
+        ) from error
+
+
+def _settings_in(text: str) -> Settings:
+    try:
+        return msgspec.json.decode(text, type=Settings)
     except msgspec.ValidationError:
         # Written by another version: the antenna is what matters here.
-        tables = msgspec.json.decode(flight.settings_json)
+        tables = msgspec.json.decode(text)
         known = AntennaSettings.__dataclass_fields__
         mounted = {k: v for k, v in tables.get("antenna", {}).items() if k in known}
         settings = replace(Settings(), antenna=msgspec.convert(mounted, AntennaSettings))
@@ -29,6 +45,21 @@ def flight_settings(flight: Flight) -> Settings | None:
         if isinstance(named, str):
             settings = replace(settings, bearings=replace(settings.bearings, antenna=named))
     return settings
+
+
+def antenna_poses(flight: Flight) -> list[Pose]:
+    """Poses of the antenna, as the flight's settings mount it.
+
+    Raises `FormatError`: the settings are damaged, or there are poses and none has an attitude.
+    """
+    mounting = Mounting.from_settings((flight_settings(flight) or Settings()).antenna)
+    posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
+    if flight.poses and not posed:
+        raise FormatError(
+            f"no pose of {flight.info.directory} has an attitude",
+            remedy="Attach those of an autopilot's log with uavrt attach",
+        )
+    return [mounting.antenna_pose(one) for one in posed]
 
 
 def antenna_is_told(flight: Flight) -> bool:
@@ -40,6 +71,7 @@ def flight_antenna(flight: Flight) -> str:
     """Name of the pattern that the drone was set up with; RA-23K where it recorded none.
 
     Raises `UsageError`: this computer does not know that pattern.
+    Raises `FormatError`: the flight's settings are damaged.
     """
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.whole_flight import IntegratedTag, antenna_poses, hills_under
+from uavrt.analysis.flown_with import antenna_poses
+from uavrt.analysis.whole_flight import IntegratedTag, hills_under
 from uavrt.errors import ConfigError, UsageError
 from uavrt.integration.heard_train import HeardTrain, train_pulses
 from uavrt.integration.places import Places, common_gains, distinct, places_around
@@ -21,6 +22,7 @@ from uavrt.integration.together import JointTrain, Listened, search_together
 from uavrt.integration.train_place import PlaceBelief, place_belief, told_share, train_evidence
 from uavrt.integration.whole_flight import FoldedTrain, pulse_weights
 from uavrt.localization.antenna import AntennaPattern
+from uavrt.localization.heard import PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.recording.flight_reader import Flight
 from uavrt.tangent_plane import plane_around
@@ -266,7 +268,7 @@ def _common_places(
         hills = hills_under(flight, elevation)
         found.append(
             places_around(
-                antenna_poses(flight),
+                PoseColumns.of(antenna_poses(flight)),
                 pattern,
                 start_ns=one.energies.start_ns,
                 end_ns=one.energies.end_ns,

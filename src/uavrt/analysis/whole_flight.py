@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.analysis.flown_with import flight_settings
+from uavrt.analysis.flown_with import antenna_poses
 from uavrt.analysis.listening import limits_of, with_poses
-from uavrt.config.settings import AntennaSettings
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.errors import ConfigError, FormatError, RecordingError
 from uavrt.integration.energy_grid import SlotEnergies, gather, slot_energies
@@ -27,7 +26,6 @@ from uavrt.localization.antenna import AntennaPattern
 from uavrt.localization.heard import OverGround, PoseColumns
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 from uavrt.planning.whole_flight import LEAST_PULSES
-from uavrt.pose.mounting import Mounting
 from uavrt.radio.source import SampleSource
 from uavrt.recording.flight_reader import Flight
 from uavrt.recording.integrated import SearchedFor
@@ -127,7 +125,7 @@ def integrate_flight(
             remedy="Name its samples and an autopilot's log or GPS track instead of it: uavrt "
             "integrate --recording FILE --track FILE --tags FILE",
         )
-    poses = antenna_poses(flight)
+    poses = PoseColumns.of(antenna_poses(flight))
     hills = hills_under(flight, how.elevation)
     front_end = FrontEnd(
         sample_rate_hz=source.sample_rate_hz,
@@ -323,14 +321,6 @@ def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | Non
         return None
     over = OverGround.of(elevation, PoseColumns.of(flight.poses))
     return None if over is None else over.hills
-
-
-def antenna_poses(flight: Flight) -> PoseColumns:
-    """Poses of the antenna, as the flight's settings mount it."""
-    settings = flight_settings(flight)
-    antenna = AntennaSettings() if settings is None else settings.antenna
-    mounting = Mounting.from_settings(antenna)
-    return PoseColumns.of(mounting.antenna_pose(pose) for pose in flight.poses)
 
 
 def chance_in_words(probability: float, flights: int = 1) -> str:

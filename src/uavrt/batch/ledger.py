@@ -153,7 +153,10 @@ class Ledger(Generic[R]):
                 row = msgspec.json.decode(entry.row, type=self._record)
                 if row.fingerprint != path.stem:
                     raise FormatError("it holds another one's row")
-            except (FormatError, msgspec.DecodeError) as error:
+                # What is named here is removed with the row.
+                if not all(map(self._is_table, entry.files)):
+                    raise FormatError("it names files that are no tables of a batch")
+            except (FormatError, msgspec.DecodeError, RecursionError) as error:
                 self._discard(path, getattr(error, "message", str(error)))
                 continue
             self._note(row, entry.files)
@@ -194,6 +197,10 @@ class Ledger(Generic[R]):
                     path.unlink()
                 elif _TABLE.fullmatch(path.name) and f"{table}/{path.name}" not in known:
                     self._discard(path, "it belongs to no row", keeps=unreadable)
+
+    def _is_table(self, name: str) -> bool:
+        folder, _, file = name.partition("/")
+        return folder in self._tables and _TABLE.fullmatch(file) is not None
 
     def _discard(self, path: Path, fault: str, *, keeps: bool = True) -> None:
         self.damaged.setdefault(path.relative_to(self._output).as_posix(), fault)

@@ -22,6 +22,7 @@ from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.seals import Seal, fault_of, read_note, sealed, write_note
 from uavrt.batch.tables import FLIGHTS, MONTHS, RECORDINGS, ROWS, SCHEMA_VERSION
 from uavrt.errors import FormatError, needs_extra
+from uavrt.foreign import require_plain_file
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LEAST_FILES = 100
@@ -162,10 +163,14 @@ def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
 def source_of(output: Path, table: str) -> str | None:
     """Say where DuckDB finds all rows of a table; None where there are none."""
     try:
-        names = os.listdir(output / table)
+        with os.scandir(output / table) as entries:
+            tables = [one for one in entries if one.name.endswith(".parquet")]
     except FileNotFoundError:
         return None
-    there = {one.removesuffix(".parquet") for one in names if one.endswith(".parquet")}
+    for one in tables:
+        if not one.is_file():  # a pipe would be waited for
+            require_plain_file(one.path)
+    there = {one.name.removesuffix(".parquet") for one in tables}
     index, _ = read_index(output)
     months = {
         name: one

@@ -13,6 +13,7 @@ import msgspec
 
 from uavrt.atomic_file import make_directories, write_atomically
 from uavrt.errors import FormatError
+from uavrt.foreign import ARCHIVE_NOTE, read_file
 
 _DIGEST_BYTES = 16
 
@@ -84,7 +85,7 @@ def read_note(path: Path) -> bytes:
     OSError
         It cannot be read.
     """
-    digest, _, content = path.read_bytes().partition(b"\n")
+    digest, _, content = read_file(path, ARCHIVE_NOTE).partition(b"\n")
     if digest != _digest(content).encode():
         raise FormatError("not what was written")
     return content

@@ -19,6 +19,8 @@ POSE_STEP_NS = 180_000_000
 """Poses closer than this add nothing to a turn."""
 POSE_GAP_NS = 2_000_000_000
 """Telemetry comes several times a second; this far from it, a pulse's own pose stands."""
+MOST_MISSED = 100_000
+"""Pulses of one tag that may be missing in a flight: a day of them."""
 APART_M = 20.0
 """Least difference that is reported between heights of a flight and of elevation files."""
 LEAST_TAG_HZ = 1e6
@@ -219,7 +221,8 @@ class PulseColumns:
     def missed_ns(self, rhythm: "Rhythm | None") -> _Floats:
         """Times at which a pulse must have come between two heard ones, and was not heard.
 
-        Between two whose distance is a multiple of the tag's interval.
+        Between two whose distance is a multiple of the tag's interval. A gap with more than
+        `MOST_MISSED` of them is a jump of a clock.
         """
         if rhythm is None or len(self.time_ns) < 2:
             return np.zeros(0)
@@ -228,7 +231,10 @@ class PulseColumns:
         gap_ns = np.diff(self.time_ns)
         count = np.rint(gap_ns / interval_ns)
         slack_ns = NANOSECONDS_PER_SECOND * rhythm.uncertainty_s * count + 0.1 * interval_ns
-        gaps = np.flatnonzero((count > 1) & (np.abs(gap_ns - count * interval_ns) <= slack_ns))
+        fits = (count > 1) & (count < MOST_MISSED)
+        fits &= np.abs(gap_ns - count * interval_ns) <= slack_ns
+        fits &= np.cumsum(np.where(fits, count - 1, 0)) < MOST_MISSED
+        gaps = np.flatnonzero(fits)
         missed = [
             int(self.time_ns[at]) + gap_ns[at] * np.arange(1, count[at]) / count[at]
             for at in gaps

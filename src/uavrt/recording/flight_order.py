@@ -15,6 +15,9 @@ import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from uavrt.errors import FormatError
+from uavrt.foreign import NOTES, read_file
+
 FLIGHT_ORDER = "flights_in_order.txt"
 FLIGHT_PREFIX = "flight_log_"
 GROUND_COPY = "_ground"
@@ -103,8 +106,8 @@ def names_in_order(names: Iterable[str], noted: Iterable[str]) -> list[str]:
 
 def _noted(path: Path) -> list[str]:
     try:
-        return path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
+        return read_file(path, NOTES).decode("utf-8", "replace").splitlines()
+    except (OSError, FormatError):
         return []
 
 

@@ -10,6 +10,8 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from uavrt.errors import FormatError
 from uavrt.messages import (
     Beep,
@@ -29,10 +31,9 @@ from uavrt.recording.plain_database import open_plain, require_plain_files
 from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
 from uavrt.recording.tag_names import tags_with_names
 
-_NO_NUMBERS = (
-    "SELECT 1 FROM pulses WHERE typeof(tag_id) != 'integer' OR "
-    "typeof(start_time_ns) != 'integer' OR typeof(end_time_ns) != 'integer' LIMIT 1"
-)
+_SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
+_LATEST_NS = 2**62
+"""Of a flight [ns since 1970]: sums and differences of times keep within 64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,12 +80,16 @@ def read_flight(directory: str | os.PathLike[str]) -> Flight:
             ),
             status_texts=tuple(
                 (time_ns, StatusText(severity=severity, text=text))
-                for time_ns, severity, text in database.execute(
-                    "SELECT time_ns, severity, text FROM status_texts ORDER BY time_ns"
+                for time_ns, severity, text in msgspec.convert(
+                    database.execute(
+                        "SELECT time_ns, severity, text FROM status_texts ORDER BY time_ns"
+                    ).fetchall(),
+                    list[tuple[int, int, str]],
                 )
             ),
-            notes=tuple(
-                database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall()
+            notes=msgspec.convert(
+                database.execute("SELECT time_ns, text FROM notes ORDER BY time_ns").fetchall(),
+                tuple[tuple[int, str], ...],
             ),
             on_ground_ns=told_in(database).spans(),
         )
@@ -226,8 +231,13 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
     row = database.execute(f"SELECT {columns} FROM flight").fetchone()
     if row is None:
         raise ValueError("the flight was cut off before it began")
-    if database.execute(_NO_NUMBERS).fetchone() is not None:
-        raise ValueError("a pulse has text in place of numbers")
+    times_ns = [
+        one
+        for one in (*row[:2], *database.execute(f"SELECT {_SPANS} FROM pulses").fetchone())
+        if one is not None
+    ]
+    if not all(isinstance(one, int) and abs(one) < _LATEST_NS for one in times_ns):
+        raise ValueError("a time in it is none")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(
         directory=str(directory),

@@ -7,13 +7,12 @@ replaces what was said of that tag before.
 """
 
 import json
-import math
 import os
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -138,9 +137,10 @@ class FlightFold:
     """(rows, columns), the flight's beginning first."""
 
 
-_OPTIONAL = {one.name for one in fields(IntegratedVerdict) if one.default is None}
-_FIELDS = {one.name for one in fields(IntegratedVerdict)}
-_NESTED = {one.name for one in fields(IntegratedVerdict) if one.metadata}
+_MOST_TAGS, _MOST_CELLS = 5_000, 100_000
+"""Of a flight, and of a tag's fold: some 30 rows of some hundred columns."""
+_LARGEST = sys.float_info.max
+_DAMAGED = (OSError, ValueError, TypeError, ArithmeticError, RecursionError)
 T = TypeVar("T")
 
 
@@ -192,8 +192,10 @@ def read_integrated(
     if not tags.is_file():
         return (), ()
     try:
-        verdicts = tuple(map(_verdict, read_json(read_file(tags, NOTES), NOTES)))
-    except (OSError, ValueError, TypeError, RecursionError) as error:
+        verdicts = _records(tags, IntegratedVerdict)
+        for one in verdicts:
+            parse_iso_intervals(one.listened)
+    except _DAMAGED as error:
         raise FormatError(
             f"{tags} cannot be read: {error}", remedy="Remove it, and integrate again"
         ) from error
@@ -209,74 +211,31 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
     if not path.is_file():
         return ()
     try:
-        return tuple(map(_fold, read_json(read_file(path, NOTES), NOTES)))
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        folds = _records(path, FlightFold)
+        for one in folds:
+            columns = {len(row) for row in one.raster}
+            if (
+                columns != {len(one.profile)}
+                or len(one.profile) * len(one.raster) > _MOST_CELLS
+            ):
+                raise ValueError(f"rows of unequal length, or more than {_MOST_CELLS:,} cells")
+    except _DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}", remedy="Remove it, and integrate again"
         ) from error
+    return folds
 
 
-def _fold(record: dict[str, Any]) -> FlightFold:
-    profile = tuple(map(float, record["profile"]))
-    raster = tuple(tuple(map(float, row)) for row in record["raster"])
-    lengths = float(record["interval_s"]), float(record["length_s"])
-    if not profile or not raster or any(len(row) != len(profile) for row in raster):
-        raise ValueError("rows of unequal length")
-    if not all(map(math.isfinite, (*lengths, *profile, *(x for row in raster for x in row)))):
-        raise ValueError("a value is not finite")
-    return FlightFold(
-        tag_id=int(record["tag_id"]),
-        interval_s=lengths[0],
-        length_s=lengths[1],
-        profile=profile,
-        raster=raster,
-    )
-
-
-def _verdict(record: dict[str, Any]) -> IntegratedVerdict:
-    """Make a verdict of JSON; what a later version wrote beyond it is passed over.
-
-    Raises `TypeError` or `ValueError`: it is none.
-    """
-    if not isinstance(record, dict):
-        raise TypeError("not a list of tables")
-    told = {k: v for k, v in record.items() if k in _FIELDS}
-    told |= {name: _rings(told[name]) for name in ("region50", "region95") if name in told}
-    if "parts" in told:
-        told["parts"] = tuple(_numbers(IntegratedPart, one) for one in told["parts"])
-    if told.get("searched") is not None:
-        told["searched"] = _numbers(SearchedFor, told["searched"])
-    if told.get("silent") is not None:
-        told["silent"] = _numbers(SilentAround, told["silent"])
-    verdict = IntegratedVerdict(**told)
-    for name in sorted(_FIELDS - _NESTED):
-        value = getattr(verdict, name)
-        if value is None and name in _OPTIONAL:
-            continue
-        if name == "remarks" and isinstance(value, str):
-            continue
-        if name == "listened" and isinstance(value, str):
-            parse_iso_intervals(value)
-            continue
-        known = isinstance(value, bool | int | float)
-        if not (known and abs(value) <= sys.float_info.max):
-            raise ValueError(f"{name} is {value!r}")
-    return verdict
-
-
-def _numbers(kind: type[T], record: object) -> T:
-    """Make a record of JSON; each number finite, what is beyond it passed over."""
-    if not isinstance(record, dict):
-        raise TypeError("not a table")
-    for name, value in record.items():
-        each = value if isinstance(value, list) else [value]
-        if not all(math.isfinite(one) for one in each if isinstance(one, float)):
-            raise ValueError(f"{name} is {value!r}")
-    return msgspec.convert(record, kind)
-
-
-def _rings(record: object) -> tuple[Ring, ...]:
-    rings = msgspec.convert(record, tuple[Ring, ...])
-    if not all(math.isfinite(one) for ring in rings for place in ring for one in place):
-        raise ValueError("a place is not finite")
-    return rings
+def _records(path: Path, kind: type[T]) -> tuple[T, ...]:
+    """Make records of JSON; what a later version wrote beyond them is passed over."""
+    found = read_json(read_file(path, NOTES), NOTES)
+    if len(found) > _MOST_TAGS:
+        raise ValueError(f"it tells of more than {_MOST_TAGS:,} tags")
+    level = [found]
+    while level:
+        inside = [(one.values() if isinstance(one, dict) else one) for one in level]
+        values = [value for one in inside for value in one]
+        if not all(abs(one) <= _LARGEST for one in values if isinstance(one, int | float)):
+            raise ValueError("a number in it is not finite")
+        level = [one for one in values if isinstance(one, list | dict)]
+    return msgspec.convert(found, tuple[kind, ...])  # type: ignore[valid-type]

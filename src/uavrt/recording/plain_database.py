@@ -19,10 +19,15 @@ LONGEST_VALUE_BYTES = 16_000_000
 LONGEST_S = 120.0
 """Of one use of a database; 100 000 pulses are read in one second."""
 _BESIDE = ("", "-wal", "-shm", "-journal")
+LONGEST_DEFINITION = 20_000
+"""Characters of one table's definition: a default in it is the value of every row."""
 _ODD = (
     "SELECT name FROM sqlite_master WHERE type IN ('view', 'trigger') "
-    "OR sql LIKE 'CREATE VIRTUAL%' LIMIT 1"
+    f"OR sql LIKE 'CREATE VIRTUAL%' OR length(sql) > {LONGEST_DEFINITION} "
+    "UNION ALL SELECT name FROM sqlite_master AS made WHERE type = 'table' "
+    "AND EXISTS (SELECT 1 FROM pragma_table_xinfo(made.name) WHERE hidden > 1) LIMIT 1"
 )
+"""Finds what makes more values than are in the file: a view, a generated column, a default."""
 
 ended = threading.Event()
 """Set when the program ends: queries end with it."""
@@ -48,7 +53,7 @@ def open_plain(path: Path, *, mode: str = "ro") -> sqlite3.Connection:
         raise
     if odd is not None:
         database.close()
-        raise sqlite3.DatabaseError(f"{odd[0][:80]!r} in it is not a table")
+        raise sqlite3.DatabaseError(f"{odd[0][:80]!r} in it is not a plain table")
     return database
 
 

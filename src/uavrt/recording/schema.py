@@ -7,9 +7,10 @@ where a float may be NaN (SQLite stores NaN as NULL): one odd record must not ba
 import json
 import math
 import sqlite3
+from dataclasses import replace
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 
@@ -18,6 +19,7 @@ from uavrt.messages import (
     BurstInside,
     Command,
     CommandReply,
+    DetectionStatus,
     Health,
     Pose,
     Pulse,
@@ -51,6 +53,7 @@ POSE_COLUMNS = (
     "time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, "
     "quaternion_w, quaternion_x, quaternion_y, quaternion_z, extrapolated"
 )
+_POSE_FIELDS = POSE_COLUMNS.split(", ")[:5]
 POSE_DECLARED = ", ".join(
     f"{name} {'INTEGER' if name in ('time_ns', 'extrapolated') else 'REAL'}"
     for name in POSE_COLUMNS.split(", ")
@@ -214,7 +217,10 @@ def inside_row(burst: BurstInside) -> Row:
 
 
 def pulse_from_row(row: Row) -> Pulse:
-    """Pulse of a row; a number that was NaN is NaN again."""
+    """Pulse of a row; a number that was NaN is NaN again.
+
+    Raises `ValueError` or `TypeError` where it is none. A status of a newer version is kept.
+    """
     values = list(row)
     for place in _REALS:
         if values[place] is None:
@@ -225,7 +231,9 @@ def pulse_from_row(row: Row) -> Pulse:
     try:
         return msgspec.convert(record, Pulse)  # faster than the dataclass's own constructor
     except msgspec.ValidationError:
-        return Pulse(**record)  # odd, such as a status of a newer version
+        status = msgspec.convert(record.pop("detection_status"), str)
+        pulse = msgspec.convert(record | {"detection_status": "detected"}, Pulse)
+        return replace(pulse, detection_status=cast("DetectionStatus", status))
 
 
 def pose_row(pose: Pose | None) -> Row:
@@ -244,23 +252,14 @@ def pose_row(pose: Pose | None) -> Row:
 
 
 def pose_from_row(row: Row) -> Pose | None:
-    """Pose of a row, None for a row of NULL."""
+    """Pose of a row, None for a row of NULL; raises `ValueError` where it is none."""
     if row[0] is None:
         return None
-    return Pose(
-        time_ns=row[0],
-        latitude_deg=_number(row[1]),
-        longitude_deg=_number(row[2]),
-        altitude_amsl_m=_number(row[3]),
-        altitude_relative_m=_number(row[4]),
-        quaternion_wxyz=(
-            _number(row[5]),
-            _number(row[6]),
-            _number(row[7]),
-            _number(row[8]),
-        ),
-        extrapolated=bool(row[9]),
-    )
+    time_ns, *numbers, extrapolated = row
+    numbers = [_number(one) for one in numbers]
+    record = dict(zip(_POSE_FIELDS, (time_ns, *numbers[:4]), strict=True))
+    turned = {"quaternion_wxyz": tuple(numbers[4:]), "extrapolated": bool(extrapolated)}
+    return msgspec.convert(record | turned, Pose)
 
 
 def tag_row(tag: Tag) -> Row:
@@ -289,9 +288,13 @@ def tag_from_row(row: Row) -> Tag:
     record["pulse_intervals_s"] = _numbers(record["pulse_intervals_s"])
     record["gaps_s"] = _numbers(record["gaps_s"] or "[]")
     try:
-        return msgspec.convert(record, Tag)
+        tag = msgspec.convert(record, Tag)
     except msgspec.ValidationError as error:
         raise ValueError(f"tag {row[0]}: {error}") from error
+    numbers = (tag.frequency_hz, tag.pulse_width_s, *tag.pulse_intervals_s)
+    if not all(0.0 < one < math.inf for one in numbers):
+        raise ValueError(f"tag {row[0]}: a frequency, width or interval is not above 0")
+    return tag
 
 
 search_report_row = attrgetter(*SEARCH_REPORT_COLUMNS.split(", "))
@@ -299,18 +302,11 @@ search_report_row = attrgetter(*SEARCH_REPORT_COLUMNS.split(", "))
 
 
 def search_report_from_row(row: Row) -> SearchReport:
-    """Report of a row; a number that was NaN is NaN again."""
-    time_ns, tag_id, *numbers, usable_share, weakest_enr_db = row
-    frequency_hz, noise_psd, best_score = map(_number, numbers)
-    return SearchReport(
-        time_ns=time_ns,
-        tag_id=tag_id,
-        frequency_hz=frequency_hz,
-        noise_psd=noise_psd,
-        best_score=best_score,
-        usable_share=usable_share,
-        weakest_enr_db=weakest_enr_db,
-    )
+    """Report of a row; a number that was NaN is NaN again. Raises `ValueError`: it is none."""
+    record = dict(zip(SEARCH_REPORT_COLUMNS.split(", "), row, strict=True))
+    for name in ("frequency_hz", "noise_psd", "best_score"):
+        record[name] = _number(record[name])
+    return msgspec.convert(record, SearchReport)
 
 
 def beep_row(beep: Beep) -> Row:
@@ -346,14 +342,10 @@ def health_row(health: Health) -> Row:
 
 
 def health_from_row(row: Row) -> Health:
-    """Sign of life of a row."""
-    return Health(
-        time_ns=row[0],
-        process=row[1],
-        status=row[2],
-        ok=bool(row[3]),
-        counters=json.loads(row[4]),
-    )
+    """Sign of life of a row; raises `ValueError` or `TypeError` where it is none."""
+    time_ns, process, status, ok, counters = row
+    told = {"process": process, "time_ns": time_ns, "status": status, "ok": bool(ok)}
+    return msgspec.convert(told | {"counters": json.loads(counters)}, Health)
 
 
 def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> Row:

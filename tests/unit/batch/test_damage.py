@@ -1,5 +1,6 @@
 """An archive is whole after a power cut, and after anything that was done to its files."""
 
+import json
 import os
 import random
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from uavrt.batch.ledger import ASIDE
 from uavrt.batch.months import INDEX
 from uavrt.batch.recordings import Found, find_recordings, read_manifest
 from uavrt.batch.run import run_batch
+from uavrt.batch.seals import read_note, write_note
 from uavrt.batch.settings import BatchSettings, BatchSummary
 from uavrt.batch.tables import FLIGHTS, RECORDINGS, ROWS, TABLES
 
@@ -197,6 +199,20 @@ def test_rows_that_cannot_be_read_and_tables_of_others_are_kept(
     assert {row.name for row in rows} <= {one.name for one in (output / ASIDE).rglob("*.json")}
     for table, content in tables.items():
         assert content in (table.read_bytes(), aside.get(table.name))
+
+
+def test_a_row_removes_nothing_but_tables_of_a_batch(found: Found, tmp_path: Path) -> None:
+    output, mine = tmp_path / "output", tmp_path / "mine.txt"
+    search(found, output)
+    mine.write_text("of somebody else")
+    for row in output.glob("*/*.json"):
+        entry = json.loads(read_note(row))
+        entry["files"]["../mine.txt"] = {"size": 1, "time_ns": 1, "digest": ""}
+        write_note(row, json.dumps(entry).encode())
+    assert any(
+        "no tables of a batch" in fault for fault in search(found, output).damaged.values()
+    )
+    assert mine.read_text() == "of somebody else"
 
 
 def test_a_copied_archive_is_read_and_not_made_again(found: Found, tmp_path: Path) -> None:

@@ -16,12 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from uavrt.config.settings import AntennaSettings, Settings
+from uavrt.analysis.flown_with import antenna_poses
 from uavrt.errors import FormatError, UsageError, needs_extra
 from uavrt.messages import FlightInfo, PulsePose, StatusText
-from uavrt.pose.mounting import Mounting
 from uavrt.recording.flight_reader import Flight, read_flight, read_search_reports, read_stops
 from uavrt.recording.integrated import read_integrated
 from uavrt.recording.layout import FlightLayout
@@ -221,10 +218,8 @@ def _heartbeats(directory: Path, info: FlightInfo) -> Iterator[Entry]:
 
 def _poses(flight: Flight) -> Iterator[Entry]:
     """The antenna's poses, as often as they were recorded."""
-    mounting = Mounting.from_settings(_antenna(flight.settings_json))
-    for pose in flight.poses:
-        antenna = mounting.antenna_pose(pose)
-        yield pose.time_ns, "antenna_pose", pose_stamped(antenna)
+    for pose in antenna_poses(flight):
+        yield pose.time_ns, "antenna_pose", pose_stamped(pose)
 
 
 def _logs(texts: Iterable[tuple[int, StatusText]]) -> Iterator[Entry]:
@@ -240,16 +235,6 @@ def _logs(texts: Iterable[tuple[int, StatusText]]) -> Iterator[Entry]:
 
 def _tag_directory(info: FlightInfo, tag_id: int) -> str:
     return str(FlightLayout(Path(info.directory)).tag_directory(tag_id))
-
-
-def _antenna(settings_json: str | None) -> AntennaSettings:
-    """How the antenna sat on the vehicle in this flight."""
-    if settings_json is None:
-        return AntennaSettings()
-    try:
-        return msgspec.json.decode(settings_json, type=Settings).antenna
-    except msgspec.MsgspecError as error:
-        raise FormatError(f"the flight's settings cannot be read: {error}") from error
 
 
 # ------------------------------------------------------------------ metadata.yaml

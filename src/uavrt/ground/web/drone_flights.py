@@ -82,7 +82,8 @@ class ExtraApi:
         if not chosen:
             raise UsageError("there is no recording of samples in this flight on this computer")
         tag_id = int(_number(query.get("tag", ""), "tag"))
-        tag = tag_of(library.summary(flight_id).tags, tag_id)
+        summary = await asyncio.to_thread(library.summary, flight_id)
+        tag = tag_of(summary.tags, tag_id)
         start_s = _number(query.get("start_s", "0"), "start_s")
         length_s = _number(query.get("length_s", "60"), "length_s")
         made = await asyncio.to_thread(recorded_picture, chosen[0], tag, start_s, length_s)

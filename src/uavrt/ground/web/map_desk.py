@@ -110,7 +110,7 @@ class MapDesk(Generic[Asked, Found]):
             return
         except UavrtError as error:
             work.fault = str(error)
-        except (OSError, MemoryError) as error:
+        except Exception as error:  # noqa: BLE001 - a page that asks must not wait forever
             work.fault = f"the map could not be made: {error}"
 
 
