@@ -84,12 +84,9 @@ TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
     """Read a whole file that others made.
 
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    FormatError
-        It is too large, hardly written, or a pipe or device that might never end.
+    Raises `OSError`: it cannot be read.
+    Raises `FormatError`: it is too large, hardly written, or a pipe or device that might never
+    end.
     """
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
@@ -132,12 +129,8 @@ def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) ->
 def open_zip(path: Path, limit: Limit) -> "ZipFile":
     """Open a zip file; its members are stored or deflated.
 
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    ValueError
-        It is no zip file, or beyond the limit; also what `zipfile` raises.
+    Raises `OSError`: it cannot be read.
+    Raises `ValueError`: it is no zip file, or beyond the limit; also what `zipfile` raises.
     """
     from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
@@ -164,10 +157,7 @@ def open_zip(path: Path, limit: Limit) -> "ZipFile":
 def unpack(pieces: Iterable[bytes], most: int, *, wbits: int = 31) -> bytes:
     """Unpack gzip (or, by `wbits`, another form of zlib), up to a little more than `most`.
 
-    Raises
-    ------
-    zlib.error, EOFError
-        It is damaged, or cut off.
+    Raises `zlib.error`, `EOFError`: it is damaged, or cut off.
     """
     content = bytearray()
     unpacker = zlib.decompressobj(wbits)
@@ -197,10 +187,8 @@ def pieces_of(content: bytes) -> Iterable[bytes]:
 def read_json(content: bytes | str, limit: Limit) -> Any:
     """Decode JSON that others wrote.
 
-    Raises
-    ------
-    ValueError
-        It is none, or beyond the limit; the text says which, for the end of a sentence.
+    Raises `ValueError`: it is none, or beyond the limit; the text says which, for the end of a
+    sentence.
     """
     if len(content) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
@@ -235,12 +223,8 @@ def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
 
     The declaration before it is left out: the text is decoded already.
 
-    Raises
-    ------
-    ValueError
-        It declares entities, or is beyond the limit.
-    xml.etree.ElementTree.ParseError
-        It is no XML.
+    Raises `ValueError`: it declares entities, or is beyond the limit.
+    Raises `xml.etree.ElementTree.ParseError`: it is no XML.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("it declares XML entities, which no such file needs")
@@ -302,12 +286,8 @@ def shortened(faults: list[str]) -> list[str]:
 def size_of(path: Path) -> int:
     """Bytes of a plain file.
 
-    Raises
-    ------
-    OSError
-        It is not there.
-    FormatError
-        It is a pipe or a device, or hardly anything of it was ever written.
+    Raises `OSError`: it is not there.
+    Raises `FormatError`: it is a pipe or a device, or hardly anything of it was ever written.
     """
     about = path.stat()
     require_plain_file(path, about.st_mode)

@@ -85,40 +85,22 @@ def integrate(
     All pulses are judged together: interval, phase, frequency and place at once, as
     ``uavrt integrate`` does.
 
-    Parameters
-    ----------
-    samples : ndarray of complex64, shape (samples,)
-        Of the band or of the tag's channel. Lost ones are NaN.
-    poses : sequence of Pose
-        Of the antenna, in the order of time. What was heard more than 2 s from any is left out.
-    tag : Tag
-        As it is listed: its interval and how well that is known.
-    antenna : AntennaPattern or str
-        Pattern, or the name of a known one; ``"monopole"`` is an upright whip.
-    time_ns : int
-        Of the first sample [ns, UTC].
-    sample_rate_hz, center_frequency_hz : float
-        Of the samples.
-    frequency_window_hz : float
-        Half-width of the search around the tag's frequency.
-    false_alarm_probability : float
-        With which noise alone shows the tag in a flight.
-    most_drift : float
-        Largest relative change of the interval over the flight, up or down.
-    elevation : Elevation, optional
-        Heights of the ground (`uavrt.terrain.elevation_files.open_elevation`); None is level.
-
-    Returns
-    -------
-    IntegratedRecord
-        What ``uavrt integrate --json`` prints of a tag.
-
-    Raises
-    ------
-    UsageError
-        There is no such antenna, the samples are no row, or not of the time of the poses.
-    RecordingError
-        There are too few samples or poses.
+    `samples` (samples,): of the band or of the tag's channel. Lost ones are NaN.
+    `poses`: of the antenna, in the order of time. What was heard more than 2 s from any is left
+    out.
+    `tag`: as it is listed: its interval and how well that is known.
+    `antenna`: pattern, or the name of a known one; ``"monopole"`` is an upright whip.
+    `time_ns`: of the first sample [ns, UTC].
+    `sample_rate_hz`, `center_frequency_hz`: of the samples.
+    `frequency_window_hz`: half-width of the search around the tag's frequency.
+    `false_alarm_probability`: with which noise alone shows the tag in a flight.
+    `most_drift`: largest relative change of the interval over the flight, up or down.
+    `elevation`: heights of the ground (`uavrt.terrain.elevation_files.open_elevation`); None is
+    level.
+    Returns: what ``uavrt integrate --json`` prints of a tag.
+    Raises `UsageError`: there is no such antenna, the samples are no row, or not of the time of
+    the poses.
+    Raises `RecordingError`: there are too few samples or poses.
     """
     pattern = pattern_named(antenna)
     row = np.asarray(samples, np.complex64)

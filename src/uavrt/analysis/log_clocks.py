@@ -16,10 +16,7 @@ _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
     """Name logs whose clock was never set, and those of another time than the others.
 
-    Parameters
-    ----------
-    logs : sequence of (path, sequence of int)
-        Each with the times of what is in it [ns, UTC].
+    `logs`: each with the times of what is in it [ns, UTC].
     """
     spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []

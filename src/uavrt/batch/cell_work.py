@@ -72,19 +72,10 @@ def work_on(
 ) -> CellResult | None:
     """Detect in a cell.
 
-    Parameters
-    ----------
-    task : CellTask
-        The cell.
-    should_stop : callable
-        Called at each block; True leaves the cell undone.
-    on_samples : callable
-        Takes how many samples were done since it was last called.
-
-    Returns
-    -------
-    CellResult or None
-        None: stopped before the end.
+    `task`: the cell.
+    `should_stop`: called at each block; True leaves the cell undone.
+    `on_samples`: takes how many samples were done since it was last called.
+    Returns: None: stopped before the end.
     """
     cell, began_s = task.cell, time.process_time()
     pulses: list[Pulse] = []
@@ -141,10 +132,7 @@ def work_on(
 def keep_cell(directory: Path, result: CellResult) -> None:
     """Keep what a cell gave until all cells of its recording are done.
 
-    Raises
-    ------
-    OSError
-        It cannot be written.
+    Raises `OSError`: it cannot be written.
     """
     content = msgspec.msgpack.encode(result, enc_hook=_plain)
     write_note(directory / str(result.number), content)

@@ -39,17 +39,11 @@ def cells_of(
 ) -> list[Cell]:
     """Cut a recording.
 
-    Parameters
-    ----------
-    segments : sequence of Segment
-        Where its samples lie.
-    sample_rate_hz : float
-        Of the recording [Hz].
-    cell_s : float
-        Distance of the grid's lines, from the recording's first sample on; lost samples count
-        as time.
-    lead_in_s : float
-        So much of the time before is read again.
+    `segments`: where its samples lie.
+    `sample_rate_hz`: of the recording [Hz].
+    `cell_s`: distance of the grid's lines, from the recording's first sample on; lost samples
+    count as time.
+    `lead_in_s`: so much of the time before is read again.
     """
     held = [one for one in segments if one.count]
     if not held:

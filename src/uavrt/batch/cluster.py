@@ -35,12 +35,8 @@ _QUEUED_LEAST = 64
 class Sign:
     """The file that says which run is going on, for workers to read.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    run : str
-        Name of the run.
+    `path`: the file.
+    `run`: name of the run.
     """
 
     def __init__(self, path: Path, run: str) -> None:
@@ -71,27 +67,14 @@ def run_on_cluster(
 ) -> Iterator[tuple[int, R]]:
     """Work on tasks; yield each one's number and result as it is done.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-        What is to be done.
-    scheduler : str
-        ``tcp://HOST:PORT``.
-    folder : Path
-        Seen by all workers under the same name.
-    should_stop : callable
-        True ends it.
-    on_done : callable
-        Takes how much was done since it was last called.
-    on_wait : callable
-        Takes a text when no worker comes.
-
-    Raises
-    ------
-    UsageError
-        No scheduler answers there, or the extra is missing.
-    LinkError
-        The scheduler has gone.
+    `tasks`: what is to be done.
+    `scheduler`: ``tcp://HOST:PORT``.
+    `folder`: seen by all workers under the same name.
+    `should_stop`: True ends it.
+    `on_done`: takes how much was done since it was last called.
+    `on_wait`: takes a text when no worker comes.
+    Raises `UsageError`: no scheduler answers there, or the extra is missing.
+    Raises `LinkError`: the scheduler has gone.
     """
     if not tasks:
         return
@@ -163,10 +146,7 @@ class _Cluster:
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
         """Take a result.
 
-        Raises
-        ------
-        LinkError
-            The scheduler has gone.
+        Raises `LinkError`: the scheduler has gone.
         """
         with _scheduler_there():
             try:

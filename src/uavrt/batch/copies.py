@@ -29,19 +29,11 @@ def copies_of(
     equals the one that was placed before. Two flights that both kept samples and heard nothing
     are two, whenever they were.
 
-    Parameters
-    ----------
-    found : Found
-        What there is now.
-    recordings, flights : Ledger
-        What is done: a flight is also a copy of one that was placed before and is away now.
-    output : Path
-        Where outlines of the flights are kept for the next run.
-
-    Returns
-    -------
-    dict of Path to Path
-        The flight that counts, by directory of each copy.
+    `found`: what there is now.
+    `recordings`, `flights`: what is done: a flight is also a copy of one that was placed before
+    and is away now.
+    `output`: where outlines of the flights are kept for the next run.
+    Returns: the flight that counts, by directory of each copy.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     told = {
@@ -96,10 +88,7 @@ def drop_copies(
 ) -> None:
     """Take away what was once made of copies whose flight is placed now.
 
-    Raises
-    ------
-    OSError
-        The directory cannot be written.
+    Raises `OSError`: the directory cannot be written.
     """
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
     for row in recordings.rows if gone else ():

@@ -53,16 +53,10 @@ class _Job:
 class Detecting:
     """What is to be detected, and what becomes of it.
 
-    Parameters
-    ----------
-    sought : TagSource
-        The tags.
-    output : Path
-        Directory of the tables.
-    settings : BatchSettings
-        How.
-    ledger : Ledger of RecordingRow
-        What is done.
+    `sought`: the tags.
+    `output`: directory of the tables.
+    `settings`: how.
+    `ledger`: what is done.
     """
 
     def __init__(
@@ -128,10 +122,7 @@ class Detecting:
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
         """Take a task's result; a row when it was a recording's last, and it has one of it.
 
-        Raises
-        ------
-        OSError
-            The directory cannot be written.
+        Raises `OSError`: the directory cannot be written.
         """
         job = self._jobs[number]
         job.results.append(result)

@@ -101,10 +101,7 @@ def folder_for(directory: Path, flight: str) -> Path:
 def flights_in(archive: Path) -> list[str]:
     """Name the flights that pulses are of.
 
-    Raises
-    ------
-    FormatError
-        There is no archive.
+    Raises `FormatError`: there is no archive.
     """
     rows = ask(archive, "SELECT DISTINCT flight FROM pulses ORDER BY flight")
     names: list[str] = rows["flight"].to_pylist()

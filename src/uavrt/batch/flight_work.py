@@ -128,10 +128,7 @@ class FlightTask:
     def packed(self) -> "FlightTask":
         """Take the pulses along; workers read no Parquet.
 
-        Raises
-        ------
-        FormatError
-            A file of pulses is damaged.
+        Raises `FormatError`: a file of pulses is damaged.
         """
         return replace(
             self,

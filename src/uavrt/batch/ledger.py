@@ -35,25 +35,13 @@ class _Entry(msgspec.Struct, frozen=True):
 class Ledger(Generic[R]):
     """The rows of all recordings or flights; what a newer row replaces goes with its tables.
 
-    Parameters
-    ----------
-    output : Path
-        Directory of the tables.
-    name : str
-        Folder of the rows.
-    record : type
-        Of a row.
-    tables : sequence of str
-        Folders of what belongs to a row.
-    thorough : bool
-        Read all files, and do not go by their sizes and times.
-
-    Raises
-    ------
-    RecordingError
-        A file cannot be read.
-    OSError
-        The directory cannot be written.
+    `output`: directory of the tables.
+    `name`: folder of the rows.
+    `record`: of a row.
+    `tables`: folders of what belongs to a row.
+    `thorough`: read all files, and do not go by their sizes and times.
+    Raises `RecordingError`: a file cannot be read.
+    Raises `OSError`: the directory cannot be written.
     """
 
     def __init__(
@@ -113,17 +101,9 @@ class Ledger(Generic[R]):
     def settle(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
         """Put a row down, and take away what it replaces.
 
-        Parameters
-        ----------
-        row : RecordingRow or FlightRow
-            What was done.
-        files : mapping of str to Seal, optional
-            Its tables, which are on the disk; None: as they were.
-
-        Raises
-        ------
-        OSError
-            The directory cannot be written.
+        `row`: what was done.
+        `files`: its tables, which are on the disk; None: as they were.
+        Raises `OSError`: the directory cannot be written.
         """
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)

@@ -55,28 +55,13 @@ def gather_months(
 ) -> Index:
     """Bring the months up to date with what was written.
 
-    Parameters
-    ----------
-    output : Path
-        Directory of the tables.
-    index : Index
-        Which copies there are.
-    tables : mapping of str to mapping
-        For each table the start of what is in each file [ns], by the file's stem.
-    least_files : int
-        Fewer files than this, that no month holds, are left as they are.
-    lost : bool
-        Copies were missing or damaged: make new ones of however few files.
-
-    Returns
-    -------
-    Index
-        Which copies there are now; see `write_index`.
-
-    Raises
-    ------
-    OSError
-        The directory cannot be written.
+    `output`: directory of the tables.
+    `index`: which copies there are.
+    `tables`: for each table the start of what is in each file [ns], by the file's stem.
+    `least_files`: fewer files than this, that no month holds, are left as they are.
+    `lost`: copies were missing or damaged: make new ones of however few files.
+    Returns: which copies there are now; see `write_index`.
+    Raises `OSError`: the directory cannot be written.
     """
     kept = dict(index)
     for table, times in tables.items():
@@ -98,12 +83,8 @@ def gather_months(
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
     """Read which copies there are, and why others cannot be used.
 
-    Parameters
-    ----------
-    output : Path
-        Directory of the tables.
-    thorough : bool
-        Read all copies, and do not go by their sizes and times.
+    `output`: directory of the tables.
+    `thorough`: read all copies, and do not go by their sizes and times.
     """
     try:
         noted = msgspec.json.decode(read_note(output / INDEX), type=Index)
@@ -123,10 +104,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
 def write_index(output: Path, index: Index) -> None:
     """Note which copies there are, and remove others.
 
-    Raises
-    ------
-    OSError
-        The directory cannot be written.
+    Raises `OSError`: the directory cannot be written.
     """
     write_note(output / INDEX, msgspec.json.encode(index))
     for folder, _, names in os.walk(output / MONTHS):

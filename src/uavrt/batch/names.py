@@ -20,14 +20,9 @@ def name_flights(
 
     Where the name is another's already, more of the path comes before it: ``2024/walk``.
 
-    Parameters
-    ----------
-    found : Found
-        What there is.
-    recordings, flights : Ledger
-        What is done.
-    passed_over : collection of Path
-        Copies of flights, whose names are free.
+    `found`: what there is.
+    `recordings`, `flights`: what is done.
+    `passed_over`: copies of flights, whose names are free.
     """
     rows: list[RecordingRow | FlightRow] = [*recordings.rows, *flights.rows]
     known = {row.path: row.flight for row in rows if Path(row.path) not in passed_over}

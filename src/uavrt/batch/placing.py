@@ -48,16 +48,10 @@ TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
 class Placing:
     """Which flights are to be placed, and what becomes of them.
 
-    Parameters
-    ----------
-    sought : TagSource
-        The tags.
-    output : Path
-        Directory of the tables.
-    settings : BatchSettings
-        How.
-    recordings, flights : Ledger
-        What is done.
+    `sought`: the tags.
+    `output`: directory of the tables.
+    `settings`: how.
+    `recordings`, `flights`: what is done.
     """
 
     def __init__(
@@ -86,14 +80,9 @@ class Placing:
     ) -> None:
         """Add all flights, and recordings with a track, that are not done yet.
 
-        Parameters
-        ----------
-        found : Found
-            What there is.
-        keys : mapping of Path to str
-            Of the recordings, as the ledger knows them.
-        copies : mapping of Path to Path
-            The flight that counts, by directory of each copy.
+        `found`: what there is.
+        `keys`: of the recordings, as the ledger knows them.
+        `copies`: the flight that counts, by directory of each copy.
         """
         if "attach" not in self._settings.steps:
             return

@@ -100,10 +100,7 @@ def _in_utc(answer: "pa.Table") -> "pa.Table":
 def check_archive(archive: Path) -> None:
     """Refuse a directory that no batch has written to.
 
-    Raises
-    ------
-    FormatError
-        There is no table of recordings.
+    Raises `FormatError`: there is no table of recordings.
     """
     if not (archive / RECORDINGS).is_file():
         raise FormatError(
@@ -137,22 +134,10 @@ def told_of(archive: Path) -> Iterator[None]:
 def keep_answers(archive: Path, index: Index) -> Index:
     """Keep the answers that need every pulse, for as long as no pulse changes.
 
-    Parameters
-    ----------
-    archive : Path
-        Directory of the tables.
-    index : Index
-        Which copies there are, which `write_index` has noted.
-
-    Returns
-    -------
-    Index
-        Which copies there are now.
-
-    Raises
-    ------
-    OSError
-        The directory cannot be written.
+    `archive`: directory of the tables.
+    `index`: which copies there are, which `write_index` has noted.
+    Returns: which copies there are now.
+    Raises `OSError`: the directory cannot be written.
     """
     import pyarrow.parquet as pq
 

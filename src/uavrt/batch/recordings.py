@@ -55,12 +55,8 @@ class Recording:
     def open(self) -> RecordingSource:
         """Open it.
 
-        Raises
-        ------
-        FormatError
-            It cannot be read, or is not what it is said to be.
-        StoreError
-            Its store does not answer.
+        Raises `FormatError`: it cannot be read, or is not what it is said to be.
+        Raises `StoreError`: its store does not answer.
         """
         told = {
             "sample_rate_hz": self.sample_rate_hz,
@@ -77,12 +73,8 @@ class Recording:
     def fingerprint(self) -> str:
         """Tell it from any other, and from itself before it was changed.
 
-        Raises
-        ------
-        OSError
-            It is gone.
-        StoreError
-            Its store does not answer.
+        Raises `OSError`: it is gone.
+        Raises `StoreError`: its store does not answer.
         """
         facts: list[object] = [
             *(self.format_name, self.sample_rate_hz, self.center_frequency_hz),
@@ -324,10 +316,7 @@ def read_manifest(path: Path) -> dict[Path, Recording]:
 
     Relative paths are relative to the manifest. Empty cells are not told.
 
-    Raises
-    ------
-    FormatError
-        It cannot be read, or a line is wrong; the line is named.
+    Raises `FormatError`: it cannot be read, or a line is wrong; the line is named.
     """
     remedy = f"A line has {', '.join(MANIFEST_COLUMNS)}; only path must be there"
     found: dict[Path, Recording] = {}

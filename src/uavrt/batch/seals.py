@@ -32,10 +32,7 @@ class Seal(msgspec.Struct, frozen=True):
 def sealed(path: Path) -> Seal:
     """Describe a file that has just been written.
 
-    Raises
-    ------
-    OSError
-        It cannot be read.
+    Raises `OSError`: it cannot be read.
     """
     about = path.stat()
     return Seal(about.st_size, about.st_mtime_ns, _digest(path.read_bytes()))
@@ -44,10 +41,7 @@ def sealed(path: Path) -> Seal:
 def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
     """Say why a file does not hold what was written; None: it does.
 
-    Raises
-    ------
-    OSError
-        It is there and cannot be read, as without permission: nobody can say.
+    Raises `OSError`: it is there and cannot be read, as without permission: nobody can say.
     """
     try:
         about = path.stat()
@@ -66,10 +60,7 @@ def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
 def write_note(path: Path, content: bytes) -> None:
     """Write a small file that contains its own digest; see `read_note`.
 
-    Raises
-    ------
-    OSError
-        It cannot be written.
+    Raises `OSError`: it cannot be written.
     """
     make_directories(path.parent)
     write_atomically(path, _digest(content).encode() + b"\n" + content)
@@ -78,12 +69,8 @@ def write_note(path: Path, content: bytes) -> None:
 def read_note(path: Path) -> bytes:
     """Read what `write_note` has written.
 
-    Raises
-    ------
-    FormatError
-        It is damaged; the message is the reason alone.
-    OSError
-        It cannot be read.
+    Raises `FormatError`: it is damaged; the message is the reason alone.
+    Raises `OSError`: it cannot be read.
     """
     digest, _, content = read_file(path, ARCHIVE_NOTE).partition(b"\n")
     if digest != _digest(content).encode():

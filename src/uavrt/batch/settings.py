@@ -31,10 +31,7 @@ class BatchSettings:
     def check(self) -> None:
         """Refuse steps that do not exist, or lack the one before.
 
-        Raises
-        ------
-        UsageError
-            Which one.
+        Raises `UsageError`: which one.
         """
         if unknown := sorted(set(self.steps) - set(STEPS)):
             raise UsageError(

@@ -20,22 +20,10 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
     """Name what each step of a flight reads, whether it is asked for or not.
 
-    Parameters
-    ----------
-    task : FlightTask
-        The flight as it is, its pulses, and the settings.
-
-    Returns
-    -------
-    dict of str to str
-        For an antenna that has a pattern.
-    dict of str to str
-        For a monopole.
-
-    Raises
-    ------
-    OSError
-        A file cannot be reached.
+    `task`: the flight as it is, its pulses, and the settings.
+    Returns: for an antenna that has a pattern.
+    Returns: for a monopole.
+    Raises `OSError`: a file cannot be reached.
     """
     how = task.settings
     asked = [] if how.antenna is None else [Path(how.antenna)]
@@ -64,10 +52,7 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
 def recorded_key(task: FlightTask) -> str:
     """Name the pulses of a flight as it is.
 
-    Raises
-    ------
-    OSError
-        A file cannot be reached.
+    Raises `OSError`: a file cannot be reached.
     """
     return _hashed([task.path], flight_files(task))
 

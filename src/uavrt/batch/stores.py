@@ -38,14 +38,9 @@ def is_url(text: str) -> bool:
 def list_store(url: str) -> tuple[str, ...]:
     """Get all files at and below a place.
 
-    Raises
-    ------
-    FormatError
-        There is nothing.
-    StoreError
-        The store does not answer.
-    UsageError
-        A package for this kind of store is missing.
+    Raises `FormatError`: there is nothing.
+    Raises `StoreError`: the store does not answer.
+    Raises `UsageError`: a package for this kind of store is missing.
     """
     with _asked(url):
         system, path = _opened(url)
@@ -110,10 +105,7 @@ def _is_file(system: Any, path: str) -> bool:
 def marks_of(url: str) -> list[object]:
     """Get what tells a file from itself before it was changed.
 
-    Raises
-    ------
-    StoreError
-        The store does not answer, or the file is gone.
+    Raises `StoreError`: the store does not answer, or the file is gone.
     """
     with _asked(url):
         system, path = _opened(url)
@@ -131,12 +123,8 @@ def open_stored(
 ) -> RecordingSource:
     """Open a recording of a store; see `open_recording` for what is told of it.
 
-    Raises
-    ------
-    FormatError
-        It is not what it is said to be.
-    StoreError
-        The store does not answer, or the file is gone.
+    Raises `FormatError`: it is not what it is said to be.
+    Raises `StoreError`: the store does not answer, or the file is gone.
     """
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
@@ -168,10 +156,7 @@ class _StoredBytes:
     def read_at(self, view: memoryview, offset: int) -> int:
         """Fill a piece of memory from a place on; how much was got.
 
-        Raises
-        ------
-        StoreError
-            The store does not answer, or gives less than there was.
+        Raises `StoreError`: the store does not answer, or gives less than there was.
         """
         with _asked(self._url):
             self._file.seek(offset)

@@ -197,10 +197,7 @@ Row = TypeVar("Row")
 def need_pyarrow() -> None:
     """Refuse before the work what could not be written after it.
 
-    Raises
-    ------
-    UsageError
-        The extra is missing.
+    Raises `UsageError`: the extra is missing.
     """
     with needs_extra("batch", "A batch"):
         import pyarrow  # noqa: F401
@@ -209,12 +206,8 @@ def need_pyarrow() -> None:
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
     """List the columns of a record's fields, and of its times as such (``start_utc``).
 
-    Parameters
-    ----------
-    record : type
-        Of the rows. Those of pulses also have the recording and its cell.
-    flight : bool
-        Also the flight's name, of rows that do not have it themselves.
+    `record`: of the rows. Those of pulses also have the recording and its cell.
+    `flight`: also the flight's name, of rows that do not have it themselves.
     """
     import pyarrow as pa
 
@@ -268,10 +261,7 @@ def write_pulses(
 ) -> Seal:
     """Write pulses, each with its cell's number, in the order of their times.
 
-    Raises
-    ------
-    OSError
-        It cannot be written.
+    Raises `OSError`: it cannot be written.
     """
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
@@ -286,10 +276,7 @@ def write_rows(
 ) -> Seal:
     """Write records of one kind, of a flight that they do not name themselves or of many.
 
-    Raises
-    ------
-    OSError
-        It cannot be written.
+    Raises `OSError`: it cannot be written.
     """
     more = {} if flight is None else {"flight": [flight] * len(rows)}
     return _write(path, record, rows, more)
@@ -298,10 +285,7 @@ def write_rows(
 def read_pulses(path: Path) -> Iterator[Pulse]:
     """Read the pulses that `write_pulses` has written.
 
-    Raises
-    ------
-    FormatError
-        The file is damaged.
+    Raises `FormatError`: the file is damaged.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

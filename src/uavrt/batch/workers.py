@@ -45,16 +45,10 @@ def run_tasks(
 ) -> Iterator[tuple[int, R]]:
     """Work on tasks; yield each one's number and result as it is done.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-        What is to be done.
-    workers : int
-        How many at a time; with one, this process does the work.
-    should_stop : callable
-        Called several times a second; True ends it.
-    on_done : callable
-        Takes how much was done since it was last called.
+    `tasks`: what is to be done.
+    `workers`: how many at a time; with one, this process does the work.
+    `should_stop`: called several times a second; True ends it.
+    `on_done`: takes how much was done since it was last called.
     """
     if workers <= 1:
         for number, task in enumerate(tasks):

@@ -98,29 +98,17 @@ ESSENTIAL = (SystemState.DETECTING, SystemState.CAPTURING)
 class GroundSession:
     """One ground station; `run` serves it until cancelled.
 
-    Parameters
-    ----------
-    store : GroundStore
-        Its directory.
-    clock : Clock
-        The ground's clock.
-    on_event : callable, optional
-        Called with each thing heard from the drone, before it is shown; with a pulse, or the
-        content of a burst, after the write that is to store it.
-    keys : LinkKeys, optional
-        Secrets shared with the drone.
-    links : Links, optional
-        Links that are shared with the sessions of other vehicles; the first opens them.
-    companions : callable, optional
-        Get this session; give those of the other vehicles.
-    my_place : MyPlace, optional
-        Of the first; without it there is one of its own.
-    estimating : asyncio.Lock, optional
-        Held while estimates are worked out, by one session at a time.
-    on_course : callable, optional
-        Takes this session and where its drone says that it goes.
-    also : callable, optional
-        Called in the disk thread with each pulse that is stored, see `FlightKeeper`.
+    `store`: its directory.
+    `clock`: the ground's clock.
+    `on_event`: called with each thing heard from the drone, before it is shown; with a pulse,
+    or the content of a burst, after the write that is to store it.
+    `keys`: secrets shared with the drone.
+    `links`: links that are shared with the sessions of other vehicles; the first opens them.
+    `companions`: get this session; give those of the other vehicles.
+    `my_place`: of the first; without it there is one of its own.
+    `estimating`: held while estimates are worked out, by one session at a time.
+    `on_course`: takes this session and where its drone says that it goes.
+    `also`: called in the disk thread with each pulse that is stored, see `FlightKeeper`.
     """
 
     def __init__(
@@ -260,10 +248,7 @@ class GroundSession:
     async def connect(self) -> None:
         """Open the link that is set, in place of any other; a further vehicle's joins it.
 
-        Raises
-        ------
-        LinkError
-            It cannot be opened; the state says why, too.
+        Raises `LinkError`: it cannot be opened; the state says why, too.
         """
         await self.disconnect()
         settings = self.store.settings
@@ -671,10 +656,7 @@ class GroundSession:
     def choose_vehicle(self, system_id: int) -> None:
         """Serve another vehicle; the flight of the one before ends here, not on its drone.
 
-        Raises
-        ------
-        UsageError
-            It has a page of its own, or this is the page of a further vehicle.
+        Raises `UsageError`: it has a page of its own, or this is the page of a further vehicle.
         """
         if self.store.system_id is not None:
             raise UsageError(f"this page is that of vehicle {self.store.system_id}")

@@ -42,17 +42,9 @@ _KEEP_OUT_REMEDY = (
 def area_in(text: str, name: str) -> tuple[Place, ...]:
     """Read the one outline that a file holds, besides those to keep out of.
 
-    Parameters
-    ----------
-    text : str
-        Of the file.
-    name : str
-        Its name, for the error.
-
-    Raises
-    ------
-    FormatError
-        It is none of the three, or holds no outline or several.
+    `text`: of the file.
+    `name`: its name, for the error.
+    Raises `FormatError`: it is none of the three, or holds no outline or several.
     """
     with _told(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
@@ -70,18 +62,10 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
     polygons whose name begins with "keep out", in a plan the fences to stay outside of.
     None is left out: what is marked so and is neither is refused by its name.
 
-    Parameters
-    ----------
-    text, name : str
-        As for `area_in`.
-    every : bool
-        The file is of nothing else: every outline of GeoJSON or KML counts, and every Point
-        of GeoJSON.
-
-    Raises
-    ------
-    FormatError
-        It is none of the three, or one of them is no place.
+    `text`, `name`: as for `area_in`.
+    `every`: the file is of nothing else: every outline of GeoJSON or KML counts, and every
+    Point of GeoJSON.
+    Raises `FormatError`: it is none of the three, or one of them is no place.
     """
     with _told(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
         found = tuple(
@@ -166,10 +150,7 @@ def _kept(one: _Outline) -> KeepOut:
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
     """Corners of a circle.
 
-    Raises
-    ------
-    FormatError
-        The radius is not above 0.
+    Raises `FormatError`: the radius is not above 0.
     """
     if not 0.0 < radius_m < 1e5:
         raise FormatError(f"a circle of {radius_m:g} m", remedy="Give a radius above 0")

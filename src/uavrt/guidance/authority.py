@@ -212,10 +212,8 @@ class Authority:
     def offer(self, order_id: int, nonce: int, now_s: float, *, takeoff: bool = False) -> None:
         """Handle an order that the operator is asked to confirm; the one before is forgotten.
 
-        Raises
-        ------
-        CommandRefused
-            The vehicle is not in a state to be flown; or the nonce was used.
+        Raises `CommandRefused`: the vehicle is not in a state to be flown; or the nonce was
+        used.
         """
         if nonce in self._used:
             raise CommandRefused(
@@ -253,10 +251,8 @@ class Authority:
 
         With `sticks_unseen` the operator knows that no hand on the sticks would be seen.
 
-        Raises
-        ------
-        CommandRefused
-            It is not what was offered, too late, or something has changed meanwhile.
+        Raises `CommandRefused`: it is not what was offered, too late, or something has changed
+        meanwhile.
         """
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
@@ -395,10 +391,7 @@ class Authority:
         One that `stops` the drone, in the mode it is in, may be the first command of an order
         while the one before is still flown, and never changes the mode.
 
-        Raises
-        ------
-        CommandRefused
-            Nothing may be sent; the wish is gone.
+        Raises `CommandRefused`: nothing may be sent; the wish is gone.
         """
         self.tick(now_s)
         order = self._order

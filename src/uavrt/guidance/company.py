@@ -39,10 +39,7 @@ class _Asked:
 class Company:
     """The others, as one drone knows them.
 
-    Parameters
-    ----------
-    sequence : int
-        Of its first word; drawn at random, for a guide that restarts.
+    `sequence`: of its first word; drawn at random, for a guide that restarts.
     """
 
     def __init__(self, sequence: int = 0) -> None:
@@ -93,10 +90,7 @@ class Company:
     def check(self, now: VehicleNow, height_m: float) -> None:
         """Refuse to search too near another, or at its height.
 
-        Raises
-        ------
-        PlanError
-            With the vehicle, and what to do.
+        Raises `PlanError`: with the vehicle, and what to do.
         """
         plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
         here = plane.to_local(now.latitude_deg, now.longitude_deg)

@@ -43,10 +43,7 @@ class GroundAround:
     ) -> "GroundAround":
         """Read the map around home.
 
-        Raises
-        ------
-        PlanError
-            It does not know the height of home.
+        Raises `PlanError`: it does not know the height of home.
         """
         step = max(STEP_M, reach_m / _MOST_STEPS)
         count = int(np.ceil(reach_m / step)) + 1

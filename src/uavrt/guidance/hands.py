@@ -19,12 +19,8 @@ class SwitchWatch:
 
     One message may be a receiver's slip; a second one, or 0.1 s without another, is none.
 
-    Parameters
-    ----------
-    then_us : tuple of int
-        Channels from 5 on, as they stood [µs].
-    unwatched : frozenset of int
-        Numbers of channels that no hand moves, such as one that carries the RSSI.
+    `then_us`: channels from 5 on, as they stood [µs].
+    `unwatched`: numbers of channels that no hand moves, such as one that carries the RSSI.
     """
 
     def __init__(self, then_us: tuple[int, ...], unwatched: frozenset[int]) -> None:

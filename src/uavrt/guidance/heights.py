@@ -12,12 +12,9 @@ def target_amsl_m(amsl_now_m: float, relative_now_m: float, wanted_m: float) -> 
     The barometer drifts and the autopilot's sea level may be off by tens of metres; both are in
     the altitude and the height that it tells at one instant, and fall out of the difference.
 
-    Parameters
-    ----------
-    amsl_now_m, relative_now_m : float
-        Altitude above mean sea level and height above home, of one message.
-    wanted_m : float
-        Above home.
+    `amsl_now_m`, `relative_now_m`: altitude above mean sea level and height above home, of one
+    message.
+    `wanted_m`: above home.
     """
     return amsl_now_m - relative_now_m + wanted_m
 
@@ -31,10 +28,7 @@ def check_height(
 ) -> None:
     """Refuse a height above home that is too near to the ground, or too high.
 
-    Raises
-    ------
-    PlanError
-        With the height that may be flown.
+    Raises `PlanError`: with the height that may be flown.
     """
     above = wanted_m - ground_above_home_m
     if above != above or above < lowest_m:

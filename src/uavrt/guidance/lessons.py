@@ -19,10 +19,7 @@ SWAPPED_PERCENT = 5.0
 def energy_of(hover_w: float | None) -> EnergyModel:
     """What is believed before the first lesson.
 
-    Parameters
-    ----------
-    hover_w : float or None
-        Power of hovering by the settings; None: nobody has told it.
+    `hover_w`: power of hovering by the settings; None: nobody has told it.
     """
     if hover_w is None:
         return EnergyModel(scale_sigma=UNTOLD_SIGMA)
@@ -37,12 +34,8 @@ def energy_of(hover_w: float | None) -> EnergyModel:
 class Lessons:
     """One drone's: what it takes to fly, stretch by stretch, over all its orders.
 
-    Parameters
-    ----------
-    hover_w : float or None
-        As of `energy_of`.
-    battery_wh : float or None
-        Size of the full battery; None: nothing is learnt.
+    `hover_w`: as of `energy_of`.
+    `battery_wh`: size of the full battery; None: nothing is learnt.
     """
 
     def __init__(self, hover_w: float | None, battery_wh: float | None) -> None:

@@ -84,18 +84,11 @@ def threshold_db(k: int, *, coded: bool = False) -> float:
 class Ears:
     """Turns pulses, reports and places into evidence.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-        Sought.
-    plane : TangentPlane
-        Around home.
-    tag_height_m : float
-        Of the tags, above home.
-    k : int
-        Pulses of a group; 0: as each tag says.
-    codes : int
-        Coded tags that are listed, sought or not: of many, reports come more seldom.
+    `tags`: sought.
+    `plane`: around home.
+    `tag_height_m`: of the tags, above home.
+    `k`: pulses of a group; 0: as each tag says.
+    `codes`: coded tags that are listed, sought or not: of many, reports come more seldom.
     """
 
     def __init__(

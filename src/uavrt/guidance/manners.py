@@ -132,10 +132,7 @@ MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(
 def manners_of(name: str | None) -> Manners:
     """Manners of an autopilot.
 
-    Raises
-    ------
-    CommandRefused
-        It is not heard, or is none that was flown with.
+    Raises `CommandRefused`: it is not heard, or is none that was flown with.
     """
     for known, manners in MANNERS.items():
         if known == name:

@@ -97,20 +97,12 @@ def survey_items(
 
     Nothing of it takes off: a pilot does, and starts the mission.
 
-    Parameters
-    ----------
-    order : Order
-        A survey along lines or around; of turns at places no autopilot's mission is alike.
-    limits : Limits, optional
-        Heights; beside `home` also the distance from it, and the vehicle's own fence.
-    home : (float, float), optional
-        The vehicle's; without it only the ways themselves are checked.
-
-    Raises
-    ------
-    PlanError
-        There is no height, the outline is none, or a way leads over people or buildings; or,
-        with a home, out of the fence, too far away, or to where the way home does so.
+    `order`: a survey along lines or around; of turns at places no autopilot's mission is alike.
+    `limits`: heights; beside `home` also the distance from it, and the vehicle's own fence.
+    `home`: the vehicle's; without it only the ways themselves are checked.
+    Raises `PlanError`: there is no height, the outline is none, or a way leads over people or
+    buildings; or, with a home, out of the fence, too far away, or to where the way home does
+    so.
     """
     if order.action != "survey" or order.pattern == "points":
         raise PlanError(
@@ -173,10 +165,8 @@ def difference(sent: Sequence[MissionItem], held: Sequence[MissionItem]) -> str 
 def fence_of(items: Iterable[MissionItem]) -> VehicleFence:
     """Read the fence that a vehicle holds.
 
-    Raises
-    ------
-    FormatError
-        It is none: corners are missing, or of no polygon, or an item is unknown.
+    Raises `FormatError`: it is none: corners are missing, or of no polygon, or an item is
+    unknown.
     """
     within: list[KeepOut] = []
     outside: list[KeepOut] = []

@@ -57,20 +57,11 @@ def beside_of(
 ) -> tuple[Beside, tuple[int, ...]]:
     """What a drone is to count with, and the tags that it is after from now on.
 
-    Parameters
-    ----------
-    others : sequence of Neighbour
-    state : VehicleState
-        Where it decides from.
-    plane : TangentPlane
-    beliefs : Beliefs
-        Its own.
-    found : collection of int
-        Tags that need no more searching.
-    held : collection of int
-        Tags that it was after until now.
-    speed_m_s : float
-        Of all drones.
+    `state`: where it decides from.
+    `beliefs`: its own.
+    `found`: tags that need no more searching.
+    `held`: tags that it was after until now.
+    `speed_m_s`: of all drones.
     """
     starts = {_OWN: Start(east_m=state.east_m, north_m=state.north_m)}
     owners, listening = dict.fromkeys(held, _OWN), []

@@ -42,14 +42,8 @@ BATTERY_S = 1.0
 class Pilot:
     """Flies one order.
 
-    Parameters
-    ----------
-    order : Order
-    plan : Plan
-        Its steps.
-    limits : Limits
-    waits : bool
-        Further steps come by `redirect`: it waits for them, and is not done.
+    `plan`: its steps.
+    `waits`: further steps come by `redirect`: it waits for them, and is not done.
     """
 
     def __init__(

@@ -21,16 +21,8 @@ def survey_file(order: Order, speed_m_s: float) -> str:
     A pilot uploads and starts it, without us. What is to be kept out of becomes exclusion
     fences.
 
-    Parameters
-    ----------
-    order : Order
-        As for `uavrt.guidance.mission.survey_items`.
-    speed_m_s : float
-
-    Raises
-    ------
-    PlanError
-        Likewise.
+    `order`: as for `uavrt.guidance.mission.survey_items`.
+    Raises `PlanError`: likewise.
     """
     items = survey_items(order)
     fences = _fences(order.keep_out, inclusion=False)

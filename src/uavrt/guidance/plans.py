@@ -83,10 +83,7 @@ class Plan:
 def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> Plan:
     """Make the steps of an order.
 
-    Raises
-    ------
-    PlanError
-        It cannot be flown; the text says why and what to do.
+    Raises `PlanError`: it cannot be flown; the text says why and what to do.
     """
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     here = (now.latitude_deg, now.longitude_deg)
@@ -123,10 +120,7 @@ def plan_of(order: Order, now: VehicleNow, limits: Limits, manners: Manners) -> 
 def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
     """Refuse to stay where nothing is commanded, or where the next thing is to return.
 
-    Raises
-    ------
-    PlanError
-        It is beyond the fence, or battery or wind require the way home.
+    Raises `PlanError`: it is beyond the fence, or battery or wind require the way home.
     """
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
@@ -173,10 +167,7 @@ def rotation(
 ) -> Plan:
     """Make the steps of a whole turn in place.
 
-    Raises
-    ------
-    PlanError
-        It would be too fast or too slow, or the heading is not known.
+    Raises `PlanError`: it would be too fast or too slow, or the heading is not known.
     """
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, manners, height)
@@ -226,10 +217,7 @@ def _turn_steps(
 def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
     """Where a survey leads, in order; pages draw it before anything is asked.
 
-    Raises
-    ------
-    PlanError
-        The outline is none, or the survey has too many lines or places.
+    Raises `PlanError`: the outline is none, or the survey has too many lines or places.
     """
     plane = TangentPlane(latitude_deg=home[0], longitude_deg=home[1])
     outline = Polygon(corners=_local(plane, order.places), name="area")
@@ -310,10 +298,7 @@ def check_keep_out(
 
     Likewise one out of the vehicle's fence.
 
-    Raises
-    ------
-    PlanError
-        With which of them, and what to do.
+    Raises `PlanError`: with which of them, and what to do.
     """
     voids, within = voids_of(order, limits, plane), _within(limits, plane)
     if not (voids or within):
@@ -344,10 +329,7 @@ def check_keep_out(
 def check_map(now: VehicleNow, limits: Limits) -> None:
     """Refuse to fly by a map of heights that the autopilot's home does not lie on.
 
-    Raises
-    ------
-    PlanError
-        They are more than 15 m apart there.
+    Raises `PlanError`: they are more than 15 m apart there.
     """
     apart = map_fault(now, limits)
     if apart is not None:
@@ -371,10 +353,8 @@ def check_ground(
 
     It may climb late and sink early: on its first part the lower of both heights counts.
 
-    Raises
-    ------
-    PlanError
-        With the height above home that it takes; or a descent where the map knows nothing.
+    Raises `PlanError`: with the height above home that it takes; or a descent where the map
+    knows nothing.
     """
     ground = limits.ground
     if ground is None:
@@ -504,10 +484,7 @@ def check_battery(
 ) -> None:
     """Refuse what the battery does not allow.
 
-    Raises
-    ------
-    PlanError
-        Its size or what is left is not known, or what is left does not suffice.
+    Raises `PlanError`: its size or what is left is not known, or what is left does not suffice.
     """
     if limits.battery_wh is None:
         raise PlanError(

@@ -55,11 +55,7 @@ class Progress:
     def see(self, time_s: float, *parts: Left, free: bool = False) -> None:
         """Take what is left now: the same parts, in the same order, each time.
 
-        Parameters
-        ----------
-        time_s, *parts
-        free : bool
-            It has no reason to brake or to stand before the first part is nearer.
+        `free`: it has no reason to brake or to stand before the first part is nearer.
         """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()

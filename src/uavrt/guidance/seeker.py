@@ -127,21 +127,9 @@ class Choice:
 class Seeker:
     """One search.
 
-    Parameters
-    ----------
-    order : Order
-    listed : sequence of Tag
-        What the detectors look for.
-    now : VehicleNow
-    limits : Limits
-    manners : Manners
-        Of the autopilot.
-    equipment : Equipment
-
-    Raises
-    ------
-    PlanError
-        It cannot be flown; the text says why and what to do.
+    `listed`: what the detectors look for.
+    `manners`: of the autopilot.
+    Raises `PlanError`: it cannot be flown; the text says why and what to do.
     """
 
     def __init__(
@@ -350,14 +338,8 @@ class Seeker:
     ) -> Choice:
         """Judge which tags are found, and decide where to fly.
 
-        Parameters
-        ----------
-        time_ns : int
-        now : VehicleNow
-        idle : bool
-            What was decided last is done; else it is still being flown.
-        others : sequence of Neighbour
-            Drones of the same search.
+        `idle`: what was decided last is done; else it is still being flown.
+        `others`: drones of the same search.
         """
         for evidence in self._ears.missed():
             self._listen(evidence)

@@ -22,17 +22,9 @@ _MOST_PLACES = 20_000
 def way_in(text: str, name: str) -> tuple[Place, ...]:
     """Read the way that a file holds; nothing if it holds none.
 
-    Parameters
-    ----------
-    text : str
-        Of the file.
-    name : str
-        Its name, for the error.
-
-    Raises
-    ------
-    FormatError
-        It is none of the three kinds of file, or its places are none.
+    `text`: of the file.
+    `name`: its name, for the error.
+    Raises `FormatError`: it is none of the three kinds of file, or its places are none.
     """
     try:
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"

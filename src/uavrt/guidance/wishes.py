@@ -45,10 +45,7 @@ class CommandWriter:
     ) -> VehicleCommand:
         """Write the command of a wish; heights count from an altitude, the datum.
 
-        Raises
-        ------
-        CommandRefused
-            It is beyond the bounds, or this autopilot has no such command.
+        Raises `CommandRefused`: it is beyond the bounds, or this autopilot has no such command.
         """
         match wish:
             case FlyThere():

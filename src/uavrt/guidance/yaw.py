@@ -35,22 +35,13 @@ class YawWatch:
     asked for, else the bearing to the target from where the drone is, as long as it is not
     near. It may not go away from that.
 
-    Parameters
-    ----------
-    start_s : float
-        Time of the command.
-    yaw_deg : float
-        Heading then.
-    tolerance_deg : float
-        Gusts and overshoot.
-    wanted_deg : float, optional
-        Heading that was asked for.
-    turn_deg, rate_deg_s : float, optional
-        A turn in place by so much, clockwise, instead.
-    turning_deg_s : float
-        How fast it turned when the command came.
-    exact : bool
-        The heading is a setpoint, which near the target stays to the degree.
+    `start_s`: time of the command.
+    `yaw_deg`: heading then.
+    `tolerance_deg`: gusts and overshoot.
+    `wanted_deg`: heading that was asked for.
+    `turn_deg`, `rate_deg_s`: a turn in place by so much, clockwise, instead.
+    `turning_deg_s`: how fast it turned when the command came.
+    `exact`: the heading is a setpoint, which near the target stays to the degree.
     """
 
     start_s: float
@@ -99,11 +90,7 @@ class YawWatch:
     ) -> str | None:
         """Take a heading; say what is wrong with it.
 
-        Parameters
-        ----------
-        time_s, yaw_deg : float
-        bearing_deg, away_m : float, optional
-            To the target, from where the drone is.
+        `bearing_deg`, `away_m`: to the target, from where the drone is.
         """
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         self.yaw_deg = yaw_deg

@@ -29,12 +29,9 @@ class Cache:
     def begin(self, at_once: Mapping[str, int] = MappingProxyType({})) -> None:
         """Begin an estimate; what the last one did not use is dropped.
 
-        Parameters
-        ----------
-        at_once : mapping of str to int
-            How many of each kind are made at most; the others keep their last value, and those
-            that have waited longest come first the next time. A kind that is missing has no
-            limit.
+        `at_once`: how many of each kind are made at most; the others keep their last value, and
+        those that have waited longest come first the next time. A kind that is missing has no
+        limit.
         """
         self._before, self._now = self._now, {}
         self._left, self.more = dict(at_once), False

@@ -305,10 +305,7 @@ def _bearing_of(
 ) -> TagBearing:
     """Estimate the bearing of a tag from its pulses in a turn.
 
-    Raises
-    ------
-    UsageError
-        The method cannot use these pulses, or is unknown.
+    Raises `UsageError`: the method cannot use these pulses, or is unknown.
     """
     half = np.radians(missed_yaw_deg) / 2.0
     nothing = np.zeros(len(half))
@@ -411,19 +408,9 @@ def bearings_of(
 
     Pulses that a known interval says must have come, and that were not heard, count as misses.
 
-    Parameters
-    ----------
-    heard : Heard
-    how : ReadAs, optional
-    past : sequence of HeardInTurn
-        Turns of other flights, which teach the pattern too.
-    cache : Cache, optional
-        Of a caller that asks again.
-
-    Raises
-    ------
-    UsageError
-        Method or antenna is unknown, or the method cannot use the pulses.
+    `past`: turns of other flights, which teach the pattern too.
+    `cache`: of a caller that asks again.
+    Raises `UsageError`: method or antenna is unknown, or the method cannot use the pulses.
     """
     return _bearings(heard, how or ReadAs(), past, cache or Cache())[0]
 
@@ -549,29 +536,17 @@ def estimate(
 ) -> Estimated:
     """Estimate all bearings and positions of a flight or log.
 
-    Parameters
-    ----------
-    heard : Heard
-        What was heard.
-    how : ReadAs, optional
-        How to read it.
-    past : sequence of HeardInTurn
-        Turns of past flights, which teach the antenna's pattern too.
-    theirs : sequence of TagBearing
-        Bearings that the drone itself estimated.
-    others : sequence of Found
-        What other receivers have of the tags; it goes into the positions where a number means
-        a tag of the same frequency.
-    cache : Cache, optional
-        Of a caller that estimates again: what has not changed is kept.
-    at_once : mapping of str to int
-        How many of each ``"bearing"``, ``"position"`` and ``"survey"`` are computed at most;
-        see `Cache.begin`.
-
-    Raises
-    ------
-    UsageError
-        A method or the antenna is unknown, or the method cannot use what was heard.
+    `heard`: what was heard.
+    `how`: how to read it.
+    `past`: turns of past flights, which teach the antenna's pattern too.
+    `theirs`: bearings that the drone itself estimated.
+    `others`: what other receivers have of the tags; it goes into the positions where a number
+    means a tag of the same frequency.
+    `cache`: of a caller that estimates again: what has not changed is kept.
+    `at_once`: how many of each ``"bearing"``, ``"position"`` and ``"survey"`` are computed at
+    most; see `Cache.begin`.
+    Raises `UsageError`: a method or the antenna is unknown, or the method cannot use what was
+    heard.
     """
     how, cache = how or ReadAs(), cache or Cache()
     cache.begin(at_once)
@@ -668,10 +643,7 @@ def _stations(
 ) -> Stations:
     """Put a tag's bearings, in order of time, into columns.
 
-    Raises
-    ------
-    UsageError
-        None of them has a direction.
+    Raises `UsageError`: None of them has a direction.
     """
     used = [one for one in bearings if one.bearing.accepted]
     if not used:
@@ -728,10 +700,7 @@ def survey(
 ) -> tuple[dict[int, TagPosition], dict[int, PowerTrack]]:
     """Positions from strength alone, heard with an upright monopole, and their tracks.
 
-    Raises
-    ------
-    UsageError
-        The method needs bearings.
+    Raises `UsageError`: the method needs bearings.
     """
     cache = cache or Cache()
     if how.method not in ("bayes", "track"):
@@ -778,17 +747,9 @@ def _surveyed(
 def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> PowerTrack:
     """Collect a tag's pulses along the flight, missed ones of a listed tag included.
 
-    Parameters
-    ----------
-    heard : Heard
-    tag_id : int
-    height_m : float, optional
-        Over the tag, where the poses have no height above the start.
-
-    Raises
-    ------
-    UsageError
-        Fewer than three pulses were heard at a known place, or no height is known.
+    `height_m`: over the tag, where the poses have no height above the start.
+    Raises `UsageError`: fewer than three pulses were heard at a known place, or no height is
+    known.
     """
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:

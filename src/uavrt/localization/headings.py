@@ -27,10 +27,8 @@ class Headings:
     def from_quaternions(cls, quaternion_wxyz: ArrayLike) -> "Headings":
         """Make headings from attitudes.
 
-        Parameters
-        ----------
-        quaternion_wxyz : (n, 4) array
-            Antenna frame (forward, right, down) to north-east-down, any length but zero.
+        `quaternion_wxyz` (n, 4): antenna frame (forward, right, down) to north-east-down, any
+        length but zero.
         """
         q = np.atleast_2d(np.asarray(quaternion_wxyz, np.float64))
         length = np.linalg.norm(q, axis=1, keepdims=True)
@@ -51,14 +49,9 @@ class Headings:
     ) -> NDArray[np.float64]:
         """Gain (n, b) [dB re boresight] towards bearings (b,) at one elevation.
 
-        Parameters
-        ----------
-        pattern : AntennaPattern
-            The antenna.
-        bearing_deg : (b,) float64 array
-            Directions over ground.
-        elevation_deg : float
-            Elevation of the tag seen from the drone, negative below it.
+        `pattern`: the antenna.
+        `bearing_deg` (b,): directions over ground.
+        `elevation_deg`: elevation of the tag seen from the drone, negative below it.
         """
         if self.axes is None and elevation_deg == 0.0:
             return pattern.gain_db(bearing_deg[None, :] - self.yaw_deg[:, None])

@@ -270,10 +270,7 @@ class OverGround:
         Heights of a flight count from its take-off, taken to be beneath the first pose. A
         caller that keeps the ground of the last call gives a `lay` that returns it.
 
-        Raises
-        ------
-        FormatError
-            A file of heights is damaged.
+        Raises `FormatError`: a file of heights is damaged.
         """
         known = np.flatnonzero(np.isfinite(poses.latitude_deg) & np.isfinite(poses.height_m))
         if not len(known):
@@ -376,16 +373,10 @@ class Heard:
 
         Times are kept to 256 ns, as columns of floating-point numbers hold them.
 
-        Parameters
-        ----------
-        tag_id : (n,) int64 array
-            Tag of each pulse.
-        pulses : PulseColumns
-            In any order.
-        poses : PoseColumns, optional
-            Of the vehicle, in any order; None of a log, which has the pulses' own only.
-        tags, antenna, name, goes_on
-            As the fields.
+        `tag_id` (n,): tag of each pulse.
+        `pulses`: in any order.
+        `poses`: of the vehicle, in any order; None of a log, which has the pulses' own only.
+        `tags`, `antenna`, `name`, `goes_on`: as the fields.
         """
         usable = np.isfinite(pulses.snr_db) & np.isfinite(pulses.quaternion_wxyz[:, 0])
         usable &= np.isfinite(pulses.latitude_deg) & np.isfinite(pulses.longitude_deg)
@@ -426,10 +417,7 @@ class Heard:
     ) -> "Heard":
         """Read records; poses None for a log of pulses alone.
 
-        Raises
-        ------
-        UsageError
-            No pulse has a pose.
+        Raises `UsageError`: no pulse has a pose.
         """
         if pulse_poses and all(one.pose is None for one in pulse_poses):
             raise UsageError(
@@ -490,10 +478,7 @@ class Heard:
     ) -> OverGround | None:
         """The ground under it, with losses at the median frequency of the pulses.
 
-        Raises
-        ------
-        FormatError
-            A file of heights is damaged.
+        Raises `FormatError`: a file of heights is damaged.
         """
         over = None if elevation is None else OverGround.of(elevation, self.poses, lay)
         heard_hz = [own.frequency_hz for own in self.pulses.values()]

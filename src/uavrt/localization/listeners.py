@@ -34,21 +34,14 @@ def strengths_of(
 ) -> Strengths:
     """Put a tag's pulses into levels, one for each place and heading.
 
-    Parameters
-    ----------
-    listener : str
-        Whose they are, for the operator.
-    pulses : PulseColumns
-        Of one tag, in order of time.
-    height_m : (n,) float64 array
-        Of the vehicle above the take-off at each pulse.
-    on_ground_ns : sequence of (int, int)
-        When its autopilot says that it stood on the ground: pulses of then are left out.
-    antenna : AntennaPattern or str
-        The pattern; a monopole's name for an upright monopole.
-    rhythm : Rhythm, optional
-        With it, pulses that must have come and were not heard count as weaker than those that
-        were.
+    `listener`: whose they are, for the operator.
+    `pulses`: of one tag, in order of time.
+    `height_m` (n,): of the vehicle above the take-off at each pulse.
+    `on_ground_ns`: when its autopilot says that it stood on the ground: pulses of then are left
+    out.
+    `antenna`: the pattern; a monopole's name for an upright monopole.
+    `rhythm`: with it, pulses that must have come and were not heard count as weaker than those
+    that were.
     """
     monopole = antenna == MONOPOLE
     pattern = None if monopole else pattern_named(antenna)

@@ -28,17 +28,9 @@ _LEVEL_SIGMA_DB = 1.0
 class LiveBearings:
     """Takes poses and pulses, gives the bearings that have changed.
 
-    Parameters
-    ----------
-    antenna : AntennaPattern or str
-        The pattern, or its name; corrected by what whole turns show of it.
-    tags : sequence of Tag
-        Listed tags: their pulses that must have come and were not heard count too.
-
-    Raises
-    ------
-    UsageError
-        There is no such antenna.
+    `antenna`: the pattern, or its name; corrected by what whole turns show of it.
+    `tags`: listed tags: their pulses that must have come and were not heard count too.
+    Raises `UsageError`: there is no such antenna.
     """
 
     def __init__(

@@ -67,23 +67,13 @@ def power_tables(
 ) -> PowerTables:
     """Tabulate log p(power | level) of the heard pulses, then of the missed ones.
 
-    Parameters
-    ----------
-    matched_power : (n,) float64 array
-        Mean power of the pulses at their known time, over the noise power; noise included.
-    missed_below : (m,) float64 array
-        Power under which each missed pulse must have been to be missed.
-    folds : int
-        Pulses summed for each value.
-    fadings_db : tuple of float
-        Standard deviations of the fading, one table each.
-    spread_db : float
-        How far below the strongest level the antenna's back may be.
-
-    Returns
-    -------
-    PowerTables
-        n + m rows. Each law is mixed with `OUTLIER_SHARE` of one that knows no level.
+    `matched_power` (n,): mean power of the pulses at their known time, over the noise power;
+    noise included.
+    `missed_below` (m,): power under which each missed pulse must have been to be missed.
+    `folds`: pulses summed for each value.
+    `fadings_db`: standard deviations of the fading, one table each.
+    `spread_db`: how far below the strongest level the antenna's back may be.
+    Returns: n + m rows. Each law is mixed with `OUTLIER_SHARE` of one that knows no level.
     """
     strongest = 10.0 * np.log10(max(10.0, matched_power.max(initial=1.0)))
     highest = 10.0 * np.ceil((strongest + 15.0) / 10.0)

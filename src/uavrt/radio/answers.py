@@ -88,21 +88,13 @@ def exit_error(
 ) -> RadioError:
     """Turn the end of a radio's program into an error that names the cause and the remedy.
 
-    Parameters
-    ----------
-    settings : RadioSettings
-        Settings of the radio.
-    code : int
-        Exit status; negative for a signal.
-    said : str
-        The status in words.
-    words : str
-        Its first lines on stderr, which hold the cause, and the last ones.
-    own_rates : callable
-        Lists the rates of the device that is there; empty: those of its kind count.
-    seen : bool
-        It was in the list of USB devices when it was opened. One that was never there may be
-        of another maker, and is not called unplugged.
+    `settings`: settings of the radio.
+    `code`: exit status; negative for a signal.
+    `said`: the status in words.
+    `words`: its first lines on stderr, which hold the cause, and the last ones.
+    `own_rates`: lists the rates of the device that is there; empty: those of its kind count.
+    `seen`: it was in the list of USB devices when it was opened. One that was never there may
+    be of another maker, and is not called unplugged.
     """
     row = RADIOS[settings.kind]
     cause = cause_of(row, words)

@@ -24,10 +24,7 @@ _OTHER: Final = 0.1
 class ArrivalRate:
     """Watches one stream of samples.
 
-    Parameters
-    ----------
-    rate_hz : float
-        The rate asked for.
+    `rate_hz`: the rate asked for.
     """
 
     def __init__(self, rate_hz: float) -> None:

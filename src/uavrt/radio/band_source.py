@@ -37,21 +37,12 @@ log = get_logger()
 class BandDatagramSource(LiveSource):
     """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
 
-    Parameters
-    ----------
-    address : str
-        ``udp://localhost:10000``.
-    sample_rate_hz, center_frequency_hz : float
-        What the sender was told.
-    clock : Clock, optional
-        Where arrival times come from.
-    start_time_ns : int, optional
-        Time of the first sample [ns, UTC]; then times follow from the nominal rate alone.
-    block_s : float
-        Length of a block [s].
-
-    Raises `RadioError`: the port cannot be listened to.
-    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
+    `address`: ``udp://localhost:10000``.
+    `sample_rate_hz`, `center_frequency_hz`: what the sender was told.
+    `clock`: where arrival times come from.
+    `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
+    alone.
+    `block_s`: length of a block [s].
     """
 
     def __init__(
@@ -171,14 +162,9 @@ class ByteJoiner:
     def take(self) -> tuple[NDArray[np.complex64], int, int]:
         """Get the whole samples that are here.
 
-        Returns
-        -------
-        samples : (n,) complex64 array
-            A copy; values that are not numbers are zeros.
-        lost_before : int
-            Samples lost before the first.
-        realigned : int
-            How often the alignment was corrected so far.
+        Returns: `samples` (n,): a copy; values that are not numbers are zeros.
+        Returns: `lost_before`: samples lost before the first.
+        Returns: `realigned`: how often the alignment was corrected so far.
         """
         data = b"".join(self._parts)
         skip = misalignment(data)

@@ -58,16 +58,9 @@ def encode_channel_datagram(
 ) -> bytes:
     """Write a frame.
 
-    Parameters
-    ----------
-    samples : (n,) complex64 array
-        1024 of them for the original detectors.
-    time_ns : int
-        Time of the first sample [ns, UTC].
-    style : {"seconds", "milliseconds"}
-        Milliseconds are rounded down, as the original does.
-
-    Raises `ValueError`: a time that the stamp cannot hold.
+    `samples` (n,): 1024 of them for the original detectors.
+    `time_ns`: time of the first sample [ns, UTC].
+    `style`: milliseconds are rounded down, as the original does.
     """
     try:
         if style == "seconds":
@@ -84,21 +77,10 @@ def decode_channel_datagram(
 ) -> tuple[int, NDArray[np.complex64]]:
     """Read a frame.
 
-    Parameters
-    ----------
-    payload : bytes
-        The datagram.
-    style : {"seconds", "milliseconds"}, optional
-        How its stamp is written; None: told by the stamp itself.
-
-    Returns
-    -------
-    time_ns : int
-        Time of the first sample [ns, UTC].
-    samples : (n,) complex64 array
-        A copy.
-
-    Raises `FormatError`: not a stamp and at least one sample, or a stamp that is no time.
+    `payload`: the datagram.
+    `style`: how its stamp is written; None: told by the stamp itself.
+    Returns: `time_ns`: time of the first sample [ns, UTC].
+    Returns: `samples` (n,): a copy.
     """
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
@@ -140,17 +122,10 @@ def stamp_style(payload: bytes) -> StampStyle:
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
     """UDP port of a channel.
 
-    Parameters
-    ----------
-    channel : int
-        Number from 0 (= the radio's centre), as everywhere in uavrt; the original's less one.
-    scheme : {"current", "thesis"}
-        Which of the original's port plans.
-    second : bool
-        The port for the second detector of a tag with two rates.
-
-    Raises `ValueError`: the thesis's plan has no second port, or the channel has no port below
-    65536.
+    `channel`: number from 0 (= the radio's centre), as everywhere in uavrt; the original's less
+    one.
+    `scheme`: which of the original's port plans.
+    `second`: the port for the second detector of a tag with two rates.
     """
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")

@@ -17,16 +17,9 @@ from uavrt.radio.channel_sender import ChannelDatagramSender
 class ChannelOutput:
     """Sends the channels of tags to the original's ports.
 
-    Parameters
-    ----------
-    settings : UdpChannelSettings
-        Where to, and how.
-    tags : sequence of Tag
-        Whose channels; those of tags beyond the original's band are left out.
-    band_rate_hz, center_frequency_hz : float
-        Of the decimated band.
-
-    Raises `UavrtError`: no tag lies in the band, or it cannot be split.
+    `settings`: where to, and how.
+    `tags`: whose channels; those of tags beyond the original's band are left out.
+    `band_rate_hz`, `center_frequency_hz`: of the decimated band.
     """
 
     def __init__(

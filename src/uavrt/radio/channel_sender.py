@@ -29,14 +29,9 @@ class ChannelDatagramSender:
 
     Never waits: nobody listens (refused), or the system has no room (counted as dropped).
 
-    Parameters
-    ----------
-    ports : mapping of int to sequence of int
-        Ports of each channel that is sent; blocks of others are passed over.
-    host : str
-        Where to send.
-    style : {"seconds", "milliseconds"}
-        How stamps are written.
+    `ports`: ports of each channel that is sent; blocks of others are passed over.
+    `host`: where to send.
+    `style`: how stamps are written.
     """
 
     def __init__(

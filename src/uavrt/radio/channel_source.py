@@ -38,19 +38,10 @@ log = get_logger()
 class ChannelDatagramSource(LiveSource):
     """A channel's samples at a UDP port; a `SampleSource`.
 
-    Parameters
-    ----------
-    address : str
-        ``udp://127.0.0.1:20000``.
-    sample_rate_hz : float
-        Rate of the channel; the original's is 3750.
-    center_frequency_hz : float
-        Frequency of the channel's centre.
-    style : {"seconds", "milliseconds"}, optional
-        How stamps are written; None: told by the first one.
-
-    Raises `RadioError`: the port cannot be listened to.
-    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
+    `address`: ``udp://127.0.0.1:20000``.
+    `sample_rate_hz`: rate of the channel; the original's is 3750.
+    `center_frequency_hz`: frequency of the channel's centre.
+    `style`: how stamps are written; None: told by the first one.
     """
 
     def __init__(
@@ -139,10 +130,7 @@ class ChannelDatagramSource(LiveSource):
 class FrameOrder:
     """Puts stamped frames in order; pure.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Of the frames.
+    `sample_rate_hz`: of the frames.
     """
 
     def __init__(self, sample_rate_hz: float) -> None:
@@ -174,10 +162,7 @@ class FrameOrder:
     def take(self, *, wait: bool = True) -> tuple[int, NDArray[np.complex64], int] | None:
         """Get the next frame: its time [ns], its samples, and the samples lost before it.
 
-        Parameters
-        ----------
-        wait : bool
-            False: nothing more will come, give what is here.
+        `wait`: False: nothing more will come, give what is here.
         """
         if not self._held:
             return None

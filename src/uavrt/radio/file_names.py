@@ -80,15 +80,8 @@ _FACTORS: Final = {"": 1.0, "k": 1e3, "M": 1e6}
 def read_name(path: PurePath | str) -> NameFacts | None:
     """Read a recording's name.
 
-    Parameters
-    ----------
-    path : PurePath or str
-        The file; its directory says nothing.
-
-    Returns
-    -------
-    NameFacts or None
-        None for a name that no known program gives.
+    `path`: the file; its directory says nothing.
+    Returns: None for a name that no known program gives.
     """
     name = PurePath(path).name
     for form in _FORMS:

@@ -48,12 +48,8 @@ class SampleFormat:
     def convert(self, raw: NDArray[np.uint8], samples: NDArray[np.complex64]) -> None:
         """Convert stored bytes into `samples`, which they fill exactly.
 
-        Parameters
-        ----------
-        raw : (n * bytes_per_sample,) uint8 array
-            Stored samples.
-        samples : (n,) complex64 array
-            Where to put them.
+        `raw` (n * bytes_per_sample,): stored samples.
+        `samples` (n,): where to put them.
         """
         stored = raw.view(self.dtype)
         values = samples.view(np.float32)

@@ -17,12 +17,7 @@ _NO_GAP_S = 0.001
 class JoinedRecording:
     """Samples of several SigMF recordings, gaps between them included.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        In any order.
-
-    Raises `FormatError`: none of them holds samples, or they are not of one channel.
+    `paths`: in any order.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:

@@ -40,17 +40,10 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
 class LiveSource:
     """Base of sources that have no length.
 
-    Parameters
-    ----------
-    sample_rate_hz, center_frequency_hz : float
-        What the sender was told.
-    start_time_ns : int, optional
-        Time of the first sample [ns, UTC]; then times follow from the nominal rate alone.
-
-    start_moves : bool
-        Stamp the start anew when the first arrivals turn out to have been held up.
-
-    Raises `FormatError`: a rate that is not possible.
+    `sample_rate_hz`, `center_frequency_hz`: what the sender was told.
+    `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
+    alone.
+    `start_moves`: stamp the start anew when the first arrivals turn out to have been held up.
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False

@@ -115,10 +115,7 @@ class LossFinder:
     Lateness is that over the lower envelope of all arrivals, in seconds of the nominal rate.
     Losses that were found must be added to the nominal seconds of what follows.
 
-    Parameters
-    ----------
-    may_be_slow : bool
-        The writer may be slower than real time; a radio never is.
+    `may_be_slow`: the writer may be slower than real time; a radio never is.
     """
 
     def __init__(self, *, may_be_slow: bool = False) -> None:
@@ -151,14 +148,9 @@ class LossFinder:
     def put(self, at_s: float, arrived_s: float, late_s: float) -> Loss | None:
         """Add an arrival; get the loss that it proves.
 
-        Parameters
-        ----------
-        at_s : float
-            Nominal seconds up to which the samples are here, lost ones counted.
-        arrived_s : float
-            When that was, on a clock [s].
-        late_s : float
-            How much later than the envelope.
+        `at_s`: nominal seconds up to which the samples are here, lost ones counted.
+        `arrived_s`: when that was, on a clock [s].
+        `late_s`: how much later than the envelope.
         """
         if self._from is None:
             self._from = (at_s, arrived_s)
@@ -418,14 +410,9 @@ class LossFinder:
 def most_lost(unsure: int, *, samples: int, sample_rate_hz: float) -> int:
     """Bound how many samples may be lost beside those that are surely lost.
 
-    Parameters
-    ----------
-    unsure : int
-        Samples that are lost unless the crystal is far off its rate.
-    samples : int
-        Length of the stream: so small a share of it looks like any crystal.
-    sample_rate_hz : float
-        Of the stream; what has gathered since the last gap is not seen yet.
+    `unsure`: samples that are lost unless the crystal is far off its rate.
+    `samples`: length of the stream: so small a share of it looks like any crystal.
+    `sample_rate_hz`: of the stream; what has gathered since the last gap is not seen yet.
     """
     return unsure + round(SLOWEST_RATE * samples + _UNSEEN_S * sample_rate_hz)
 

@@ -62,17 +62,9 @@ def open_radio(
 ) -> SampleSource:
     """Start the radio of the settings.
 
-    Parameters
-    ----------
-    settings : RadioSettings
-        Which radio, how set.
-    center_frequency_hz : float
-        Where to tune it [Hz].
-    clock : Clock, optional
-        The system's clock.
-
-    Raises `RadioMissing`: its program or driver is not installed.
-    Raises `ConfigError`: a setting that the radio does not have.
+    `settings`: which radio, how set.
+    `center_frequency_hz`: where to tune it [Hz].
+    `clock`: the system's clock.
     """
     if settings.kind in PROGRAMS:
         return ProgramSource(settings, center_frequency_hz, clock=clock)
@@ -116,17 +108,9 @@ def open_channel(
 ) -> ChannelDatagramSource:
     """Listen to one channel of the original channelizer, or of ours.
 
-    Parameters
-    ----------
-    address : str
-        ``udp://127.0.0.1:20090``.
-    sample_rate_hz : float, optional
-        Rate of the channel; None: the original's, 3750 Hz.
-    center_frequency_hz : float, optional
-        Frequency of the channel's centre; must be told.
-
-    Raises `FormatError`: the frequency is not told.
-    Raises `ConfigError` or `RadioError`: not an address, or not a free one.
+    `address`: ``udp://127.0.0.1:20090``.
+    `sample_rate_hz`: rate of the channel; None: the original's, 3750 Hz.
+    `center_frequency_hz`: frequency of the channel's centre; must be told.
     """
     return ChannelDatagramSource(
         address,
@@ -145,19 +129,12 @@ def open_recording(
 ) -> RecordingSource:
     """Open a recording; what the file itself says need not be told.
 
-    Parameters
-    ----------
-    path : Path
-        The file; of a SigMF recording either file or their common name.
-    format_name : str, optional
-        ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the name's ending.
-    sample_rate_hz, center_frequency_hz : float, optional
-        For raw files whose name does not say them. A rate that contradicts the file is refused;
-        a frequency replaces it.
-    start_time_ns : int, optional
-        Time of the first sample [ns, UTC].
-
-    Raises `FormatError`: the file cannot be read, or is not what it is said to be.
+    `path`: the file; of a SigMF recording either file or their common name.
+    `format_name`: ``cf32``, ``cs16``, ``cu8``, ``ci8``, ``sigmf``, ``wav``; None: by the name's
+    ending.
+    `sample_rate_hz`, `center_frequency_hz`: for raw files whose name does not say them. A rate
+    that contradicts the file is refused; a frequency replaces it.
+    `start_time_ns`: time of the first sample [ns, UTC].
     """
     layout = _layout(
         path,

@@ -50,19 +50,10 @@ log = get_logger()
 class ProgramSource(StreamSource):
     """Samples of a radio whose program runs as our child, in its own process group.
 
-    Parameters
-    ----------
-    settings : RadioSettings
-        Which radio, how set.
-    center_frequency_hz : float
-        Where to tune it.
-    clock : Clock, optional
-        Where arrival times come from.
-    startup_s, stall_s : float
-        How long without a byte is normal at the start, and later [s].
-
-    Raises `RadioMissing`: the program is not installed.
-    Raises `ConfigError`: a setting that the radio does not have.
+    `settings`: which radio, how set.
+    `center_frequency_hz`: where to tune it.
+    `clock`: where arrival times come from.
+    `startup_s`, `stall_s`: how long without a byte is normal at the start, and later [s].
     """
 
     MAY_BE_SLOW = False

@@ -93,14 +93,8 @@ class _FileBytes:
 class RecordingSource:
     """Samples of a recording, as fast as they can be read.
 
-    Parameters
-    ----------
-    layout : Layout
-        Where they lie.
-    stored : SampleBytes, optional
-        The file, if it is not one of this machine.
-
-    Raises `FormatError`: the file cannot be opened, or holds no samples.
+    `layout`: where they lie.
+    `stored`: the file, if it is not one of this machine.
     """
 
     def __init__(self, layout: Layout, stored: SampleBytes | None = None) -> None:
@@ -164,10 +158,7 @@ class RecordingSource:
     def skip_to(self, place: int) -> None:
         """Go on with another sample of the file, as if all before it had been read.
 
-        Parameters
-        ----------
-        place : int
-            Counted from 0 over all segments; at the end of the file there is nothing left.
+        `place`: counted from 0 over all segments; at the end of the file there is nothing left.
         """
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
@@ -303,21 +294,11 @@ def raw_layout(
 ) -> Layout:
     """Describe a file that holds nothing but samples.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    sample_format : SampleFormat
-        How the samples are stored.
-    sample_rate_hz, center_frequency_hz : float
-        Nobody else knows them.
-    start_time_ns : int, optional
-        Time of the first sample; None: the file's last change less its duration.
-    frequency_from, rate_from, start_from : str
-        Who says these, in words.
-
-    Raises `FormatError`: the file cannot be read, holds floats where integers are said to be,
-    or a rate is not possible.
+    `path`: the file.
+    `sample_format`: how the samples are stored.
+    `sample_rate_hz`, `center_frequency_hz`: nobody else knows them.
+    `start_time_ns`: time of the first sample; None: the file's last change less its duration.
+    `frequency_from`, `rate_from`, `start_from`: who says these, in words.
     """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)

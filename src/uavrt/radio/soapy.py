@@ -39,17 +39,10 @@ log = get_logger()
 class SoapySource(LiveSource):
     """Samples by SoapySDR.
 
-    Parameters
-    ----------
-    settings : RadioSettings
-        `serial` may be a whole SoapySDR device string (``driver=lime``) or a serial number.
-    center_frequency_hz : float
-        Where to tune it.
-    clock : Clock, optional
-        Where arrival times come from.
-
-    Raises `RadioMissing`: no SoapySDR module, or no such device.
-    Raises `RadioStopped`: the device does not take the sample rate or the frequency.
+    `settings`: `serial` may be a whole SoapySDR device string (``driver=lime``) or a serial
+    number.
+    `center_frequency_hz`: where to tune it.
+    `clock`: where arrival times come from.
     """
 
     RATE_REMEDY = RADIO_RATE_REMEDY

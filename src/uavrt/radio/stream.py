@@ -44,24 +44,14 @@ def block_length(sample_rate_hz: float, block_s: float = BLOCK_S) -> int:
 class StreamSource(LiveSource):
     """Samples from a file descriptor, live: stdin, a pipe, a socket.
 
-    Parameters
-    ----------
-    descriptor : int
-        Where to read. Not closed by `close`.
-    sample_format : SampleFormat
-        How the samples are stored.
-    sample_rate_hz, center_frequency_hz : float
-        What the writer was told.
-    clock : Clock, optional
-        Where arrival times come from.
-    start_time_ns : int, optional
-        Time of the first sample [ns, UTC]; then times follow from the nominal rate alone.
-    block_s : float
-        Length of a block [s].
-    name : str
-        What to call it in errors.
-
-    Raises `FormatError`: a rate that is not possible.
+    `descriptor`: where to read. Not closed by `close`.
+    `sample_format`: how the samples are stored.
+    `sample_rate_hz`, `center_frequency_hz`: what the writer was told.
+    `clock`: where arrival times come from.
+    `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
+    alone.
+    `block_s`: length of a block [s].
+    `name`: what to call it in errors.
     """
 
     MAY_BE_SLOW = True

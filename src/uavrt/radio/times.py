@@ -82,12 +82,8 @@ class TimeKeeper:
     the time of a sample follows the envelope by slewing, at most 0.2 ms a second (1 ms in the
     first 10 s): it never jumps, except over a gap of which `lost_samples` tells.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Nominal rate.
-    may_be_slow : bool
-        The writer may be slower than real time; a radio never is.
+    `sample_rate_hz`: nominal rate.
+    `may_be_slow`: the writer may be slower than real time; a radio never is.
     """
 
     def __init__(self, sample_rate_hz: float, *, may_be_slow: bool = False) -> None:
@@ -142,15 +138,11 @@ class TimeKeeper:
     def arrived(self, end_index: int, now_ns: int, *, catching_up: bool = False) -> None:
         """Learn that all samples before `end_index` had arrived at `now_ns`.
 
-        Parameters
-        ----------
-        end_index : int
-            Index after the newest sample, lost ones counted.
-        now_ns : int
-            Time [ns, UTC].
-        catching_up : bool
-            They came faster than a radio samples: the writer had been waiting for us. If that
-            is so in the first 2 s, the start is stamped anew, once, when the writer is level.
+        `end_index`: index after the newest sample, lost ones counted.
+        `now_ns`: time [ns, UTC].
+        `catching_up`: they came faster than a radio samples: the writer had been waiting for
+        us. If that is so in the first 2 s, the start is stamped anew, once, when the writer is
+        level.
         """
         if self._start_ns is None:
             self._start_ns = now_ns - _duration_ns(end_index, self._nominal_hz)
@@ -256,11 +248,8 @@ class TimeKeeper:
     def skip(self, samples: int) -> int:
         """Leave out samples that are known to be lost.
 
-        Returns
-        -------
-        int
-            How many of them the arrivals have not shown already: the caller's index skips
-            these.
+        Returns: how many of them the arrivals have not shown already: the caller's index skips
+        these.
         """
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _CREDIT_S:

@@ -93,18 +93,11 @@ def wav_layout(
 ) -> Layout:
     """Describe a two-channel WAV file.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    center_frequency_hz : float, optional
-        Radio frequency; None: from the ``auxi`` chunk, else from the file's name.
-    start_time_ns : int, optional
-        Time of the first sample; None: from the ``auxi`` chunk, else from the file's name, else
-        from its age.
-
-    Raises `FormatError`: not WAV, not two channels, an encoding that cannot be used, or no
-    radio frequency.
+    `path`: the file.
+    `center_frequency_hz`: radio frequency; None: from the ``auxi`` chunk, else from the file's
+    name.
+    `start_time_ns`: time of the first sample; None: from the ``auxi`` chunk, else from the
+    file's name, else from its age.
     """
     size = file_size(path)
     try:

@@ -48,14 +48,9 @@ class FoundBeat:
 def find_beats(times_s: NDArray[np.float64], span_s: float, most: int = 3) -> list[FoundBeat]:
     """Find beats, the one with the most pulses first.
 
-    Parameters
-    ----------
-    times_s : (n,) float64 array
-        Bursts at one frequency, ascending.
-    span_s : float
-        Length of the recording.
-    most : int
-        How many to look for.
+    `times_s` (n,): bursts at one frequency, ascending.
+    `span_s`: length of the recording.
+    `most`: how many to look for.
     """
     left = np.arange(times_s.size)
     found: list[FoundBeat] = []

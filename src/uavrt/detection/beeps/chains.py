@@ -38,20 +38,11 @@ def chain_with_switches(
     An interval that has a small ratio to another goes on through it: 1333 ms meets every
     second pulse of 2000 ms. Followed with both, the chain switches where that explains more.
 
-    Parameters
-    ----------
-    times_s : (n,) float64 array
-        Bursts, ascending.
-    first_s, second_s : float
-        The intervals.
-
-    Returns
-    -------
-    merit : float
-        Pulses less what holes and switches cost.
-    stretches : list of (int, (m,) intp array)
-        Which interval, 0 or 1, and the bursts, in order of time; a burst at a switch is in
-        both of its stretches.
+    `times_s` (n,): bursts, ascending.
+    `first_s`, `second_s`: the intervals.
+    Returns: `merit`: pulses less what holes and switches cost.
+    Returns: `stretches`: which interval, 0 or 1, and the bursts, in order of time; a burst at a
+    switch is in both of its stretches.
     """
     members, rates = _best_chain(times_s, (first_s, second_s), HOLE_OR_SWITCH)
     cuts = np.flatnonzero(np.diff(rates)) + 1

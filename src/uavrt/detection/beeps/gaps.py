@@ -26,16 +26,10 @@ def gapped_tags(
 ) -> list[Beep]:
     """Find tags with strong pulses at their frequency that keep no interval but come early.
 
-    Parameters
-    ----------
-    points : Points
-        At absolute frequencies, in order of time.
-    tags : sequence of Tag
-        Those of which no train was found.
-    frequency_window_hz : float
-        Half-width of the search around each tag's nominal frequency.
-    start_ns : int
-        Time from which the points' times count.
+    `points`: at absolute frequencies, in order of time.
+    `tags`: those of which no train was found.
+    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
+    `start_ns`: time from which the points' times count.
     """
     found = []
     for tag in tags:

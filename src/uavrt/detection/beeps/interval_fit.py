@@ -35,18 +35,10 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
     The interval in use follows the recent pulses, so an error of the first guess of up to a
     fifth, a slow drift, and jitter do no harm as long as not many pulses in a row are missing.
 
-    Parameters
-    ----------
-    times_s : (n,) float64 array
-        Ascending.
-    interval_s : float
-        About the interval.
-
-    Returns
-    -------
-    (n,) int64 array
-        Zero for the first; two pulses have equal numbers when they are closer than half an
-        interval.
+    `times_s` (n,): ascending.
+    `interval_s`: about the interval.
+    Returns: (n,) zero for the first; two pulses have equal numbers when they are closer than
+    half an interval.
     """
     numbers = np.zeros(times_s.size, dtype=np.int64)
     current = interval_s
@@ -66,16 +58,8 @@ def number_pulses(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
 def fit_beat(times_s: NDArray[np.float64], interval_s: float) -> Beat:
     """Fit the interval by least squares.
 
-    Parameters
-    ----------
-    times_s : (n,) float64 array
-        Times of pulses, ascending; at least two.
-    interval_s : float
-        About the interval.
-
-    Returns
-    -------
-    Beat
+    `times_s` (n,): times of pulses, ascending; at least two.
+    `interval_s`: about the interval.
     """
     numbers = number_pulses(times_s, interval_s)
     centred = numbers - numbers.mean()

@@ -38,18 +38,12 @@ def name_trains(
 ) -> list[Beep]:
     """Name trains, the strongest first.
 
-    Parameters
-    ----------
-    trains : sequence of Train
-        At absolute frequencies.
-    tags : sequence of Tag
-        All that are searched for.
-    frequency_window_hz : float
-        Half-width of the search around each tag's nominal frequency.
-    center_hz : float, optional
-        The radio's frequency, at which a spectrum is mirrored where I and Q are swapped.
-    start_ns : int
-        Time from which the points' times count.
+    `trains`: at absolute frequencies.
+    `tags`: all that are searched for.
+    `frequency_window_hz`: half-width of the search around each tag's nominal frequency.
+    `center_hz`: the radio's frequency, at which a spectrum is mirrored where I and Q are
+    swapped.
+    `start_ns`: time from which the points' times count.
     """
     named = [_name(train, tags, frequency_window_hz, start_ns) for train in trains]
     listed_ids = {

@@ -86,14 +86,9 @@ NO_POINTS: Final = Points(*np.zeros((4, 0)))
 class PointSearch:
     """Finds pulses in a stream of samples.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        Rate of the samples.
-    low_hz, high_hz : float
-        Frequencies to search, relative to the band's centre.
-    most_cells : int
-        Cells of the spectrogram that are kept and searched at once.
+    `sample_rate_hz`: rate of the samples.
+    `low_hz`, `high_hz`: frequencies to search, relative to the band's centre.
+    `most_cells`: cells of the spectrogram that are kept and searched at once.
     """
 
     def __init__(

@@ -40,10 +40,7 @@ _CLEAN: Final = 0.45
 class _Band:
     """Searches a band in turns.
 
-    Parameters
-    ----------
-    turns : (float, float, float)
-        Listen for this many seconds at the start, and at the end of each period.
+    `turns`: listen for this many seconds at the start, and at the end of each period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
@@ -111,16 +108,10 @@ class _Band:
 class BeepSearch:
     """Names everything that beeps.
 
-    Parameters
-    ----------
-    tags : sequence of Tag
-        All that are searched for.
-    frequency_window_hz : float
-        Half-width of each tag's search.
-    receiver : Receiver
-        Centre and rate of the radio.
-    live : bool
-        Report while the stream runs, at a lower cost.
+    `tags`: all that are searched for.
+    `frequency_window_hz`: half-width of each tag's search.
+    `receiver`: centre and rate of the radio.
+    `live`: report while the stream runs, at a lower cost.
     """
 
     def __init__(

@@ -101,21 +101,13 @@ def find_trains(
 ) -> tuple[list[Train], list[float]]:
     """Find all trains among points.
 
-    Parameters
-    ----------
-    points : Points
-        In order of time.
-    span_s : float
-        Duration of the samples.
-    receiver : Receiver
-        The radio's centre, on the same scale as the frequencies of the points, and its rate.
-
-    Returns
-    -------
-    trains : list of Train
-        The strongest first; images come with `Train.image_of_hz`.
-    bursts_hz : list of float
-        Frequencies where pulses come in bursts, as a coded tag's do, the purest first.
+    `points`: in order of time.
+    `span_s`: duration of the samples.
+    `receiver`: the radio's centre, on the same scale as the frequencies of the points, and its
+    rate.
+    Returns: `trains`: the strongest first; images come with `Train.image_of_hz`.
+    Returns: `bursts_hz`: frequencies where pulses come in bursts, as a coded tag's do, the
+    purest first.
     """
     free = np.ones(len(points), dtype=bool)
     by_frequency = np.argsort(points.frequencies_hz, kind="stable")

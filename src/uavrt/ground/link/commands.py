@@ -86,10 +86,7 @@ def place_in(wish: Any) -> tuple[float, float] | None:
 class Commands:
     """The commands of one session.
 
-    Parameters
-    ----------
-    session : HeldSession
-        Whose link and flight they use.
+    `session`: whose link and flight they use.
     """
 
     def __init__(self, session: HeldSession) -> None:
@@ -98,10 +95,7 @@ class Commands:
     async def send_tags(self) -> str:
         """Send the tag table to the drone; returns what to tell the operator.
 
-        Raises
-        ------
-        CommandRefused, LinkError
-            The drone refused, or did not answer.
+        Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer.
         """
         return await self.send_tags_by(self._allowed("send_tags"))
 
@@ -167,12 +161,9 @@ class Commands:
         ``{"tag_id": …, "frequency_hz": …}`` names the sender by its frequency, and ``"undo":
         true`` lists the values before the last correction again.
 
-        Raises
-        ------
-        FormatError
-            There is no such tag or sender, or nothing to correct.
-        CommandRefused, LinkError
-            The drone refused, or did not answer; the list is as it was.
+        Raises `FormatError`: there is no such tag or sender, or nothing to correct.
+        Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer; the list is
+        as it was.
         """
         session, store = self._session, self._session.store
         correction = _correction(session, request)

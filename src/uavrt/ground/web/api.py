@@ -54,14 +54,10 @@ FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
 class Api:
     """The routes; each returns something for JSON, or a response.
 
-    Parameters
-    ----------
-    session : GroundSession
-        What is shown and commanded.
-    drone_settings : Path, optional
-        ``uavrt.toml`` of the drone side, where the page runs on the drone's own computer.
-    worker : ForeignWorker, optional
-        Reads what others made; by default one of its own.
+    `session`: what is shown and commanded.
+    `drone_settings`: ``uavrt.toml`` of the drone side, where the page runs on the drone's own
+    computer.
+    `worker`: reads what others made; by default one of its own.
     """
 
     def __init__(

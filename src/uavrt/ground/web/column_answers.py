@@ -26,20 +26,11 @@ def chosen_columns(
 ) -> Response:
     """Answer with columns of little-endian float64.
 
-    Parameters
-    ----------
-    cells : ndarray
-        (len(columns), n).
-    columns : tuple of str
-        Their names; the quaternion's are ``quaternion_w`` and the three after it.
-    names : str, optional
-        Those that are wanted, in the wanted order, between commas; ``yaw_deg`` may be among
-        them. None: all of `columns`.
-
-    Raises
-    ------
-    FormatError
-        There is no such column.
+    `cells`: (len(columns), n).
+    `columns`: their names; the quaternion's are ``quaternion_w`` and the three after it.
+    `names`: those that are wanted, in the wanted order, between commas; ``yaw_deg`` may be
+    among them. None: all of `columns`.
+    Raises `FormatError`: there is no such column.
     """
     wanted = columns if names is None else tuple(names.split(","))
     unknown = set(wanted) - {*columns, YAW}

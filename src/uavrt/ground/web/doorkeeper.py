@@ -68,10 +68,7 @@ class ListeningSocket(socket.socket):
     def accept(self) -> tuple[socket.socket, Any]:
         """Take the next connection that may stay.
 
-        Raises
-        ------
-        BlockingIOError
-            None is waiting, or it is the event loop's turn.
+        Raises `BlockingIOError`: None is waiting, or it is the event loop's turn.
         """
         self._taken += 1
         try:

@@ -32,12 +32,8 @@ def doors(served: Served, asked: URL) -> list[dict[str, Any]]:
 
     None where the page is served to this computer only.
 
-    Parameters
-    ----------
-    served : Served
-        How the page is served.
-    asked : URL
-        What the browser has asked for.
+    `served`: how the page is served.
+    `asked`: what the browser has asked for.
     """
     if served.host in LOOPBACK:
         return []

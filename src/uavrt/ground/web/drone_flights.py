@@ -16,10 +16,7 @@ from uavrt.ground.web.waterfalls import LiveWaterfall, recorded_picture, recordi
 class ExtraApi:
     """Flights on the drone, and pictures of samples.
 
-    Parameters
-    ----------
-    session : GroundSession
-        What is shown and commanded.
+    `session`: what is shown and commanded.
     """
 
     def __init__(self, session: GroundSession) -> None:

@@ -10,10 +10,7 @@ from uavrt.errors import ConfigError, UsageError
 def told_facts(folder: Path) -> dict[str, str]:
     """Each field with its text; empty where nothing was told.
 
-    Raises
-    ------
-    ConfigError
-        Somebody has written a file by hand that cannot be read.
+    Raises `ConfigError`: somebody has written a file by hand that cannot be read.
     """
     path = folder / NAME
     found = read_facts(path) if path.is_file() else Facts()
@@ -23,12 +20,8 @@ def told_facts(folder: Path) -> dict[str, str]:
 def tell_facts(folder: Path, told: object) -> dict[str, str]:
     """Change some fields; gives all of them.
 
-    Raises
-    ------
-    UsageError
-        A field is wrong; the text says which.
-    ConfigError
-        The file that is there cannot be read.
+    Raises `UsageError`: a field is wrong; the text says which.
+    Raises `ConfigError`: the file that is there cannot be read.
     """
     now = told_facts(folder)
     if not isinstance(told, dict):

@@ -23,10 +23,7 @@ TO_ALL: dict[str, Callable[[Commands], Awaitable[str]]] = {
 class FleetApi:
     """All vehicles of a ground station.
 
-    Parameters
-    ----------
-    fleet : Fleet
-        Who serves them.
+    `fleet`: who serves them.
     """
 
     def __init__(self, fleet: Fleet) -> None:

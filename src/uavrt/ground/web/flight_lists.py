@@ -25,10 +25,7 @@ _ALL = 10**9
 class FlightListApi:
     """Flights by tag and day, so many at a time.
 
-    Parameters
-    ----------
-    session : GroundSession
-        Whose flights they are.
+    `session`: whose flights they are.
     """
 
     def __init__(self, session: GroundSession) -> None:

@@ -56,12 +56,8 @@ class ForeignWorker:
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
         """Call a function there.
 
-        Raises
-        ------
-        UavrtError
-            Raised by the function, or it went beyond the limits.
-        CommandRefused
-            Too many requests are waiting.
+        Raises `UavrtError`: raised by the function, or it went beyond the limits.
+        Raises `CommandRefused`: too many requests are waiting.
         """
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(

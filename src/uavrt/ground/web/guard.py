@@ -64,15 +64,10 @@ _WORDS = {
 class Guard:
     """ASGI middleware: hosts, origins, password, security headers.
 
-    Parameters
-    ----------
-    app : ASGI application
-        What is guarded.
-    hosts : frozenset of str
-        Host names, without port, that may be asked for besides the local ones; IP addresses
-        of this machine need not be named when a password is set.
-    password : str, optional
-        Asked of every browser; scripts give it as ``Authorization: Bearer PASSWORD``.
+    `app`: what is guarded.
+    `hosts`: host names, without port, that may be asked for besides the local ones; IP
+    addresses of this machine need not be named when a password is set.
+    `password`: asked of every browser; scripts give it as ``Authorization: Bearer PASSWORD``.
     """
 
     def __init__(

@@ -28,10 +28,7 @@ _MOST_CORNERS = 500
 def integrated_record(flight: Path) -> Record:
     """Verdicts of a whole flight, and the pulses seen in hindsight, evenly thinned.
 
-    Raises
-    ------
-    FormatError
-        What lies beside the flight is damaged.
+    Raises `FormatError`: what lies beside the flight is damaged.
     """
     verdicts, pulses = read_integrated(flight)
     placed = [one for one in pulses if one.pose is not None]
@@ -86,12 +83,9 @@ class SilenceDesk:
     def absence(self, asked: Silence, wanted: object) -> Record:
         """Tell how probable it is that a tag that was not heard is not in an outline.
 
-        Raises
-        ------
-        FormatError
-            There is no outline.
-        UsageError
-            The map is not there yet, the tag was heard, or the outline lies outside.
+        Raises `FormatError`: there is no outline.
+        Raises `UsageError`: the map is not there yet, the tag was heard, or the outline lies
+        outside.
         """
         # Loaded with the first question only, as in `_made`.
         from uavrt.analysis.coverage import inside

@@ -34,12 +34,8 @@ class IntegrationDesk:
     async def answer(self, flight: Path, dem: str) -> Record:
         """Begin to judge a flight, or tell how that stands.
 
-        Parameters
-        ----------
-        flight : Path
-            Its directory, with the samples that it kept.
-        dem : str
-            Elevation file or folder; empty: the ground is taken as level.
+        `flight`: its directory, with the samples that it kept.
+        `dem`: elevation file or folder; empty: the ground is taken as level.
         """
         if self._work is None:
             self._flight = flight
@@ -76,10 +72,7 @@ async def _judged(flight: Path, dem: str) -> str | None:
 def fold_pictures(flight: Path) -> dict[str, Record]:
     """Make pictures of a flight folded at its tags' intervals, by tag; phase to the right.
 
-    Raises
-    ------
-    FormatError
-        What lies beside the flight is damaged.
+    Raises `FormatError`: what lies beside the flight is damaged.
     """
     pictures = {}
     for one in read_folds(flight):

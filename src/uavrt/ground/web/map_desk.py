@@ -42,14 +42,9 @@ class _GivenUpError(Exception):
 class MapDesk(Generic[Asked, Found]):
     """Makes maps, one at a time; keeps the last.
 
-    Parameters
-    ----------
-    make : callable
-        Makes what is asked for, and tells its steps.
-    record : callable
-        What a page is told of it.
-    name : str
-        Of the thread.
+    `make`: makes what is asked for, and tells its steps.
+    `record`: what a page is told of it.
+    `name`: of the thread.
     """
 
     def __init__(
@@ -65,13 +60,9 @@ class MapDesk(Generic[Asked, Found]):
     def answer(self, asked: Asked, *, again: bool = False) -> Record:
         """Tell how far the map is, or what it shows; begin it where it is a new one.
 
-        Parameters
-        ----------
-        asked
-            Which map.
-        again : bool
-            The same was asked for before: it is not begun anew when somebody else wanted
-            another one meanwhile, or two pages would take it from each other for ever.
+        `asked`: which map.
+        `again`: the same was asked for before: it is not begun anew when somebody else wanted
+        another one meanwhile, or two pages would take it from each other for ever.
         """
         with self._lock:
             work = self._work

@@ -38,10 +38,7 @@ def map_list(directory: Path) -> list[dict[str, Any]]:
 def map_path(directory: Path, name: str) -> Path:
     """Get the path of a map.
 
-    Raises
-    ------
-    UsageError
-        There is none of this name; a name with a path in it never is one.
+    Raises `UsageError`: there is none of this name; a name with a path in it never is one.
     """
     path = directory / name
     if not _NAME.fullmatch(name) or not path.is_file():
@@ -54,14 +51,9 @@ async def store_map(
 ) -> dict[str, Any]:
     """Write a map file as it comes, whole or not at all; gives its facts.
 
-    Raises
-    ------
-    UsageError
-        The name is none of a map, or the file is too large.
-    FormatError
-        It is no map.
-    RecordingError
-        It cannot be written.
+    Raises `UsageError`: the name is none of a map, or the file is too large.
+    Raises `FormatError`: it is no map.
+    Raises `RecordingError`: it cannot be written.
     """
     if not _NAME.fullmatch(name):
         raise UsageError(
@@ -94,10 +86,7 @@ def _facts(one: MapFile) -> dict[str, Any]:
 def tile(path: Path, z: int, x: int, y: int) -> tuple[bytes, str, str | None] | None:
     """Get a tile of an MBTiles file: content, media type, encoding; None where there is none.
 
-    Raises
-    ------
-    FormatError
-        The file is damaged.
+    Raises `FormatError`: the file is damaged.
     """
     content = read_map(path).tile(z, x, y)
     if content is None:

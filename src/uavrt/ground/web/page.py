@@ -37,12 +37,8 @@ class PageSettings(StationSettings):
 class PageStation(Station):
     """The ground station with its page.
 
-    Parameters
-    ----------
-    settings : PageSettings
-        What to do.
-    show : callable
-        Called with a dictionary for each event: ``event`` names it.
+    `settings`: what to do.
+    `show`: called with a dictionary for each event: ``event`` names it.
     """
 
     def __init__(self, settings: PageSettings, show: Callable[[dict[str, Any]], None]) -> None:
@@ -52,10 +48,8 @@ class PageStation(Station):
     async def run(self) -> None:
         """Serve until `stop`.
 
-        Raises
-        ------
-        LinkError
-            The page's port is in use; or the link that was asked for cannot be opened.
+        Raises `LinkError`: the page's port is in use; or the link that was asked for cannot be
+        opened.
         """
         settings = self._served
         if settings.host not in ("127.0.0.1", "::1", "localhost") and not settings.password:

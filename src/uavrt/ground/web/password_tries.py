@@ -21,10 +21,7 @@ class Guesses:
     Other addresses' guesses never delay the right password, and who has the cookie is not
     asked again.
 
-    Parameters
-    ----------
-    now_s : callable
-        Time now.
+    `now_s`: time now.
     """
 
     def __init__(self, now_s: Callable[[], float] = monotonic_s) -> None:

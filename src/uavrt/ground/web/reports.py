@@ -25,10 +25,7 @@ FACTS = "report.toml"
 class Reporter:
     """Makes reports, one at a time, and keeps them while nothing has changed.
 
-    Parameters
-    ----------
-    directory : Path
-        Where reports are kept.
+    `directory`: where reports are kept.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -38,10 +35,7 @@ class Reporter:
     async def report(self, flight: Path, antenna: AntennaChoice) -> bytes:
         """Get the report of a flight as HTML, with the antenna that the page has.
 
-        Raises
-        ------
-        RecordingError
-            It could not be made; the text is what the program said.
+        Raises `RecordingError`: it could not be made; the text is what the program said.
         """
         place = self._directory / flight.name / _named(antenna)
         async with self._busy:

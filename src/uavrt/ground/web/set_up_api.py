@@ -22,12 +22,8 @@ if TYPE_CHECKING:
 class SetUpApi:
     """The steps of `uavrt.computer.first_setup`, asked of this computer.
 
-    Parameters
-    ----------
-    session : GroundSession
-        The page's; it takes over the drone's name and antenna.
-    config : Path, optional
-        The drone side's settings on this computer; None: the page runs elsewhere.
+    `session`: the page's; it takes over the drone's name and antenna.
+    `config`: the drone side's settings on this computer; None: the page runs elsewhere.
     """
 
     def __init__(self, session: GroundSession, config: Path | None) -> None:

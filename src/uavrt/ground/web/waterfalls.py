@@ -67,21 +67,11 @@ def recordings(flight: Path) -> list[Path]:
 def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> Picture:
     """Draw a stretch of a recording about a tag's frequency.
 
-    Parameters
-    ----------
-    path : Path
-        A SigMF recording.
-    tag : Tag
-        Whose channel.
-    start_s, length_s : float
-        Which stretch, from the recording's beginning; `LONGEST_S` at most.
-
-    Raises
-    ------
-    FormatError
-        It cannot be read, or holds nothing there.
-    TunerError
-        The tag lies outside of the recorded band.
+    `path`: a SigMF recording.
+    `tag`: whose channel.
+    `start_s`, `length_s`: which stretch, from the recording's beginning; `LONGEST_S` at most.
+    Raises `FormatError`: it cannot be read, or holds nothing there.
+    Raises `TunerError`: the tag lies outside of the recorded band.
     """
     source = open_recording(path)
     try:
@@ -146,10 +136,7 @@ def picture(
 class LiveWaterfall:
     """The channel at a UDP port, drawn as it comes.
 
-    Parameters
-    ----------
-    show : callable
-        Called with each new `Picture`, of a few columns, as a dictionary.
+    `show`: called with each new `Picture`, of a few columns, as a dictionary.
     """
 
     def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:
@@ -160,10 +147,7 @@ class LiveWaterfall:
     async def listen(self, address: str) -> None:
         """Listen there in place of anywhere else; an empty address ends it.
 
-        Raises
-        ------
-        UavrtError
-            Not an address, or not a free one of this computer.
+        Raises `UavrtError`: not an address, or not a free one of this computer.
         """
         self.close()
         if not address:
@@ -187,10 +171,7 @@ class LiveWaterfall:
 class ChannelStream:
     """Datagrams of a channel to columns of a picture; pure but for `show`.
 
-    Parameters
-    ----------
-    show : callable
-        Called with each new `Picture` as a dictionary.
+    `show`: called with each new `Picture` as a dictionary.
     """
 
     def __init__(self, show: Callable[[dict[str, Any]], None]) -> None:

@@ -108,16 +108,10 @@ def switched_bound_deg(
 ) -> float:
     """Cramér–Rao bound of one pulse's direction, its strength and phase unknown.
 
-    Parameters
-    ----------
-    steering : callable
-        The array.
-    direction_deg : float
-        From the array's nose.
-    snr : float
-        Power of an element of unit amplitude over the noise, per sample.
-    counts : (elements,) float64 array
-        Samples at each position.
+    `steering`: the array.
+    `direction_deg`: from the array's nose.
+    `snr`: power of an element of unit amplitude over the noise, per sample.
+    `counts` (elements,): samples at each position.
     """
     step = 0.01
     around = steering(np.array([direction_deg - step, direction_deg, direction_deg + step]))
@@ -140,21 +134,11 @@ def amplitude_monopulse(
     The tag's strength and its fading are the same for all antennas at a pulse and drop out;
     what differs is the pattern.
 
-    Parameters
-    ----------
-    boresight_deg : (a,) float64 array
-        Where each antenna points, clockwise from true north.
-    snr_db : (p, a) float64 array
-        SNR of each pulse at each antenna; NaN where it was not heard.
-    pattern : AntennaPattern
-        Of all antennas.
-    fading_db : float
-        Standard deviation of what else differs between antennas.
-
-    Raises
-    ------
-    UsageError
-        No pulse was heard by two antennas.
+    `boresight_deg` (a,): where each antenna points, clockwise from true north.
+    `snr_db` (p, a): SNR of each pulse at each antenna; NaN where it was not heard.
+    `pattern`: of all antennas.
+    `fading_db`: standard deviation of what else differs between antennas.
+    Raises `UsageError`: no pulse was heard by two antennas.
     """
     heard = ~np.isnan(snr_db)
     used = heard.sum(axis=1) >= 2

@@ -42,14 +42,9 @@ def bearing_likelihood(
 ) -> BearingLikelihood:
     """Sum the pulses' tables along the pattern, coarsely everywhere, finely where it matters.
 
-    Parameters
-    ----------
-    tables : PowerTables
-        One row for each pulse.
-    gain : callable
-        The antenna's gain at each pulse towards a bearing.
-    noise_db : (n,) float64 array
-        Noise of each pulse over the median noise [dB].
+    `tables`: one row for each pulse.
+    `gain`: the antenna's gain at each pulse towards a bearing.
+    `noise_db` (n,): noise of each pulse over the median noise [dB].
     """
     pulses = len(noise_db)
     last = round((tables.highest_db - tables.lowest_db) / LEVEL_STEP_DB)
@@ -111,13 +106,10 @@ def _summed(
 ) -> NDArray[np.float64]:
     """Sum of all pulses' tables, linearly interpolated: (bearings, levels, fadings).
 
-    Parameters
-    ----------
-    tables : (n, steps, fadings) float32 array
-    places : (n, b) float64 array
-        Where a boresight level of 0 dB falls in each pulse's table at each bearing [steps].
-    levels : (b, k) int64 array
-        Boresight levels [steps].
+    `tables`: shape (n, steps, fadings).
+    `places` (n, b): where a boresight level of 0 dB falls in each pulse's table at each bearing
+    [steps].
+    `levels` (b, k): boresight levels [steps].
     """
     last = tables.shape[1] - 2
     total = np.zeros((*levels.shape, tables.shape[2]), np.float64)

@@ -49,24 +49,16 @@ def pattern_ml(
 ) -> Bearing:
     """Estimate a bearing with its whole posterior.
 
-    Parameters
-    ----------
-    headings : Headings
-        Of the n heard, then the m missed pulses.
-    matched_power : (n,) float64 array
-        Matched power over noise power, noise included (mean S + 1).
-    missed_below : (m,) float64 array
-        Power below which the missed ones stayed.
-    noise_db : (n + m,) float64 array
-        Noise of each over the median noise.
-    pattern, elevation_deg
-        The antenna, and where the tag is seen below (negative) or above the horizon.
-    folds : int
-        Pulses summed in each value.
-    fading_db : float, optional
-        Known standard deviation of the fading; by default it is learnt.
-    heading_sigma_deg : float
-        Error that all headings share (compass, mounting, lag at one rate of turn).
+    `headings`: of the n heard, then the m missed pulses.
+    `matched_power` (n,): matched power over noise power, noise included (mean S + 1).
+    `missed_below` (m,): power below which the missed ones stayed.
+    `noise_db` (n + m,): noise of each over the median noise.
+    `pattern`, `elevation_deg`: the antenna, and where the tag is seen below (negative) or above
+    the horizon.
+    `folds`: pulses summed in each value.
+    `fading_db`: known standard deviation of the fading; by default it is learnt.
+    `heading_sigma_deg`: error that all headings share (compass, mounting, lag at one rate of
+    turn).
     """
     turn = _Turn(
         headings=headings,

@@ -61,10 +61,7 @@ def peak_deg(log_density: NDArray[np.float64]) -> float:
 def shortest_arc(density: NDArray[np.float64], share: float) -> tuple[float, float]:
     """Shortest arc that holds `share` of a probability given on `GRID_DEG`.
 
-    Returns
-    -------
-    tuple of 2 floats
-        From and to [deg], clockwise, each in [0, 360).
+    Returns: from and to [deg], clockwise, each in [0, 360).
     """
     count = len(density)
     edges = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])

@@ -84,26 +84,14 @@ def measure_switched_pulse(
 ) -> SwitchedPulse:
     """Measure a pulse at each position of the switch.
 
-    Parameters
-    ----------
-    samples : (n,) complex64 array
-        The pulse, from its first to its last sample.
-    schedule : SwitchSchedule
-        Position of the switch at each sample.
-    first_sample : int
-        Index of the first of the samples, as the schedule counts.
-    frequency_hz : float
-        Carrier of the pulse in the samples, as the detector says.
-    sample_rate_hz : float
-        Rate.
-    frequency_error_hz : float
-        How far the carrier may be from it: it is searched, since 10 Hz are a fifth of a turn
-        over 20 ms.
-
-    Raises
-    ------
-    UsageError
-        A position was visited less than twice during the pulse.
+    `samples` (n,): the pulse, from its first to its last sample.
+    `schedule`: position of the switch at each sample.
+    `first_sample`: index of the first of the samples, as the schedule counts.
+    `frequency_hz`: carrier of the pulse in the samples, as the detector says.
+    `sample_rate_hz`: rate.
+    `frequency_error_hz`: how far the carrier may be from it: it is searched, since 10 Hz are a
+    fifth of a turn over 20 ms.
+    Raises `UsageError`: a position was visited less than twice during the pulse.
     """
     visit = schedule.visits(first_sample, len(samples))
     valid = visit >= 0

@@ -55,15 +55,11 @@ def two_paths(
 ) -> TwoPaths | None:
     """Compare two paths with one; None for too few pulses.
 
-    Parameters
-    ----------
-    yaw_deg, matched_power, noise_db : (n,) float64 arrays
-        Heading, power over noise (noise included) and noise over its median, of heard pulses.
-    pattern : AntennaPattern
-        Used in the plane of its elements.
-    level_db, fading_db : float
-        Boresight SNR and fading that the one-path fit found; they set the weights and the
-        noise floor only.
+    `yaw_deg`, `matched_power`, `noise_db` (n,): heading, power over noise (noise included) and
+    noise over its median, of heard pulses.
+    `pattern`: used in the plane of its elements.
+    `level_db`, `fading_db`: boresight SNR and fading that the one-path fit found; they set the
+    weights and the noise floor only.
     """
     if len(yaw_deg) < LEAST_PULSES:
         return None

@@ -172,25 +172,16 @@ def cells_posterior(
 ) -> Cells:
     """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
 
-    Parameters
-    ----------
-    log_likelihood : callable
-        Sees the width of each cell, so that a ray narrower than it is not missed.
-    area : Area
-        Uniform prior.
-    first_cells : int
-        Cells along the longer side at first.
-    held : float
-        A cell that holds more is quartered.
-    growth : float
-        Cells within which the density varies much are quartered from a small share on; so many
-        times more of it is asked for after each quartering. The slopes of a peak that is seen
-        hold little.
-    within : Area, optional
-        Where wider cells than `shows_m` are quartered whatever they hold: the middle of a cell
-        that is wider than its peak may be less likely than a lower peak by a hundred nats.
-    shows_m : float
-        Width of a cell that misses no peak.
+    `log_likelihood`: sees the width of each cell, so that a ray narrower than it is not missed.
+    `area`: uniform prior.
+    `first_cells`: cells along the longer side at first.
+    `held`: a cell that holds more is quartered.
+    `growth`: cells within which the density varies much are quartered from a small share on; so
+    many times more of it is asked for after each quartering. The slopes of a peak that is seen
+    hold little.
+    `within`: where wider cells than `shows_m` are quartered whatever they hold: the middle of a
+    cell that is wider than its peak may be less likely than a lower peak by a hundred nats.
+    `shows_m`: width of a cell that misses no peak.
     """
     east, north, width = _squares(area, first_cells)
     density = log_likelihood(east, north, width)
@@ -203,15 +194,10 @@ def cells_posterior(
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
     """Evaluate another likelihood, one that adds to the one that cells were made for.
 
-    Parameters
-    ----------
-    log_likelihood : callable
-        The other one.
-    cells : Cells
-        Where to begin: they are as small as the first likelihood asks for.
-    density : (n,) float64 array
-        The other likelihood at these cells. Where it is the first one's but for a constant,
-        no cell is quartered again.
+    `log_likelihood`: the other one.
+    `cells`: where to begin: they are as small as the first likelihood asks for.
+    `density` (n,): the other likelihood at these cells. Where it is the first one's but for a
+    constant, no cell is quartered again.
     """
     added = density - cells.log_density
     rough = cells.rough | (added - np.median(added) > _ADDED_NATS)

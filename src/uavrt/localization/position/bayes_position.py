@@ -59,19 +59,10 @@ def bayes_position(
 ) -> Position:
     """Find the posterior of a place, and what an operator is told about it.
 
-    Parameters
-    ----------
-    stations, powers : Stations, PowerTrack, optional
-        What was measured; one of them at the least.
-    known : Known
-        What is believed before the flight.
-    follow : str
-        When the way of a tag that moves is sought.
-
-    Raises
-    ------
-    UsageError
-        A way was asked for, and times are not known.
+    `stations`, `powers`: what was measured; one of them at the least.
+    `known`: what is believed before the flight.
+    `follow`: when the way of a tag that moves is sought.
+    Raises `UsageError`: a way was asked for, and times are not known.
     """
     model = Model(stations, powers, known)
     solved = _solved(model)

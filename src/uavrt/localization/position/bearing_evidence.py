@@ -21,16 +21,10 @@ _Floats = NDArray[np.float64]
 class BearingEvidence:
     """Log-likelihood of places, given bearings from stations.
 
-    Parameters
-    ----------
-    east_m, north_m : (n,) float64 arrays
-        Stations in the local plane.
-    posterior : (n, 360) float64 array
-        Probability of whole degrees, for each bearing.
-    outlier_share : float
-        Probability that a bearing has nothing to do with the tag.
-    heading_sigma_deg : float
-        Error that the headings of all bearings share.
+    `east_m`, `north_m` (n,): stations in the local plane.
+    `posterior` (n, 360): probability of whole degrees, for each bearing.
+    `outlier_share`: probability that a bearing has nothing to do with the tag.
+    `heading_sigma_deg`: error that the headings of all bearings share.
     """
 
     def __init__(
@@ -75,12 +69,8 @@ class BearingEvidence:
     def densities(self, east_m: _Floats, north_m: _Floats, cell_m: _Floats | float) -> _Floats:
         """(n, places, turned): density of each bearing towards each place, per degree.
 
-        Parameters
-        ----------
-        east_m, north_m : (places,) float64 arrays
-            The places.
-        cell_m : (places,) float64 array or float
-            Width of the cell that a place stands for.
+        `east_m`, `north_m` (places,): the places.
+        `cell_m` (places,): width of the cell that a place stands for.
         """
         out = np.empty((len(self._east_m), len(east_m), len(self._turned_deg)))
         count = self._tables.shape[2]

@@ -130,10 +130,6 @@ def normal_tail(u: _Floats) -> tuple[_Floats, _Floats]:
     By tables with straight lines between their values, several times as fast as the functions:
     8e-6 and 2e-5 off at most. Beyond the tables' ends they are as at these, but for the ratio,
     whose line goes on below, where it nears -u.
-
-    Parameters
-    ----------
-    u : float64 array
     """
     below, below_steps, ratio, ratio_steps = _normal_tables()
     place = np.minimum(u, _HIGHEST)
@@ -192,16 +188,10 @@ def censored_fit(
 ) -> CensoredFit:
     """Fit level, exponent, fading and misses by chance at each place.
 
-    Parameters
-    ----------
-    sums : CensoredSums
-        Of the places.
-    miss_weight : float
-        How many misses each stands for.
-    propagation : Propagation
-        Prior of the exponent.
-    correlation : float
-        Of neighbouring pulses' fading, the same for all places that are compared.
+    `sums`: of the places.
+    `miss_weight`: how many misses each stands for.
+    `propagation`: prior of the exponent.
+    `correlation`: of neighbouring pulses' fading, the same for all places that are compared.
     """
     fits = [_fitted(part, miss_weight, propagation, correlation) for part in sums.cut()]
     return CensoredFit(
@@ -288,13 +278,9 @@ def correlation_over_hills(residual: _Floats, error_db: float, alike: float) -> 
     neighbours alone hardly show it. The fit follows some of it, so that what is expected of the
     model's error is added to what the residuals show.
 
-    Parameters
-    ----------
-    residual : (n,) array
-    error_db : float
-        Standard deviation of the losses' error along the way.
-    alike : float
-        Pulses over which it is the same.
+    `residual`: shape (n,).
+    `error_db`: standard deviation of the losses' error along the way.
+    `alike`: pulses over which it is the same.
     """
     energy = max(float(np.var(residual)), 1e-9)
     inflation = 1.0

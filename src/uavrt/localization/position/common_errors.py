@@ -108,18 +108,11 @@ def explanations(
 ) -> list[tuple[float, Fit]]:
     """Fit all explanations; each with its probability, that of a resting tag first.
 
-    Parameters
-    ----------
-    bearings : FlightBearings
-        Four or more, around the tag.
-    place : tuple of 2 floats
-        Where the search begins.
-    heading_sigma_deg : float
-        Common error of the headings that is usual; 0: they are known.
-    outlier_share : float
-        Probability that a bearing has nothing to do with the tag.
-    unusual : frozenset of str
-        What else may be.
+    `bearings`: four or more, around the tag.
+    `place`: where the search begins.
+    `heading_sigma_deg`: common error of the headings that is usual; 0: they are known.
+    `outlier_share`: probability that a bearing has nothing to do with the tag.
+    `unusual`: what else may be.
     """
     models = []
     if "compass" in unusual:
@@ -262,12 +255,9 @@ def cautions_of(
 ) -> tuple[Caution, ...]:
     """What the operator must know of the most probable explanation.
 
-    Parameters
-    ----------
-    fit : Fit
-        That explanation.
-    outlier_probabilities : tuple of float, optional
-        For each bearing of a tag that rests, over all places where it may be.
+    `fit`: that explanation.
+    `outlier_probabilities`: for each bearing of a tag that rests, over all places where it may
+    be.
     """
     found = []
     if fit.explanation == "compass":

@@ -29,19 +29,10 @@ def followed(position: Position, model: Model, follow: Follow) -> Position:
     asked for. The place by bearings holds already that the tag may have walked; where powers
     contradict theirs, the position is the way's end.
 
-    Parameters
-    ----------
-    position : Position
-        Of a tag that rests, or as its bearings' best explanation has it.
-    model : Model
-        What was measured, and what was believed before.
-    follow : str
-        ``"contradicted"`` or ``"always"``.
-
-    Raises
-    ------
-    UsageError
-        A way was asked for, and times are not known.
+    `position`: of a tag that rests, or as its bearings' best explanation has it.
+    `model`: what was measured, and what was believed before.
+    `follow`: ``"contradicted"`` or ``"always"``.
+    Raises `UsageError`: a way was asked for, and times are not known.
     """
     if model.stations is not None:
         return _by_bearings(position, model, follow)

@@ -65,14 +65,10 @@ def maximum_likelihood(rays: Rays) -> PlanePosition | None:
 def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """Lenth's M-estimator with Andrews' psi, c = 1.5; None when it diverges.
 
-    Parameters
-    ----------
-    rays : Rays
-        The bearings.
-    as_original : bool
-        True sets kappa = 1 / A(C), A = I1/I0, as uavrt_localize does. Kappa is then near 2.2
-        for any bearings, and none is ever rejected. False sets it to the inverse function
-        A⁻¹(C), as Lenth has it.
+    `rays`: the bearings.
+    `as_original`: True sets kappa = 1 / A(C), A = I1/I0, as uavrt_localize does. Kappa is then
+    near 2.2 for any bearings, and none is ever rejected. False sets it to the inverse function
+    A⁻¹(C), as Lenth has it.
     """
     weights = np.ones(len(rays.east_m))
     point = _start(rays, weights)
@@ -99,12 +95,9 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """Median over all bearings of the medians of their intersections; None without any.
 
-    Parameters
-    ----------
-    rays : Rays
-        The bearings.
-    as_original : bool
-        True counts every crossing of two lines; False only those ahead of both antennas.
+    `rays`: the bearings.
+    `as_original`: True counts every crossing of two lines; False only those ahead of both
+    antennas.
     """
     c, s = np.cos(rays.angle_rad), np.sin(rays.angle_rad)
     dx = rays.east_m[None, :] - rays.east_m[:, None]
@@ -140,14 +133,9 @@ def concentration(cosine: float) -> float:
 def fisher_information(rays: Rays, point: _Floats, kappa: _Floats) -> _Floats:
     """(2, 2) information of bearings about a point: sum of kappa A(kappa) n nᵀ / r² (§2.2).
 
-    Parameters
-    ----------
-    rays : Rays
-        The places; their bearings do not matter.
-    point : (2,) float64 array
-        East and north [m].
-    kappa : (n,) float64 array
-        Concentration of each bearing, 1 / sigma² [rad⁻²].
+    `rays`: the places; their bearings do not matter.
+    `point` (2,): east and north [m].
+    `kappa` (n,): concentration of each bearing, 1 / sigma² [rad⁻²].
     """
     dx, dy = point[0] - rays.east_m, point[1] - rays.north_m
     strength = kappa * (i1e(kappa) / i0e(kappa)) / np.maximum(dx**2 + dy**2, 1e-6) ** 2

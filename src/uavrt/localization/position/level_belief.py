@@ -144,12 +144,7 @@ class Behind:
     ) -> "Behind | None":
         """Look from the drone to some places; None over level ground.
 
-        Parameters
-        ----------
-        hills : HillLosses or None
-        heard : Listening
-            Where the drone was.
-        east_m, north_m : array
+        `heard`: where the drone was.
         """
         if hills is None:
             return None
@@ -225,21 +220,12 @@ class LevelBelief:
     ) -> _Floats:
         """Take one pulse or miss in; its log-likelihood at each place.
 
-        Parameters
-        ----------
-        heard : Listening
-        expected_db : array
-            From `expected_db`.
-        fading_db : float or array
-            With what else is not known of the level.
-        missed_share : float
-            Pulses that are missed however strong they are.
-        chance_share : float
-            Pulses that are heard by chance wherever the tag is.
-        elsewhere : float
-            Density [1/dB] of a pulse of this level from another source.
-        behind : Behind or None
-            What `expected_db` was told.
+        `expected_db`: from `expected_db`.
+        `fading_db`: with what else is not known of the level.
+        `missed_share`: pulses that are missed however strong they are.
+        `chance_share`: pulses that are heard by chance wherever the tag is.
+        `elsewhere`: density [1/dB] of a pulse of this level from another source.
+        `behind`: what `expected_db` was told.
         """
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2
@@ -270,13 +256,8 @@ class LevelBelief:
     def _learn(self, behind: Behind | None, moved: _Floats, shrunk: _Floats) -> None:
         """Learn from a level that turned out to be another than expected.
 
-        Parameters
-        ----------
-        behind : Behind or None
-        moved : array
-            How far it is off, over its variance [1/dB].
-        shrunk : array
-            By which its variance became less, over its square [1/dB²].
+        `moved`: how far it is off, over its variance [1/dB].
+        `shrunk`: by which its variance became less, over its square [1/dB²].
         """
         error, with_pulse = self.error, self.variance_db2
         if error is not None and behind is not None:

@@ -28,18 +28,11 @@ class LevelEvidence:
     Level i is P - 10 n log10(r_i / 100 m) plus a normal error; P has a flat prior, of each
     receiver its own, and n a normal one. All integrate out in closed form.
 
-    Parameters
-    ----------
-    east_m, north_m, height_m : (n,) float64 arrays
-        Stations in the local plane, and above the tag.
-    level_db, sigma_db : (n,) float64 arrays
-        Levels and the errors of their estimates.
-    propagation : Propagation
-        What is known of the path.
-    receiver : (n,) int64 array
-        Which receiver each is of: gains of several are not known from one another.
-    over_hills : OverHills, optional
-        What the ground takes from each; None is level.
+    `east_m`, `north_m`, `height_m` (n,): stations in the local plane, and above the tag.
+    `level_db`, `sigma_db` (n,): levels and the errors of their estimates.
+    `propagation`: what is known of the path.
+    `receiver` (n,): which receiver each is of: gains of several are not known from one another.
+    `over_hills`: what the ground takes from each; None is level.
     """
 
     def __init__(

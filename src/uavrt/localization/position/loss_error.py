@@ -83,14 +83,9 @@ class LossError:
     def learnt(self, doubtful: _Floats, moved: _Floats, shrunk: _Floats) -> "LossError":
         """The same after a pulse; see `LevelBelief.update`.
 
-        Parameters
-        ----------
-        doubtful : array
-            Loss [dB] that an error of 1 adds.
-        moved : array
-            Of the expected level [dB], over its variance.
-        shrunk : array
-            By which that variance became less, over its square.
+        `doubtful`: loss [dB] that an error of 1 adds.
+        `moved`: of the expected level [dB], over its variance.
+        `shrunk`: by which that variance became less, over its square.
         """
         with_pulse = self.with_level_db - doubtful * self.variance
         return replace(

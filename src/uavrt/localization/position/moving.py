@@ -50,20 +50,10 @@ def way_by_bearings(
 ) -> tuple[TrackPoint, ...]:
     """Follow a tag from bearing to bearing.
 
-    Parameters
-    ----------
-    stations : Stations
-        Bearings with their times.
-    plane : TangentPlane
-    around : Area
-        Where the tag was during the flight, roughly.
-    heading_sigma_deg : float
-        Error of the headings, taken as each bearing's own.
-
-    Raises
-    ------
-    UsageError
-        Times are not known, or fewer than three.
+    `stations`: bearings with their times.
+    `around`: where the tag was during the flight, roughly.
+    `heading_sigma_deg`: error of the headings, taken as each bearing's own.
+    Raises `UsageError`: times are not known, or fewer than three.
     """
     times = _checked(stations.time_s, "bearings")
     east, north = plane.to_local(stations.latitude_deg, stations.longitude_deg)
@@ -88,23 +78,12 @@ def way_by_powers(
 ) -> tuple[TrackPoint, ...]:
     """Follow a tag from pulse to pulse, missed ones included.
 
-    Parameters
-    ----------
-    powers : PowerTrack
-        Powers with their times.
-    plane : TangentPlane
-    ends : tuple of 2 places
-        East and north of where the tag was at first and at last, roughly: hypotheses are
-        spread around them, for those that begin anywhere are too few for some hundred pulses.
-    fading_db : float
-        Of the pulses; greater where neighbours fade alike and are less than two facts.
-    hills : HillLosses, optional
-        The ground in that plane; None is level.
-
-    Raises
-    ------
-    UsageError
-        Times are not known, or fewer than three.
+    `powers`: powers with their times.
+    `ends`: east and north of where the tag was at first and at last, roughly: hypotheses are
+    spread around them, for those that begin anywhere are too few for some hundred pulses.
+    `fading_db`: of the pulses; greater where neighbours fade alike and are less than two facts.
+    `hills`: the ground in that plane; None is level.
+    Raises `UsageError`: times are not known, or fewer than three.
     """
     times = _checked(powers.time_s, "pulses")
     east, north = plane.to_local(powers.latitude_deg, powers.longitude_deg)

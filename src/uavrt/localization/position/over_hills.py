@@ -37,11 +37,8 @@ class OverHills:
     ) -> "OverHills | None":
         """Look from each pulse's place, its height above the ground at the take-off.
 
-        Parameters
-        ----------
-        hills : HillLosses or None
-            In the plane of the places; None is level ground.
-        east_m, north_m, up_m : (n,) float64 arrays
+        `hills`: in the plane of the places; None is level ground.
+        `east_m`, `north_m`, `up_m`: shape (n,).
         """
         if hills is None:
             return None

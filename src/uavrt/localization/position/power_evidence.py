@@ -116,19 +116,12 @@ def fit_each(
 class PowerEvidence:
     """Log-likelihood of places, given powers along a track.
 
-    Parameters
-    ----------
-    east_m, north_m : (n,) float64 arrays
-        The track in the local plane.
-    track : PowerTrack
-        Heights, powers, antenna.
-    propagation : Propagation
-        Prior of the path loss exponent.
-    correlation : float
-        Of neighbouring pulses' fading, where pulses were missed; see `correlation_at_best`.
-        Without misses it is integrated out.
-    over_hills : OverHills, optional
-        What the ground takes from the pulses; None is level.
+    `east_m`, `north_m` (n,): the track in the local plane.
+    `track`: heights, powers, antenna.
+    `propagation`: prior of the path loss exponent.
+    `correlation`: of neighbouring pulses' fading, where pulses were missed; see
+    `correlation_at_best`. Without misses it is integrated out.
+    `over_hills`: what the ground takes from the pulses; None is level.
     """
 
     def __init__(

@@ -50,12 +50,8 @@ def refined(
 ) -> tuple[_Floats, _Floats, _Floats]:
     """Refine a probability over a grid: its logarithm by cubics through four neighbours.
 
-    Returns
-    -------
-    x, y : (times (nx - 1) + 1,), (times (ny - 1) + 1,) float64 arrays
-        The finer grid.
-    probability : float64 array
-        Sums to 1.
+    Returns: `x, y`: the finer grid.
+    Returns: `probability`: sums to 1.
     """
     # Below 1e-12 of the peak nothing is drawn; a zero has no logarithm.
     logs = np.log(np.maximum(probability, 1e-12 * probability.max()))

@@ -83,14 +83,9 @@ class JoinedLevels:
     listener adds is normal, of one of two widths; what each of several receivers that turn adds
     is unknown. All integrate out in closed form.
 
-    Parameters
-    ----------
-    levels : Levels
-        Two or more.
-    listeners : sequence of Strengths
-        The receivers, as their groups number them.
-    propagation : Propagation
-        What is known of the path.
+    `levels`: two or more.
+    `listeners`: the receivers, as their groups number them.
+    `propagation`: what is known of the path.
     """
 
     def __init__(

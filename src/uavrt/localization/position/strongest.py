@@ -91,15 +91,9 @@ def height_bands(height_m: _Floats) -> list[tuple[float, float]]:
     at 40 m in two. So heights are parted where 5 m are empty, and what is still higher than
     15 m, as a climb, into equal layers of 10 m at most.
 
-    Parameters
-    ----------
-    height_m : (n,) float64 array
-        Where pulses were heard, n ≥ 1.
-
-    Returns
-    -------
-    list of (low, high)
-        Each height lies in exactly one: low ≤ height < high, of the last one ≤ high.
+    `height_m` (n,): where pulses were heard, n ≥ 1.
+    Returns: each (low, high). Each height lies in exactly one: low ≤ height < high, of the last
+    one ≤ high.
     """
     ordered = np.sort(height_m)
     bands: list[tuple[float, float]] = []
@@ -128,17 +122,10 @@ def signal_section(
     Around the tag a monopole's field is the same in all directions; from the side one sees the
     silence above the tag, and what a greater height gains or loses.
 
-    Parameters
-    ----------
-    track : PowerTrack
-        The survey.
-    latitude_deg, longitude_deg : float
-        Where distances begin: the tag's position, as far as it is known.
-
-    Raises
-    ------
-    UsageError
-        It was flown at one height.
+    `track`: the survey.
+    `latitude_deg`, `longitude_deg`: where distances begin: the tag's position, as far as it is
+    known.
+    Raises `UsageError`: it was flown at one height.
     """
     heard = ~np.isnan(track.snr_db)
     if len(height_bands(track.height_m[heard])) < 2:

@@ -80,18 +80,11 @@ _Floats = NDArray[np.float64]
 class SurveyEvidence:
     """Log-likelihood of places, given powers along a track of uncertain height.
 
-    Parameters
-    ----------
-    east_m, north_m : (n,) float64 arrays
-        The track in the local plane.
-    track : PowerTrack
-        Heights as they are told, powers, antenna.
-    propagation : Propagation
-        Prior of the path loss exponent.
-    height_sigma_m : float
-        What may be wrong.
-    over_hills : OverHills, optional
-        What the ground takes from the pulses; None is level.
+    `east_m`, `north_m` (n,): the track in the local plane.
+    `track`: heights as they are told, powers, antenna.
+    `propagation`: prior of the path loss exponent.
+    `height_sigma_m`: what may be wrong.
+    `over_hills`: what the ground takes from the pulses; None is level.
     """
 
     def __init__(

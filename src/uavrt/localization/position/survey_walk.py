@@ -115,20 +115,11 @@ def survey_walk(
 ) -> SurveyWalk | None:
     """Weigh a tag that walked against one that rested.
 
-    Parameters
-    ----------
-    east_m, north_m : (n,) float64 arrays
-        The track in the local plane.
-    powers : PowerTrack
-        With times; foreign pulses left out.
-    around : Area
-        Where to look for the tag.
-    propagation : Propagation
-
-    Returns
-    -------
-    SurveyWalk or None
-        None for a flight that is too short to tell, or that tells of no walk at a first look.
+    `east_m`, `north_m` (n,): the track in the local plane.
+    `powers`: with times; foreign pulses left out.
+    `around`: where to look for the tag.
+    Returns: None for a flight that is too short to tell, or that tells of no walk at a first
+    look.
     """
     if powers.time_s is None:
         return None

@@ -68,24 +68,14 @@ _USUAL_WINDOW_HZ = 500.0
 class Mission:
     """State, tags and flight; every change is saved before it is acknowledged.
 
-    Parameters
-    ----------
-    settings : Settings
-        The drone side's settings.
-    store : StateStore
-        Where the state is kept over an unclean end.
-    tell : callable
-        Sends a text (severity, text) to the operator.
-    on_start, on_stop : callable
-        Called when a flight begins, and when its end was asked for.
-    on_correction : callable
-        Called when a tag of the flight has other values.
-    on_settings : callable
-        Called when an operator has changed a setting.
-    tuner : callable
-        Finds the radio's frequency for the tags'.
-    operations : Operations, optional
-        Saves and removes flights.
+    `settings`: the drone side's settings.
+    `store`: where the state is kept over an unclean end.
+    `tell`: sends a text (severity, text) to the operator.
+    `on_start`, `on_stop`: called when a flight begins, and when its end was asked for.
+    `on_correction`: called when a tag of the flight has other values.
+    `on_settings`: called when an operator has changed a setting.
+    `tuner`: finds the radio's frequency for the tags'.
+    `operations`: saves and removes flights.
     """
 
     def __init__(
@@ -410,10 +400,7 @@ class Mission:
     def _take_last_tags(self) -> None:
         """Load the tags that were sent last, also before a restart, as if sent again.
 
-        Raises
-        ------
-        UavrtError
-            There are none, or one of them is not taken any more.
+        Raises `UavrtError`: there are none, or one of them is not taken any more.
         """
         tags = self._last_tags.read() or ()
         if not tags:
@@ -465,12 +452,8 @@ class Mission:
     def begin_flight(self, center_frequency_hz: float | None) -> FlightInfo:
         """Choose the radio's frequency (the operator's, the settings', the tuner's); begin.
 
-        Raises
-        ------
-        TunerError
-            No radio frequency serves all the tags.
-        RecordingError
-            The flight's directory cannot be made.
+        Raises `TunerError`: no radio frequency serves all the tags.
+        Raises `RecordingError`: the flight's directory cannot be made.
         """
         self._check_free()
         tags = tags_with_overrides(self.settings, self.tags.values())
@@ -514,10 +497,8 @@ class Mission:
     def begin_capture(self, center_frequency_hz: float | None) -> FlightInfo:
         """Begin to record the band; the frequency is the operator's, or as in a flight.
 
-        Raises
-        ------
-        UavrtError
-            No frequency is known, the disk is nearly full, or flights are being copied.
+        Raises `UavrtError`: no frequency is known, the disk is nearly full, or flights are
+        being copied.
         """
         self._check_free()
         radio, recording = self.settings.radio, self.settings.recording

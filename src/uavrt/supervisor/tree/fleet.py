@@ -265,10 +265,7 @@ class Fleet:
     async def restart_search(self) -> FlightInfo | None:
         """Start receiver and detectors again with the flight's present tags.
 
-        Returns
-        -------
-        FlightInfo or None
-            The flight that goes on; None if it has ended meanwhile.
+        Returns: the flight that goes on; None if it has ended meanwhile.
         """
         flight = self._mission.flight
         self._restarts_waiting += 1
