@@ -27,14 +27,7 @@ from uavrt.batch.ledger import Ledger
 from uavrt.batch.months import gather_months, write_index
 from uavrt.batch.questions import QUESTIONS, ask, keep_answers
 from uavrt.batch.seals import sealed
-from uavrt.batch.tables import (
-    DONE,
-    PULSES,
-    RECORDINGS,
-    RecordingRow,
-    schema_of,
-    write_rows,
-)
+from uavrt.batch.tables import DONE, PULSES, RECORDINGS, RecordingRow, schema_of, write_rows
 from uavrt.ground.store.flights import PREPARED_MOST, FlightLibrary
 from uavrt.ground.store.known_flights import FlightChoice
 from uavrt.messages import FlightInfo, Pulse, Tag
@@ -132,7 +125,7 @@ def _lists(archive: Path) -> Table:
         notes=[
             f"{FLIGHTS} flights on this computer (copies of one that is empty), and those of "
             f"the archive above. CPU for an answer, median of {ROUNDS}. The first look at all "
-            f"databases, with making {PREPARED_MOST} ready, took {first_s:.1f} s of CPU.",
+            f"databases, with making {PREPARED_MOST} ready, took {first_s:.1f} s of CPU."
         ],
     )
 
@@ -145,10 +138,7 @@ def _write_library(directory: Path) -> None:
         place = directory / f"flight_{number:05d}"
         if number == 0:
             tag = Tag(
-                tag_id=2,
-                frequency_hz=CENTER_HZ,
-                pulse_width_s=0.02,
-                pulse_intervals_s=(1.2,),
+                tag_id=2, frequency_hz=CENTER_HZ, pulse_width_s=0.02, pulse_intervals_s=(1.2,)
             )
             info = FlightInfo(
                 directory=str(place),
@@ -219,7 +209,7 @@ def _cores(folder: Path) -> Table:
             "tags, in the page cache, start and writing included. Of the clock: time of one "
             "process over time times workers. Of the CPU: CPU of one process over that of "
             "all. PSS, the most of any worker; one process writes too. The clock counts on "
-            "two idle cores alone: with other work beside, see the CPU.",
+            "two idle cores alone: with other work beside, see the CPU."
         ],
     )
 

@@ -112,10 +112,7 @@ class Vehicle:
 
     def _beat(self) -> None:
         beat = dialect.Heartbeat(
-            type=_COPTER,
-            autopilot=_PX4,
-            system_status=_ACTIVE,
-            mavlink_version=_MAVLINK_2,
+            type=_COPTER, autopilot=_PX4, system_status=_ACTIVE, mavlink_version=_MAVLINK_2
         )
         self._sock.sendto(self._autopilot.encode(beat))
         self._sock.sendto(self._companion.encode(beat))
@@ -159,13 +156,7 @@ class Vehicle:
             hdg=9_000,
         )
         w, x, y, z = pose.quaternion_wxyz
-        attitude = dialect.AttitudeQuaternion(
-            time_boot_ms=boot_ms,
-            q1=w,
-            q2=x,
-            q3=y,
-            q4=z,
-        )
+        attitude = dialect.AttitudeQuaternion(time_boot_ms=boot_ms, q1=w, q2=x, q3=y, q4=z)
         for message in (position, attitude):
             self._sock.sendto(self._autopilot.encode(message))
 

@@ -128,17 +128,11 @@ async def peer(port: int) -> None:
         if number % TUNNELS_HZ == 0:
             for writer, kind, stack in ((autopilot, 2, 12), (ground, 6, 8)):
                 beat = dialect.Heartbeat(
-                    type=kind,
-                    autopilot=stack,
-                    system_status=4,
-                    mavlink_version=3,
+                    type=kind, autopilot=stack, system_status=4, mavlink_version=3
                 )
                 link.send(writer.encode(beat))
         if number % 4 == 0:
-            attitude = dialect.AttitudeQuaternion(
-                time_boot_ms=boot_ms,
-                q1=1.0,
-            )
+            attitude = dialect.AttitudeQuaternion(time_boot_ms=boot_ms, q1=1.0)
             link.send(autopilot.encode(attitude))
         if number % 20 == 0:
             position = dialect.GlobalPositionInt(

@@ -141,9 +141,7 @@ class PoseUnavailable(UavrtError):
     def __init__(self, time_ns: int, *, retry_later: bool) -> None:
         self.time_ns = time_ns
         self.retry_later = retry_later
-        super().__init__(
-            f"no pose at {time_ns} ns UTC" + (" yet" if retry_later else ""),
-        )
+        super().__init__(f"no pose at {time_ns} ns UTC" + (" yet" if retry_later else ""))
 
 
 class CommandRefused(UavrtError):

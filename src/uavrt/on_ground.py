@@ -58,10 +58,7 @@ class ToldStates:
 
         `armed`, `landed`: 0 for no; None where nothing was told.
         """
-        now = (
-            None if armed is None else bool(armed),
-            None if landed is None else bool(landed),
-        )
+        now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._told[-1][1:] if self._told else (None, None)
         if now == last:
             return False

@@ -8,14 +8,7 @@ import made
 from uavrt.batch.ledger import Ledger
 from uavrt.batch.months import gather_months, read_index, write_index
 from uavrt.batch.questions import keep_answers
-from uavrt.batch.tables import (
-    DONE,
-    PULSES,
-    RECORDINGS,
-    RecordingRow,
-    write_pulses,
-    write_rows,
-)
+from uavrt.batch.tables import DONE, PULSES, RECORDINGS, RecordingRow, write_pulses, write_rows
 
 DAY_NS = 86_400 * 10**9
 

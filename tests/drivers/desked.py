@@ -14,13 +14,7 @@ from uavrt.guidance.orders import Order, VehicleNow
 from uavrt.guidance.reports import now_of
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import parse_address
-from uavrt.messages import (
-    Command,
-    CommandReply,
-    MotionOffer,
-    VehicleReport,
-    VehicleWish,
-)
+from uavrt.messages import Command, CommandReply, MotionOffer, VehicleReport, VehicleWish
 from uavrt.processes.motion_desk import MotionDesk, Outlets
 from uavrt.simulation.flying import Flavour
 from uavrt.tunnel.motion import (

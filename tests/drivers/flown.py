@@ -20,13 +20,7 @@ from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
 from uavrt.mavlink.wind import wind_of
 from uavrt.planning.vehicle import Wind
-from uavrt.simulation.flying import (
-    DO_PAUSE_CONTINUE,
-    MODES,
-    Flavour,
-    FlyingVehicle,
-    Frame,
-)
+from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
 
 STEP_S = 0.05

@@ -226,9 +226,7 @@ SHAPE_ATTACKS: Attacks = {
     "circles": json.dumps(
         {
             "fileType": "Plan",
-            "geoFence": {
-                "circles": [{"circle": {"center": [47, 8], "radius": 9e4}}] * 20_000,
-            },
+            "geoFence": {"circles": [{"circle": {"center": [47, 8], "radius": 9e4}}] * 20_000},
         }
     ).encode(),
     "thin over the earth": geojson([[-179, -89], [179, -89], [179, 89], [-179, 89]]),

@@ -14,11 +14,7 @@ from uavrt.ros2.cdr import encode
 from uavrt.ros2.gateway import Gateway
 from uavrt.ros2.graph import TOPICS
 from uavrt.ros2.inbox import Inbox
-from uavrt.ros2.messages import (
-    DiagnosticArray,
-    DiagnosticStatus,
-    RosMessage,
-)
+from uavrt.ros2.messages import DiagnosticArray, DiagnosticStatus, RosMessage
 from uavrt.ros2.senders import Arrival, Sender
 
 S = 10**9

@@ -212,8 +212,7 @@ class Together:
     def _down(self, one: Among, told: Neighbour) -> None:
         payload = encode_neighbour(told)
         self._send(
-            one.number,
-            lambda: one.company.take(decode_neighbour(payload), one.flown.time_s),
+            one.number, lambda: one.company.take(decode_neighbour(payload), one.flown.time_s)
         )
 
     def _measure(self) -> None:

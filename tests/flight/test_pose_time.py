@@ -69,8 +69,7 @@ def turning_scenario(duration_s: float) -> Scenario:
         radio=Radio(center_frequency_hz=148_705_000.0, sample_rate_hz=FLIGHT_RATE_HZ),
         tag=tags,
         flight=Flight(
-            height_m=40.0,
-            leg=(Leg(duration_s=duration_s, turn_deg=30.0 * duration_s),),
+            height_m=40.0, leg=(Leg(duration_s=duration_s, turn_deg=30.0 * duration_s),)
         ),
     )
 

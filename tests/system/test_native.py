@@ -79,9 +79,7 @@ def test_the_build_makes_kernels_that_load(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("compiler")
-def test_kernels_that_do_not_compile_say_why(
-    tmp_path: Path,
-) -> None:
+def test_kernels_that_do_not_compile_say_why(tmp_path: Path) -> None:
     build = module_at(ROOT / "hatch_build.py")
     (tmp_path / "native").mkdir()
     (tmp_path / "native" / "kernels.c").write_text("int here(void) { return nowhere; }\n")

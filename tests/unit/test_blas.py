@@ -13,9 +13,7 @@ def test_a_processor_with_wide_vectors_gets_the_kernels_for_them(tmp_path: Path)
     assert blas_environment({}, cpuinfo)["OPENBLAS_CORETYPE"] == "SkylakeX"
 
 
-def test_a_processor_that_lacks_an_instruction_is_left_to_openblas(
-    tmp_path: Path,
-) -> None:
+def test_a_processor_that_lacks_an_instruction_is_left_to_openblas(tmp_path: Path) -> None:
     cpuinfo = tmp_path / "cpuinfo"
     for missing in ("avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"):
         cpuinfo.write_text(WIDE.replace(f" {missing}", ""))

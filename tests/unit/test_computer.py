@@ -161,10 +161,7 @@ def test_the_command_line_installs_below_a_root(
 ) -> None:
     (tmp_path / "srv").mkdir()
     place = ("--user", "pi", "--directory", "/srv")
-    app(
-        ["service", "install", *place, "--root", str(tmp_path)],
-        result_action="return_value",
-    )
+    app(["service", "install", *place, "--root", str(tmp_path)], result_action="return_value")
     app(["service", "status", "--root", str(tmp_path)], result_action="return_value")
     assert "at boot yes" in capsys.readouterr().out
 

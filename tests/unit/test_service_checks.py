@@ -28,11 +28,7 @@ def system(tmp_path: Path) -> Path:
     ],
 )
 def test_a_service_that_cannot_start_is_refused(
-    system: Path,
-    user: str,
-    directory: str,
-    says: str,
-    capsys: pytest.CaptureFixture[str],
+    system: Path, user: str, directory: str, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     place = ("--user", user, "--directory", directory)
     assert uavrt("service", "install", *place, "--root", str(system)) == 2

@@ -14,9 +14,5 @@ if TYPE_CHECKING:
     from uavrt.analysis.survey import read_survey as read_survey
 
 __all__, __getattr__ = lazily(
-    __name__,
-    {
-        "integrated_records": "IntegratedRecord",
-        "survey": "read_survey",
-    },
+    __name__, {"integrated_records": "IntegratedRecord", "survey": "read_survey"}
 )

@@ -44,8 +44,7 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
                 figure.savefig(path, dpi=150)
             except OSError as error:
                 raise RecordingError(
-                    f"cannot write {path}: {error.strerror}",
-                    remedy="Name a writable directory",
+                    f"cannot write {path}: {error.strerror}", remedy="Name a writable directory"
                 ) from error
             written.append(path)
     return written

@@ -68,9 +68,7 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
     """The channel whose centre is nearest to a tag's frequency, if it holds it."""
     holding = [one for one in channels if one.holds(tag)]
     return min(
-        holding,
-        key=lambda one: abs(tag.frequency_hz - one.center_frequency_hz),
-        default=None,
+        holding, key=lambda one: abs(tag.frequency_hz - one.center_frequency_hz), default=None
     )
 
 

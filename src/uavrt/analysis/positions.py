@@ -35,11 +35,7 @@ from uavrt.localization.heard import Heard, OverGround
 from uavrt.localization.position.estimate import ADDED_METHODS
 from uavrt.localization.results import Bearing, Position, PositionMethod
 from uavrt.messages import PulsePose
-from uavrt.recording.formats.bearings_csv import (
-    BearingRow,
-    is_noted,
-    read_bearing_file,
-)
+from uavrt.recording.formats.bearings_csv import BearingRow, is_noted, read_bearing_file
 from uavrt.recording.formats.positions_csv import read_position_file
 from uavrt.recording.formats.recognise import ORIGINAL_POSES, pulse_logs_in
 from uavrt.recording.formats.text import cells_of, read_lines, with_commas

@@ -13,11 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.analysis.coverage import MapArea, MapSize, map_around
-from uavrt.analysis.flight_coverage import (
-    flight_coverage,
-    flight_plane,
-    frequency_window_hz,
-)
+from uavrt.analysis.flight_coverage import flight_coverage, flight_plane, frequency_window_hz
 from uavrt.analysis.flight_noise import FlightNoise, flight_noise_of
 from uavrt.analysis.flown_with import antenna_is_told, flight_antenna
 from uavrt.clock import parse_iso_intervals

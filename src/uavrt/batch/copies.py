@@ -18,10 +18,7 @@ from uavrt.recording.outline import FlightOutline, read_outline
 
 
 def copies_of(
-    found: Found,
-    recordings: Ledger[RecordingRow],
-    flights: Ledger[FlightRow],
-    output: Path,
+    found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
     """Find which flights are copies, and of which; by the rule of a season's summary.
 
@@ -82,9 +79,7 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 
 
 def drop_copies(
-    copies: Mapping[Path, Path],
-    recordings: Ledger[RecordingRow],
-    flights: Ledger[FlightRow],
+    copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
     """Take away what was once made of copies whose flight is placed now.
 

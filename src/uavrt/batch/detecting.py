@@ -211,10 +211,7 @@ def _key(recording: Recording, sought: TagSource, settings: BatchSettings) -> st
 
 
 def _row(
-    job: _Job,
-    state: str,
-    faults: Sequence[str],
-    pulses: Sequence[Pulse] = (),
+    job: _Job, state: str, faults: Sequence[str], pulses: Sequence[Pulse] = ()
 ) -> RecordingRow:
     return RecordingRow(
         path=job.recording.name,

@@ -231,9 +231,7 @@ def _integrated(
     return tuple(verdicts), "; ".join(faults) or None
 
 
-def _attached(
-    task: FlightTask,
-) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
+def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
     """The flight with its pulses, if it is one; the pulses; and the clocks' offset."""
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:

@@ -72,12 +72,7 @@ class Placing:
         """Flights that cannot be reached now, with the reason: what was done of them stays."""
         self.done_before = 0
 
-    def plan(
-        self,
-        found: Found,
-        keys: Mapping[Path, str],
-        copies: Mapping[Path, Path],
-    ) -> None:
+    def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
         """Add all flights, and recordings with a track, that are not done yet.
 
         `found`: what there is.

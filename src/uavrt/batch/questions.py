@@ -126,8 +126,7 @@ def told_of(archive: Path) -> Iterator[None]:
         ) from error
     except duckdb.Error as error:
         raise UsageError(
-            str(error),
-            remedy=f"The tables are recordings, flights, {', '.join(TABLES)}",
+            str(error), remedy=f"The tables are recordings, flights, {', '.join(TABLES)}"
         ) from error
 
 

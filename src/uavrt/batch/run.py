@@ -104,11 +104,7 @@ def run_batch(
 
 
 def _run(
-    found: Found,
-    sought: TagSource,
-    output: Path,
-    settings: BatchSettings,
-    watch: BatchWatch,
+    found: Found, sought: TagSource, output: Path, settings: BatchSettings, watch: BatchWatch
 ) -> BatchSummary:
     make_directories(output / UNFINISHED)
     for folder in (output, output / UNFINISHED):

@@ -315,10 +315,7 @@ def _write(path: Path, record: type, rows: Sequence[Any], more: dict[str, list[A
     schema = schema_of(record, flight="flight" in more)
     names = [one.name for one in fields_of(record)]
     make_directories(path.parent)
-    with (
-        replacing(path) as part,
-        pq.ParquetWriter(part, schema, compression="zstd") as writer,
-    ):
+    with replacing(path) as part, pq.ParquetWriter(part, schema, compression="zstd") as writer:
         for begin in range(0, max(1, len(rows)), _ROWS):
             some = slice(begin, begin + _ROWS)
             columns = {

@@ -7,9 +7,4 @@ from uavrt.lazy import lazily
 if TYPE_CHECKING:
     from uavrt.cli.__main__ import main as main
 
-__all__, __getattr__ = lazily(
-    __name__,
-    {
-        "__main__": "main",
-    },
-)
+__all__, __getattr__ = lazily(__name__, {"__main__": "main"})

@@ -58,10 +58,7 @@ def make_app(*, summaries: bool = False) -> App:
         below = examples(name)
         more = {} if below is None else {"help_epilogue": below}
         made.command(
-            f"uavrt.cli.{name}:{name}",
-            help=text if summaries else None,
-            sort_key=place,
-            **more,
+            f"uavrt.cli.{name}:{name}", help=text if summaries else None, sort_key=place, **more
         )
     return made
 

@@ -18,11 +18,7 @@ def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> lis
     way = [(pose.longitude_deg, pose.latitude_deg) for pose in flight.poses]
     known = list(flight.info.tags if tags is None else read_tags(tags))
     listened = ListenedFlight.read(
-        asked.source,
-        flight,
-        asked.elevation,
-        margin_m=asked.margin_m,
-        cell_m=asked.cell_m,
+        asked.source, flight, asked.elevation, margin_m=asked.margin_m, cell_m=asked.cell_m
     )
     cells = None
     if asked.outline is not None:

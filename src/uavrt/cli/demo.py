@@ -80,8 +80,7 @@ def demo(
     """
     if drones > 1 and picture is not None:
         raise UsageError(
-            "there is no picture of several drones",
-            remedy="Leave out --drones, or --picture",
+            "there is no picture of several drones", remedy="Leave out --drones, or --picture"
         )
     if search:
         limit_s = duration or SEARCH_S

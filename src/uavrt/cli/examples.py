@@ -55,11 +55,9 @@ EXAMPLES: dict[str, list[str]] = {
     "archive tags": ["uavrt archive tags searched --json"],
     "archive export": ["uavrt archive export searched -o files --format geoparquet"],
     "archive query": [
-        "uavrt archive query searched 'select flight, count(*) from pulses group by flight'",
+        "uavrt archive query searched 'select flight, count(*) from pulses group by flight'"
     ],
-    "attach": [
-        "uavrt attach pulses.jsonl 00000042.BIN -o placed.jsonl --clock-offset 0",
-    ],
+    "attach": ["uavrt attach pulses.jsonl 00000042.BIN -o placed.jsonl --clock-offset 0"],
     "report": ["uavrt report flights/flight_log_2026-05-01_08-15-00"],
     "season": ["uavrt season uavrt-flights -o season.csv"],
     "export": [
@@ -79,11 +77,7 @@ EXAMPLES: dict[str, list[str]] = {
         "uavrt channelize --channels 1,-46,100",
         "airspy_rx -f 148.71 -r - -t 0 -a 3000000 | uavrt channelize - --sample-rate 3e6",
     ],
-    "monitor": [
-        "uavrt monitor",
-        "uavrt monitor --start TagInfo.txt",
-        "uavrt monitor --stop",
-    ],
+    "monitor": ["uavrt monitor", "uavrt monitor --start TagInfo.txt", "uavrt monitor --stop"],
     "doctor": [
         "uavrt doctor",
         "uavrt doctor --flight                           # the list before a first flight",

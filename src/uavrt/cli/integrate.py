@@ -314,10 +314,7 @@ def _one_flight(asked: _Asked, flight: "Flight", wanted: "list[Tag]") -> tuple[b
 
 
 def _together(
-    asked: _Asked,
-    flights: "list[Flight]",
-    listed: "Sequence[Tag] | None",
-    ids: tuple[int, ...],
+    asked: _Asked, flights: "list[Flight]", listed: "Sequence[Tag] | None", ids: tuple[int, ...]
 ) -> tuple[bool, _Told]:
     """Judge several flights, tag by tag: the energies of all would not fit in memory."""
     from uavrt.analysis.several_flights import common_tags, judge_together, share_alone

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from uavrt.cli.budget import USUAL_BUDGET, Budget, refuse
-from uavrt.cli.kinds import (
-    Count,
-    GroupPulses,
-    Metres,
-    Power,
-    PulseWidth,
-    TagFrequency,
-)
+from uavrt.cli.kinds import Count, GroupPulses, Metres, Power, PulseWidth, TagFrequency
 from uavrt.cli.outputs import print_json
 from uavrt.errors import ConfigError
 

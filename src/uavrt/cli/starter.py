@@ -24,8 +24,7 @@ def install(*, directory: Path | None = None) -> None:
     """
     if not sys.platform.startswith("linux"):
         raise UsageError(
-            "starters of this kind are for Linux",
-            remedy="Make a shortcut to uavrt ground",
+            "starters of this kind are for Linux", remedy="Make a shortcut to uavrt ground"
         )
     # Not resolved: the Python of an environment is a link out of it.
     program = Path(sys.executable).with_name("uavrt")

@@ -12,13 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from uavrt import native
-from uavrt.card import (
-    NEW_CARD,
-    battery_clock_off_s,
-    card_of,
-    clock_fault,
-    clock_is_lost,
-)
+from uavrt.card import NEW_CARD, battery_clock_off_s, card_of, clock_fault, clock_is_lost
 from uavrt.clock import Clock, monotonic_s
 from uavrt.commands import SystemState
 from uavrt.computer.finding import Finding

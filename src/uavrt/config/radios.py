@@ -157,12 +157,7 @@ RADIOS: dict[str, RadioRow] = {
             overruns_option="-B",
             usb=(("1d50", "6089", "HackRF One"),),
         ),
-        RadioRow(
-            kind="soapy",
-            title="SoapySDR",
-            package="python3-soapysdr",
-            gains=(0, 120),
-        ),
+        RadioRow(kind="soapy", title="SoapySDR", package="python3-soapysdr", gains=(0, 120)),
     )
 }
 """By the name that ``[radio] kind`` gives it."""

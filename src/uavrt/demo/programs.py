@@ -125,11 +125,7 @@ def demo_environment() -> dict[str, str]:
 
 
 def drone_settings(
-    scenario: Scenario,
-    paths: DemoPaths,
-    companion_port: int,
-    *,
-    flies: bool = False,
+    scenario: Scenario, paths: DemoPaths, companion_port: int, *, flies: bool = False
 ) -> Settings:
     """Make the drone side's settings: as in a real ``uavrt.toml`` except for the radio program.
 

@@ -139,10 +139,7 @@ def enr_needed_db(
     for _ in range(60):
         middle = 0.5 * (low + high)
         found = detection_probability(
-            tag,
-            middle,
-            frequency_window_hz=frequency_window_hz,
-            sample_rate_hz=sample_rate_hz,
+            tag, middle, frequency_window_hz=frequency_window_hz, sample_rate_hz=sample_rate_hz
         )
         low, high = (middle, high) if found < probability else (low, middle)
     return high

@@ -231,9 +231,7 @@ class GroundSession:
         if taken > durable:
             reason = self.flight.fault or "the disk does not answer"
             log.error(
-                "pulses not stored: the drone keeps them",
-                pulses=taken - durable,
-                reason=reason,
+                "pulses not stored: the drone keeps them", pulses=taken - durable, reason=reason
             )
 
     async def _listen_for_place(self) -> None:

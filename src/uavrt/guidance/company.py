@@ -187,11 +187,7 @@ class Company:
     # ------------------------------------------------------------------ its own word
 
     def course(
-        self,
-        now: VehicleNow,
-        *,
-        searching: bool = False,
-        height_m: float | None = None,
+        self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
         """What it says of itself now; other tags come first each time."""
         self._sequence = (self._sequence + 1) % _ROUND

@@ -182,19 +182,13 @@ def rotation(
 
 
 def _turn_steps(
-    place: Place,
-    order: Order,
-    now: VehicleNow,
-    limits: Limits,
-    manners: Manners,
-    height: float,
+    place: Place, order: Order, now: VehicleNow, limits: Limits, manners: Manners, height: float
 ) -> tuple[tuple[Step, ...], float]:
     """A whole turn at a place, and how long it takes [s]."""
     least = 360.0 / _FASTEST_TURN_DEG_S
     if not least <= order.duration_s <= 600.0:
         raise PlanError(
-            f"a whole turn in {order.duration_s:g} s",
-            remedy=f"Give {least:.0f} to 600 s",
+            f"a whole turn in {order.duration_s:g} s", remedy=f"Give {least:.0f} to 600 s"
         )
     if now.yaw_deg is None:
         raise PlanError("the heading is not known", remedy="Wait for the compass")
@@ -304,25 +298,19 @@ def check_keep_out(
     if not (voids or within):
         return
     area = SearchArea(
-        search=_fence(limits),
-        voids=voids,
-        within=within,
-        margin_m=MARGIN_M,
-        straight_home=True,
+        search=_fence(limits), voids=voids, within=within, margin_m=MARGIN_M, straight_home=True
     )
     area.check_home()
     x, y = np.array(_local(plane, places)).T
     reason = area.entered(x[:1], y[:1])
     if reason is not None:
         raise PlanError(
-            f"where the drone is, a way {reason}",
-            remedy="Fly it by hand away from there",
+            f"where the drone is, a way {reason}", remedy="Fly it by hand away from there"
         )
     reason = area.entered(x, y)
     if reason is not None:
         raise PlanError(
-            f"the way {reason}",
-            remedy="Fly round it in several orders, or take off elsewhere",
+            f"the way {reason}", remedy="Fly round it in several orders, or take off elsewhere"
         )
 
 

@@ -329,12 +329,7 @@ class Seeker:
     # ------------------------------------------------------------------ what it decides
 
     def think(
-        self,
-        time_ns: int,
-        now: VehicleNow,
-        *,
-        idle: bool,
-        others: Sequence[Neighbour] = (),
+        self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> Choice:
         """Judge which tags are found, and decide where to fly.
 

@@ -375,11 +375,7 @@ def _tops(power: NDArray[np.float32], reach: int, at: NDArray[np.intp]) -> NDArr
 
 
 def _channel_columns(
-    samples: NDArray[np.complex64],
-    hop: int,
-    window: int,
-    columns: int,
-    sample_rate_hz: float,
+    samples: NDArray[np.complex64], hop: int, window: int, columns: int, sample_rate_hz: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Of each column its largest sample over noise, and whether the whole channel is loud.
 

@@ -149,12 +149,7 @@ def places_around(
     if hills is not None:
         hills.cover([-_FARTHEST_M, _FARTHEST_M], [-_FARTHEST_M, _FARTHEST_M])
     track = Track(
-        hills=hills,
-        pattern=pattern,
-        east_m=east,
-        north_m=north,
-        height_m=height,
-        axes=axes,
+        hills=hills, pattern=pattern, east_m=east, north_m=north, height_m=height, axes=axes
     )
     bearing = np.arange(_BEARINGS) * 360.0 / _BEARINGS
     ranges = np.geomspace(_NEAREST_M, _FARTHEST_M, _RANGES)

@@ -304,11 +304,7 @@ def _away_db(one: HeardTrain, east_m: _Floats, north_m: _Floats) -> _Floats:
 
 
 def _logs(
-    one: HeardTrain,
-    gain_db: _Floats,
-    table: _Floats,
-    levels_db: _Floats,
-    counted: float = 1.0,
+    one: HeardTrain, gain_db: _Floats, table: _Floats, levels_db: _Floats, counted: float = 1.0
 ) -> _Floats:
     """Log likelihood ratio of each place and level, levels a whole number of steps apart.
 

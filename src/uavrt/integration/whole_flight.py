@@ -111,11 +111,7 @@ class Weights:
 
     @classmethod
     def of(
-        cls,
-        basis: _Floats,
-        mixing: _Floats,
-        energies: SlotEnergies,
-        interval_s: float,
+        cls, basis: _Floats, mixing: _Floats, energies: SlotEnergies, interval_s: float
     ) -> "Weights":
         """Take a sum's deviation and skewness from the flight's own energies.
 

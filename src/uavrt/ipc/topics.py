@@ -42,11 +42,7 @@ TOPICS: dict[str, Topic] = {
             record=Assignment,
             meaning="what a starting process is to do; its first record",
         ),
-        Topic(
-            name="pulse",
-            record=messages.Pulse,
-            meaning="a pulse that a detector found",
-        ),
+        Topic(name="pulse", record=messages.Pulse, meaning="a pulse that a detector found"),
         Topic(
             name="search_report",
             record=messages.SearchReport,
@@ -62,9 +58,7 @@ TOPICS: dict[str, Topic] = {
             meaning="a pulse with the antenna's pose, or the word that there is none",
         ),
         Topic(
-            name="recorded",
-            record=messages.Recorded,
-            meaning="which of them are safe on disk",
+            name="recorded", record=messages.Recorded, meaning="which of them are safe on disk"
         ),
         Topic(
             name="taken",
@@ -98,11 +92,7 @@ TOPICS: dict[str, Topic] = {
             backlog=600,
             every_s=0.5,
         ),
-        Topic(
-            name="flight",
-            record=messages.FlightInfo,
-            meaning="a flight has started",
-        ),
+        Topic(name="flight", record=messages.FlightInfo, meaning="a flight has started"),
         Topic(
             name="corrected_tags",
             record=messages.FlightInfo,
@@ -170,11 +160,7 @@ TOPICS: dict[str, Topic] = {
             lossless=False,
             backlog=200,
         ),
-        Topic(
-            name="command",
-            record=messages.Command,
-            meaning="what an operator asks",
-        ),
+        Topic(name="command", record=messages.Command, meaning="what an operator asks"),
         Topic(
             name="command_reply",
             record=messages.CommandReply,

@@ -7,14 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 BearingMethod = Literal[
-    "pattern_ml",
-    "pca",
-    "pca_log",
-    "pca_amplitude",
-    "pearson",
-    "ls_linear",
-    "ls_db",
-    "max",
+    "pattern_ml", "pca", "pca_log", "pca_amplitude", "pearson", "ls_linear", "ls_db", "max"
 ]
 
 ArrayMethod = Literal["pseudo_doppler", "two_point_phased", "amplitude_monopulse"]

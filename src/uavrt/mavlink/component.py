@@ -204,15 +204,7 @@ class Component:
         """Tell ground stations where a station without an autopilot is."""
         uptime_ms = self._uptime_ms(now_ns)
         w, x, y, z = pose.quaternion_wxyz
-        self._send(
-            dialect.AttitudeQuaternion(
-                time_boot_ms=uptime_ms,
-                q1=w,
-                q2=x,
-                q3=y,
-                q4=z,
-            )
-        )
+        self._send(dialect.AttitudeQuaternion(time_boot_ms=uptime_ms, q1=w, q2=x, q3=y, q4=z))
         self._send(
             dialect.GlobalPositionInt(
                 time_boot_ms=uptime_ms,

@@ -136,10 +136,7 @@ class FileServer:
     """
 
     def __init__(
-        self,
-        tree: FileTree,
-        wake: Callable[[], None] = lambda: None,
-        disk: Disk = at_once,
+        self, tree: FileTree, wake: Callable[[], None] = lambda: None, disk: Disk = at_once
     ) -> None:
         self.tree = tree
         self._wake = wake

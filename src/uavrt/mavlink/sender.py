@@ -12,13 +12,7 @@ from uavrt.log import get_logger
 from uavrt.mavlink.dialect import Tunnel
 from uavrt.mavlink.discovery import Discovery, Peer
 from uavrt.mavlink.message import Message
-from uavrt.mavlink.pacing import (
-    STRAIGHT_GAP_S,
-    Item,
-    PacedQueue,
-    Priority,
-    Source,
-)
+from uavrt.mavlink.pacing import STRAIGHT_GAP_S, Item, PacedQueue, Priority, Source
 from uavrt.mavlink.rate import STRAIGHT, LinkRate
 from uavrt.mavlink.routes import Routes
 from uavrt.mavlink.statustext import chunks_of
@@ -265,10 +259,7 @@ class TunnelSender:
             self._senders[target.link].put(item, priority)
 
     def send_message(
-        self,
-        message: Message,
-        priority: Priority = Priority.STATUS,
-        link: int | None = None,
+        self, message: Message, priority: Priority = Priority.STATUS, link: int | None = None
     ) -> None:
         """Queue any message for the ground, or for whoever is on one link."""
         if link is None:

@@ -107,12 +107,7 @@ class Polygon:
         cls, west_m: float, east_m: float, south_m: float, north_m: float, name: str = "polygon"
     ) -> "Polygon":
         """Outline of a rectangle."""
-        corners = (
-            (west_m, south_m),
-            (east_m, south_m),
-            (east_m, north_m),
-            (west_m, north_m),
-        )
+        corners = ((west_m, south_m), (east_m, south_m), (east_m, north_m), (west_m, north_m))
         return cls(corners=corners, name=name)
 
     @property
@@ -415,11 +410,7 @@ class SearchArea:
         return reasons
 
     def _faults(
-        self,
-        x: _Floats,
-        y: _Floats,
-        height_m: _Floats | float,
-        start_m: tuple[float, float],
+        self, x: _Floats, y: _Floats, height_m: _Floats | float, start_m: tuple[float, float]
     ) -> list[tuple[int, str]]:
         """Number of each leg with a fault, and the fault."""
         found: list[tuple[int, str]] = []

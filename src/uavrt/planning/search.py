@@ -43,11 +43,7 @@ class Search:
     """
 
     def __init__(
-        self,
-        settings: SearchSettings,
-        beliefs: Beliefs,
-        planner: Planner,
-        rng: Generator,
+        self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
     ) -> None:
         self.settings, self.beliefs = settings, beliefs
         self._planner, self._rng = planner, rng

@@ -75,9 +75,7 @@ class Situation(SearchSettings):
     def listener(self) -> Listener:
         """What of a pulse reaches the drone."""
         return Listener(
-            above_tags_m=self.above_tags_m,
-            pulse_s=self.pulse_s,
-            threshold_db=self.threshold_db,
+            above_tags_m=self.above_tags_m, pulse_s=self.pulse_s, threshold_db=self.threshold_db
         )
 
 

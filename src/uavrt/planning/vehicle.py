@@ -329,11 +329,7 @@ def flown(
 
 
 def _straight(
-    vehicle: Vehicle,
-    state: VehicleState,
-    end_m: tuple[float, float],
-    wind: Wind,
-    step: float,
+    vehicle: Vehicle, state: VehicleState, end_m: tuple[float, float], wind: Wind, step: float
 ) -> Path:
     east, north = np.array([end_m[0]]), np.array([end_m[1]])
     duration = float(vehicle.durations(state, east, north, wind)[0])

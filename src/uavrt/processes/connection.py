@@ -15,12 +15,7 @@ from uavrt.clock import monotonic_s
 from uavrt.commands import SystemState
 from uavrt.config.parameters import PARAMETERS
 from uavrt.config.settings import Settings
-from uavrt.errors import (
-    ConfigError,
-    LinkError,
-    RecordingError,
-    TunnelError,
-)
+from uavrt.errors import ConfigError, LinkError, RecordingError, TunnelError
 from uavrt.ipc.link import SupervisorGone
 from uavrt.ipc.process import ProcessFrame
 from uavrt.log import get_logger
@@ -395,9 +390,7 @@ class ConnectionProcess:
         if self._disk.stalled_s(monotonic_s()):
             status = "waiting for disk"
         self._frame.report(
-            "link fault" if fault else status,
-            ok=not fault,
-            counters=self._counters,
+            "link fault" if fault else status, ok=not fault, counters=self._counters
         )
 
     def _watch_clock(self) -> None:

@@ -19,14 +19,7 @@ from uavrt.mavlink.ftp_server import Disk, at_once
 from uavrt.mavlink.pacing import Priority
 from uavrt.mavlink.sender import TunnelSender
 from uavrt.mavlink.statustext import TextLimiter
-from uavrt.messages import (
-    Beep,
-    ProcessStatus,
-    SearchReport,
-    StatusText,
-    drop_beeps,
-    keep_beep,
-)
+from uavrt.messages import Beep, ProcessStatus, SearchReport, StatusText, drop_beeps, keep_beep
 from uavrt.tunnel.beep import BEEP_TYPE, encode_beep
 from uavrt.tunnel.exchange import Exchange
 from uavrt.units import ns_from_s

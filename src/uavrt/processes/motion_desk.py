@@ -129,9 +129,7 @@ class MotionDesk:
         by_tcp = autopilot_link is not None and autopilot_link.kind == "tcp"
         self._link_fault = TCP_IS_LATE if by_tcp and not self._on_loopback else None
         self._fence = FenceWatch(
-            outlets.command,
-            lambda fence: outlets.record("vehicle_fence", fence),
-            own_place,
+            outlets.command, lambda fence: outlets.record("vehicle_fence", fence), own_place
         )
         self._kind: AutopilotName | None = None
         self._authority: Authority | None = None

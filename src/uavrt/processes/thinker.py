@@ -70,12 +70,7 @@ class Thinker:
         self._put(lambda: self._seeker.begin(time_ns, now))
 
     def ask(
-        self,
-        time_ns: int,
-        now: VehicleNow,
-        *,
-        idle: bool,
-        others: Sequence[Neighbour] = (),
+        self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> None:
         """Ask where to fly, if it is time."""
         if self.is_time(now, idle=idle):

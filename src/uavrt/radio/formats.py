@@ -130,8 +130,7 @@ def sigmf_format(datatype: str) -> SampleFormat:
             remedy="Convert it to I/Q first (mix to 0 Hz and low-pass)",
         )
     raise FormatError(
-        f"unknown core:datatype {datatype!r}",
-        remedy=f"Choose from {', '.join(sorted(_SIGMF))}",
+        f"unknown core:datatype {datatype!r}", remedy=f"Choose from {', '.join(sorted(_SIGMF))}"
     )
 
 

@@ -228,12 +228,7 @@ class ProgramSource(StreamSource):
 
     def _error(self, code: int, said: str, words: str) -> RadioError:
         return exit_error(
-            self._settings,
-            code,
-            said,
-            words,
-            own_rates=self._own_rates,
-            seen=self._seen,
+            self._settings, code, said, words, own_rates=self._own_rates, seen=self._seen
         )
 
     def _own_rates(self) -> str:

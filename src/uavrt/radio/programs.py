@@ -137,6 +137,5 @@ def _known(kind: str) -> str:
     if kind in PROGRAMS:
         return kind
     raise ConfigError(
-        f"unknown radio {kind!r}",
-        remedy=f"Set [radio] kind to one of {', '.join(RADIOS)}",
+        f"unknown radio {kind!r}", remedy=f"Set [radio] kind to one of {', '.join(RADIOS)}"
     )

@@ -31,10 +31,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, SIGMF_FULL_SCALE
 
 
 def sigmf_layout(
-    path: Path,
-    *,
-    center_frequency_hz: float | None = None,
-    start_time_ns: int | None = None,
+    path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
     """Describe a SigMF recording, gaps between its captures included.
 

@@ -86,10 +86,7 @@ class _Header:
 
 
 def wav_layout(
-    path: Path,
-    *,
-    center_frequency_hz: float | None = None,
-    start_time_ns: int | None = None,
+    path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
     """Describe a two-channel WAV file.
 

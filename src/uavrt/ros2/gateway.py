@@ -116,10 +116,7 @@ class Gateway:
         self._upload = Upload()
         self._resumed = False
         self._parameters = ParameterServices(
-            lambda: self._settings,
-            self._running,
-            ask=self._ask_parameter,
-            reply=bus.reply,
+            lambda: self._settings, self._running, ask=self._ask_parameter, reply=bus.reply
         )
         self._gateways_said = 0
         self._foreign: OrderedDict[tuple[int, int], None] = OrderedDict()

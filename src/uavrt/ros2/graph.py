@@ -203,11 +203,7 @@ TOPICS: dict[str, RosTopic] = {
 OWN_TOPICS = ("burst", "store_coded_tag_information")
 """Of coded tags, which the original does not know."""
 
-COMPONENTS = {
-    "airspy_csdr_netcat": AIRSPY,
-    "channelizer": CHANNELIZER,
-    "detector": DETECTOR,
-}
+COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
 """Components that take ``control_<name>_subprocess`` and tell ``status_<name>_subprocess``."""
 
 LOG_TOPIC = "rosout"

@@ -294,10 +294,7 @@ def _levelled(scenario: Scenario, stand: Flight, enr_db: float) -> Scenario:
     return replace(
         scenario,
         tag=tuple(
-            replace(
-                tag,
-                erp_dbm=round(tag.erp_dbm + enr_db - world.pulse(tag, 0).enr_db, 1),
-            )
+            replace(tag, erp_dbm=round(tag.erp_dbm + enr_db - world.pulse(tag, 0).enr_db, 1))
             for tag in scenario.tag
         ),
     )

@@ -140,10 +140,7 @@ class MissionStore:
         self._say(sender, kind, MavMissionResult.MISSION_ACCEPTED, send)
 
     def _give(
-        self,
-        message: dialect.MissionRequestInt,
-        sender: Place,
-        send: Callable[[Message], None],
+        self, message: dialect.MissionRequestInt, sender: Place, send: Callable[[Message], None]
     ) -> None:
         kind = message.mission_type
         items = self.held[kind]
@@ -167,8 +164,4 @@ class MissionStore:
 
 
 def _to(sender: Place, kind: int) -> dict[str, int]:
-    return {
-        "target_system": sender[0],
-        "target_component": sender[1],
-        "mission_type": kind,
-    }
+    return {"target_system": sender[0], "target_component": sender[1], "mission_type": kind}

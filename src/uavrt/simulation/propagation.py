@@ -160,11 +160,7 @@ def _rays(
         longer = math.hypot(over_ground, sum(heights_m)) - straight
         # The image that is so much farther away, straight beneath the tag.
         away = geometry.length(geometry.subtract(tag, antenna)) + longer
-        image = (
-            tag[0],
-            tag[1],
-            antenna[2] + math.sqrt(max(away**2 - over_ground**2, 0.0)),
-        )
+        image = (tag[0], tag[1], antenna[2] + math.sqrt(max(away**2 - over_ground**2, 0.0)))
         yield (
             image,
             ground_reflection(propagation, grazing, frequency_hz, horizontal=horizontal),

@@ -7,7 +7,4 @@ class ScenarioRecord:
     """Base of the scenario's tables: unknown keys, infinities and NaN are faults."""
 
     __slots__ = ()
-    __pydantic_config__: ClassVar[dict[str, Any]] = {
-        "extra": "forbid",
-        "allow_inf_nan": False,
-    }
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}

@@ -54,13 +54,7 @@ def telemetry_message(message_id: int, pose: Pose, boot_ms: int, time_ns: int) -
 
 def _attitude(pose: Pose, boot_ms: int) -> dialect.AttitudeQuaternion:
     w, x, y, z = pose.quaternion_wxyz
-    return dialect.AttitudeQuaternion(
-        time_boot_ms=boot_ms,
-        q1=w,
-        q2=x,
-        q3=y,
-        q4=z,
-    )
+    return dialect.AttitudeQuaternion(time_boot_ms=boot_ms, q1=w, q2=x, q3=y, q4=z)
 
 
 def _position(pose: Pose, boot_ms: int) -> dialect.GlobalPositionInt:
@@ -78,8 +72,5 @@ def _position(pose: Pose, boot_ms: int) -> dialect.GlobalPositionInt:
 
 def _system_status() -> dialect.SysStatus:
     return dialect.SysStatus(
-        load=300,
-        voltage_battery=16_200,
-        current_battery=-1,
-        battery_remaining=80,
+        load=300, voltage_battery=16_200, current_battery=-1, battery_remaining=80
     )

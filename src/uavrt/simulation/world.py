@@ -216,10 +216,7 @@ class World:
             return sent
         # The change of distance over 2 ms, about the pulse's start, is the closing speed.
         before, after = (
-            math.dist(
-                self._tag_place(tag, moment),
-                self.antenna_state(moment)[0],
-            )
+            math.dist(self._tag_place(tag, moment), self.antenna_state(moment)[0])
             for moment in (time_ns - 1_000_000, time_ns + 1_000_000)
         )
         return sent * (1.0 - (after - before) / 2e-3 / SPEED_OF_LIGHT_M_S)

@@ -412,12 +412,7 @@ class Supervisor:
             tags=(*mission.tags.values(),),
             commander=mission.commander.name,
             processes=(
-                self_status(
-                    mission.state,
-                    instances,
-                    own_usage(os.getpid()),
-                    counters,
-                ),
+                self_status(mission.state, instances, own_usage(os.getpid()), counters),
                 *(instance.status() for instance in instances),
             ),
             ending=mission.ending,

@@ -115,12 +115,7 @@ def ground_grid(
     if not known.all():
         height = _filled(height, known)
     return GroundGrid(
-        plane=plane,
-        west_m=west_m,
-        south_m=south_m,
-        cell_m=cell_m,
-        known=known,
-        height_m=height,
+        plane=plane, west_m=west_m, south_m=south_m, cell_m=cell_m, known=known, height_m=height
     )
 
 

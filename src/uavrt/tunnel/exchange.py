@@ -44,11 +44,7 @@ PENDING = 64
 """Commands that may wait for the supervisor's reply; it answers in milliseconds."""
 PROGRESS_VERSION, ALIVE_VERSION = 5, 6
 """Versions that brought OPERATION_PROGRESS and DETECTOR_HEARTBEAT."""
-STATES = {
-    "running": g2.RUNNING,
-    "complete": g2.COMPLETE,
-    "failed": g2.FAILED,
-}
+STATES = {"running": g2.RUNNING, "complete": g2.COMPLETE, "failed": g2.FAILED}
 
 
 @dataclass(frozen=True, slots=True)

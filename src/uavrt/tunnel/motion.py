@@ -259,10 +259,7 @@ def _places(body: bytes) -> tuple[tuple[float, float], ...]:
         return ()
     north, east = (number * _FINE for number in _FIRST.unpack_from(body))
     further = _FURTHER.iter_unpack(body[_FIRST.size :])
-    return (
-        (north, east),
-        *((north + a * _COARSE, east + b * _COARSE) for a, b in further),
-    )
+    return ((north, east), *((north + a * _COARSE, east + b * _COARSE) for a, b in further))
 
 
 def cut_text(text: str, tail: str = "") -> str:

@@ -88,11 +88,5 @@ def coverage(
         rows += shadow_rows(outcomes)
     rows = [row for name in names for row in rows if row.experiment == name]
     finish(
-        rows,
-        f"seed {seed}",
-        measured,
-        output,
-        as_json=json_summary,
-        stopped=stopped,
-        kept=kept,
+        rows, f"seed {seed}", measured, output, as_json=json_summary, stopped=stopped, kept=kept
     )

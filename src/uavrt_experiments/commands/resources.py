@@ -55,9 +55,7 @@ def resources(
 
 def _shapes(minutes: float, tags: int, console: Console, json_summary: bool) -> None:
     report = run_shapes(
-        tags=tags,
-        seconds=60.0 * minutes / len(SHAPES),
-        say=lambda line: console.print(line),
+        tags=tags, seconds=60.0 * minutes / len(SHAPES), say=lambda line: console.print(line)
     )
     if json_summary:
         print_json(report.as_dict())

@@ -11,12 +11,7 @@ from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt_experiments.detection import original, theory
 from uavrt_experiments.detection.antenna import AntennaFlight, antenna_case
 from uavrt_experiments.detection.cases import Case, Experiment
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    TruePulse,
-    add_pulse,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, TruePulse, add_pulse
 from uavrt_experiments.detection.tracking import SHORT_S, flight_case, flight_rows
 from uavrt_experiments.detection.trials import (
     RATE_HZ,

@@ -189,11 +189,7 @@ class Scene:
         return self._table
 
     def _wave(
-        self,
-        at: NDArray[np.int64],
-        place: float,
-        level_db: float,
-        phase: NDArray[np.float64],
+        self, at: NDArray[np.int64], place: float, level_db: float, phase: NDArray[np.float64]
     ) -> NDArray[np.complex64]:
         angle = (2.0 * np.pi * ((at * place + phase) % 1.0)).astype(np.float32)
         wave = np.empty(at.size, np.complex64)

@@ -12,11 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.config.code_rules import GAP_TOLERANCE_S
-from uavrt.detection.coded.evidence import (
-    evidence,
-    evidence_of_sums,
-    required_evidence,
-)
+from uavrt.detection.coded.evidence import evidence, evidence_of_sums, required_evidence
 from uavrt.detection.coded.identity import STEPS, Sighting, Sightings
 from uavrt.detection.coded.judging import (
     ASIDE_NOISE_S,
@@ -168,11 +164,7 @@ def _single(rng: np.random.Generator, air: _OnAir, tag: Tag, foreign_per_hour: f
     stretch_s = GAP_TOLERANCE_S * places_s / places_s[-1]
     limits = {
         count: sum_limit(
-            tag,
-            bandwidth_hz=_WINDOW_HZ,
-            bursts=1,
-            pulses=count,
-            false_per_hour=FALSE_PER_HOUR,
+            tag, bandwidth_hz=_WINDOW_HZ, bursts=1, pulses=count, false_per_hour=FALSE_PER_HOUR
         )
         for count in range(least_pulses(len(places_s)), len(places_s) + 1)
     }

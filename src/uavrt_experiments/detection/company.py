@@ -282,9 +282,7 @@ class TwoRates:
         while at + 0.05 < self.duration_s:
             truth.append(
                 TruePulse(
-                    start_s=at + rng.uniform(0.0, 0.005),
-                    offset_hz=100.0,
-                    enr_db=self.enr_db,
+                    start_s=at + rng.uniform(0.0, 0.005), offset_hz=100.0, enr_db=self.enr_db
                 )
             )
             now = self.sent[-1] if at >= switch_s else self.sent[0]

@@ -151,11 +151,7 @@ def false_alarm_case(
         rng: np.random.Generator, _: int, *, tag: Tag = tag, stretch_s: float = stretch_s
     ) -> FalseAlarms:
         return count_false(
-            rng,
-            tag,
-            make=make,
-            frequency_window_hz=frequency_window_hz,
-            stretch_s=stretch_s,
+            rng, tag, make=make, frequency_window_hz=frequency_window_hz, stretch_s=stretch_s
         )
 
     full = Case(

@@ -89,10 +89,7 @@ class Ghosts:
         )
         second = [] if self.second_db is None else self._second(rng, strong, self.second_db)
         samples = make_samples(
-            rng,
-            [*strong, *second, *beside],
-            duration_s=self.duration_s,
-            sample_rate_hz=RATE_HZ,
+            rng, [*strong, *second, *beside], duration_s=self.duration_s, sample_rate_hz=RATE_HZ
         )
         self._receive(samples)
         tags = _LISTED if self.place is MIRROR else (STRONG, SECOND, self.place)

@@ -9,12 +9,7 @@ from uavrt.detection.detector import PulseDetector
 from uavrt.detection.group import DetectorGroup
 from uavrt.messages import Pulse
 from uavrt_experiments.detection.cases import Case, Experiment
-from uavrt_experiments.detection.signals import (
-    START_NS,
-    THESIS_TAG,
-    make_samples,
-    pulse_train,
-)
+from uavrt_experiments.detection.signals import START_NS, THESIS_TAG, make_samples, pulse_train
 from uavrt_experiments.detection.tracking import count_row
 from uavrt_experiments.detection.trials import RATE_HZ, blocks_of
 from uavrt_experiments.result import Row

@@ -56,11 +56,7 @@ def _with_bars(axes: "Axes", rows: Sequence[Row], label: str, **style: object) -
 
 
 def _finish(
-    axes: "Axes",
-    title: str,
-    x: str,
-    y: str,
-    where: Literal["best", "center left"] = "best",
+    axes: "Axes", title: str, x: str, y: str, where: Literal["best", "center left"] = "best"
 ) -> bool:
     axes.set(xlabel=x, ylabel=y, title=title)
     axes.grid(alpha=0.3)

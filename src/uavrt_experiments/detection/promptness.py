@@ -216,10 +216,7 @@ E16 = Experiment(
         _latency_case("20 dB, silent for 10 s", enr_db=20.0, silent_s=10.0, barred=True),
         _latency_case("10 dB, silent for 10 s", enr_db=10.0, silent_s=10.0, barred=False),
         _cost_case(
-            "one tag, K = 3",
-            THESIS_TAG,
-            most=0.08,
-            published=original.COST_ONE_TAG_PERCENT,
+            "one tag, K = 3", THESIS_TAG, most=0.08, published=original.COST_ONE_TAG_PERCENT
         ),
         _cost_case("100 tags, K = 3", THESIS_TAG, count=100, most=5.5, seconds=4.0),
         _cost_case(

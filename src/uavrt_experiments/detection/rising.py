@@ -222,12 +222,7 @@ def alarm_rows(outcomes: Sequence[Alarms], *, case: str) -> list[Row]:
             sum(o.soon_nominal for o in outcomes),
             (None, _SOON_MOST),
         ),
-        (
-            "else",
-            [o.later for o in outcomes],
-            sum(o.later_nominal for o in outcomes),
-            _LATER,
-        ),
+        ("else", [o.later for o in outcomes], sum(o.later_nominal for o in outcomes), _LATER),
     ):
         low, high = count_interval(counts)
         rows.append(

@@ -12,12 +12,7 @@ from uavrt_experiments.detection.sensitivity import points_of
 from uavrt_experiments.detection.signals import THESIS_TAG
 from uavrt_experiments.detection.trials import Comparison, Flight, emissions
 from uavrt_experiments.result import Row
-from uavrt_experiments.statistics import (
-    count_interval,
-    level_for,
-    quantile,
-    share_by_flight,
-)
+from uavrt_experiments.statistics import count_interval, level_for, quantile, share_by_flight
 
 SEEDS = 20
 """Flights of a condition at full size; the bars ask for ten."""
@@ -274,12 +269,8 @@ E8 = Experiment(
         _off("jitter ± 10 ms", replace(_WEAK, jitter_s=0.010)),
         _off("interval drifting 2e-4 per pulse", replace(_WEAK, interval_drift=2e-4)),
         _off(
-            "frequency drifting 10 Hz/s",
-            replace(_WEAK, drift_hz_per_s=10.0, offset_hz=-600.0),
+            "frequency drifting 10 Hz/s", replace(_WEAK, drift_hz_per_s=10.0, offset_hz=-600.0)
         ),
-        _off(
-            "exact tag, no uncertainty",
-            replace(_WEAK, tag=_EXACT_TAG, jitter_s=0.0),
-        ),
+        _off("exact tag, no uncertainty", replace(_WEAK, tag=_EXACT_TAG, jitter_s=0.0)),
     ),
 )

@@ -41,10 +41,7 @@ def blocks_of(
 ) -> Iterator[tuple[Samples, int]]:
     """Cut samples into blocks with the times of their first samples."""
     for first in range(0, len(samples), block):
-        yield (
-            samples[first : first + block],
-            start_ns + ns_from_s(first / sample_rate_hz),
-        )
+        yield (samples[first : first + block], start_ns + ns_from_s(first / sample_rate_hz))
 
 
 def detect_blocks(

@@ -66,10 +66,7 @@ def narrow_world(course: Course) -> World:
 
 
 def best_train(
-    world: World,
-    energies: SlotEnergies,
-    drift: float = 0.0,
-    weights: Weights | None = None,
+    world: World, energies: SlotEnergies, drift: float = 0.0, weights: Weights | None = None
 ) -> FoldedTrain:
     """The likeliest train of a narrow search, by default of all places.
 
@@ -184,12 +181,7 @@ def _curve(
         return made
 
     return Case(
-        name=case,
-        trials=600,
-        seconds=seconds,
-        trial=trial,
-        rows=rows,
-        least=2 * len(levels),
+        name=case, trials=600, seconds=seconds, trial=trial, rows=rows, least=2 * len(levels)
     )
 
 

@@ -49,9 +49,7 @@ def worlds(flights: int, apart_m: float = 0.0, pulses: int = 100) -> tuple[World
 
 
 @lru_cache(maxsize=8)
-def _looked_at(
-    each: tuple[World, ...],
-) -> tuple[list[Places], list[_Floats], NDArray[np.intp]]:
+def _looked_at(each: tuple[World, ...]) -> tuple[list[Places], list[_Floats], NDArray[np.intp]]:
     """Places of several flights, their gains, and those that stand for all."""
     places = []
     for one in each:

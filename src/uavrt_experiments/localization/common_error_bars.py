@@ -137,12 +137,7 @@ def _places(rng: Generator, errors: Errors) -> tuple[_Floats, _Floats]:
     return radius * np.sin(turns), radius * np.cos(turns)
 
 
-def turn(
-    rng: Generator,
-    bearing_deg: float,
-    distance_m: float,
-    errors: Errors,
-) -> Bearing:
+def turn(rng: Generator, bearing_deg: float, distance_m: float, errors: Errors) -> Bearing:
     """A turn of 60 pulses, 20 dB at 400 m, fading of 2 dB."""
     count = 60
     yaw = rng.uniform(0.0, 360.0) + np.arange(count) * 360.0 / count
@@ -154,12 +149,7 @@ def turn(
     power = matched_power(rng, level + PATTERNS["RA-23K"].gain_db(bearing_deg - yaw))
     foreign = rng.random(count) < errors.foreign_share
     power[foreign] = matched_power(rng, rng.uniform(5.0, 30.0, int(foreign.sum())))
-    return estimate_bearing(
-        yaw,
-        None,
-        matched_power=power,
-        heading_sigma_deg=_OWN_HEADING_DEG,
-    )
+    return estimate_bearing(yaw, None, matched_power=power, heading_sigma_deg=_OWN_HEADING_DEG)
 
 
 def common_errors(runs: int, seed: int) -> list[Row]:

@@ -202,8 +202,7 @@ def true_pulses(scenario: Scenario, rng: np.random.Generator) -> list[Pulse]:
 def _true_poses(scenario: Scenario, pulses: Sequence[Pulse]) -> list[PulsePose]:
     return [
         PulsePose(
-            pulse=one,
-            pose=scenario.antenna_pose((one.start_time_ns + one.end_time_ns) // 2),
+            pulse=one, pose=scenario.antenna_pose((one.start_time_ns + one.end_time_ns) // 2)
         )
         for one in pulses
     ]

@@ -152,10 +152,7 @@ T3 = Scenario(
     our_stop=HonestStop(radius95_m=24.5),
     height_m=30.0,
     limit_s=900,
-    bars=(
-        Bar(quantity="error, mean, m", most=15.0),
-        Bar(quantity="time, mean, s", most=130.0),
-    ),
+    bars=(Bar(quantity="error, mean, m", most=15.0), Bar(quantity="time, mean, s", most=130.0)),
     contenders=_all(*_BASELINES),
 )
 

@@ -124,10 +124,7 @@ def beliefs_of(
     return Beliefs(
         *(
             TagBelief(
-                number + 1,
-                prior,
-                np.random.default_rng((seed, 2, number)),
-                particles=particles,
+                number + 1, prior, np.random.default_rng((seed, 2, number)), particles=particles
             )
             for number, prior in enumerate(priors)
         )
@@ -209,10 +206,7 @@ class _Flight:
         )
         beliefs = beliefs_of(scenario, contender, seed, particles, self.world)
         self.search = Search(
-            settings,
-            beliefs,
-            planner_of(contender),
-            np.random.default_rng((seed, 4)),
+            settings, beliefs, planner_of(contender), np.random.default_rng((seed, 4))
         )
         self.state = start_of(scenario)
         self.least = LeastErrors(scenario, self.world)

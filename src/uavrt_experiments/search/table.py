@@ -8,14 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.guidance.neighbours import SEPARATION
-from uavrt_experiments.figures import (
-    mean,
-    measured,
-    median,
-    rms,
-    share,
-    tenth_worst,
-)
+from uavrt_experiments.figures import mean, measured, median, rms, share, tenth_worst
 from uavrt_experiments.result import Row
 from uavrt_experiments.search.bounds import least_mean_m, least_rms_m
 from uavrt_experiments.search.drones import starts_of

@@ -41,9 +41,7 @@ SLOW_FRAMES = """() => { const burn = () => { const end = performance.now() + 40
 
 @pytest.fixture
 def station(
-    start_ground: Callable[..., Ground],
-    willing: Callable[..., WillingDrone],
-    tmp_path: Path,
+    start_ground: Callable[..., Ground], willing: Callable[..., WillingDrone], tmp_path: Path
 ) -> str:
     """Address of a station with two past flights, a tag and a drone that is heard."""
     here = tmp_path / "ground"

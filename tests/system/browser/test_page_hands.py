@@ -345,9 +345,7 @@ def test_a_tap_tells_the_place_measures_and_marks(
 
 
 def test_a_receiver_tells_where_the_people_stand(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    tmp_path: Path,
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     (tmp_path / "ground").mkdir()
     flight = write_flight(tmp_path / "ground", 120.0, 300.0)
@@ -429,9 +427,7 @@ def test_two_pages_one_commander_and_no_lost_tags(
 
 
 def test_a_tab_made_from_the_page_that_commands_looks_on(
-    watch: Callable[..., Watched],
-    start_ground: Callable[..., Ground],
-    tmp_path: Path,
+    watch: Callable[..., Watched], start_ground: Callable[..., Ground], tmp_path: Path
 ) -> None:
     """The browser copies what the tab has stored, as it does for *Duplicate tab*."""
     first = watch(start_ground(tmp_path).address)

@@ -145,10 +145,7 @@ def run_the_thesis(directory: Path, recording: Path, port: int, netcat: Path | N
 
 @pytest.mark.parametrize("kind", ["cutting anywhere", "installed"])
 def test_the_pipe_of_the_thesis_ends_in_the_channels_of_the_original(
-    tmp_path: Path,
-    recording: Path,
-    listeners: dict[int, list[socket.socket]],
-    kind: str,
+    tmp_path: Path, recording: Path, listeners: dict[int, list[socket.socket]], kind: str
 ) -> None:
     found = shutil.which("netcat")
     # Without netcat both runs use the stand-in, which is the harder sender of the two.

@@ -101,9 +101,7 @@ def test_pulses_of_a_foreign_generator_are_found_through_a_pipe(
     assert b"tag 7" in err
 
 
-def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(
-    tmp_path: Path,
-) -> None:
+def test_a_live_stream_gives_times_of_the_clock_and_pulses_as_they_come(tmp_path: Path) -> None:
     rate, seconds = 250_000, 8.0
     child = detect(
         *("-", "--tags", str(tag_file(tmp_path)), "--format", "cs16"),

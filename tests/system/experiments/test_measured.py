@@ -10,14 +10,7 @@ import pytest
 
 from uavrt_experiments import measured
 from uavrt_experiments.detection.tables import FOLDERS, read_results, write_results
-from uavrt_experiments.measured import (
-    ROOT,
-    SOURCE,
-    digest,
-    in_history,
-    main,
-    read_parts,
-)
+from uavrt_experiments.measured import ROOT, SOURCE, digest, in_history, main, read_parts
 
 
 def test_a_commit_that_is_not_in_the_history_is_told(tmp_path: Path) -> None:

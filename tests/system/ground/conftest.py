@@ -66,11 +66,7 @@ class Served:
         assert not self._thread.is_alive()
 
     def ask(
-        self,
-        method: str,
-        path: str,
-        body: object = None,
-        headers: dict[str, str] | None = None,
+        self, method: str, path: str, body: object = None, headers: dict[str, str] | None = None
     ) -> Answer:
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
         told = {"Content-Type": "application/json"} if body is not None else {}

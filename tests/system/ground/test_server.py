@@ -103,10 +103,7 @@ def test_a_rebound_name_reads_nothing(standing: Any, path: str) -> None:
 
 
 def test_the_own_page_may_command(served: Any) -> None:
-    own = {
-        "Origin": f"http://127.0.0.1:{served.port}",
-        "Sec-Fetch-Site": "same-origin",
-    }
+    own = {"Origin": f"http://127.0.0.1:{served.port}", "Sec-Fetch-Site": "same-origin"}
     assert served.ask("POST", "/api/commands/mark", {"text": "nest"}, own).status == 200
     log = served.ask("GET", "/api/log").json
     assert log[-1]["text"] == "mark: nest"

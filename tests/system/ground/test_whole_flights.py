@@ -41,11 +41,7 @@ def test_a_flight_without_samples_cannot_be_judged_and_the_page_is_told_why(
 
 def test_a_folded_flight_is_a_picture_of_time_and_phase(tmp_path: Path) -> None:
     verdict = IntegratedVerdict(
-        tag_id=2,
-        found=True,
-        false_alarm_probability=1e-6,
-        interval_s=1.2,
-        frequency_hz=148.7e6,
+        tag_id=2, found=True, false_alarm_probability=1e-6, interval_s=1.2, frequency_hz=148.7e6
     )
     raster = ((0.0, 5.0, 0.0), (0.0, 4.0, 0.0))
     fold = FlightFold(

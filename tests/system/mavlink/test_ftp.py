@@ -69,10 +69,7 @@ async def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -
 
     def client() -> str:
         finished = subprocess.run(
-            [
-                sys.executable,
-                *("-c", PYMAVLINK_CLIENT, str(world.ground_port), str(local)),
-            ],
+            [sys.executable, *("-c", PYMAVLINK_CLIENT, str(world.ground_port), str(local))],
             capture_output=True,
             text=True,
             timeout=90,

@@ -269,9 +269,7 @@ def test_a_program_that_ignores_sigterm_is_killed_with_its_children(install: Ins
         source.read()
 
 
-def test_samples_that_a_program_says_it_lost_are_a_gap_in_the_stream(
-    install: Install,
-) -> None:
+def test_samples_that_a_program_says_it_lost_are_a_gap_in_the_stream(install: Install) -> None:
     install(
         "airspy_rx",
         """

@@ -7,9 +7,7 @@ import numpy as np
 from tests.unit.radio.test_stream import drain, pipe_fixture, source  # noqa: F401  # fixture
 
 
-def test_no_block_within_the_timeout_is_none_and_nothing_is_lost(
-    pipe: tuple[int, int],
-) -> None:
+def test_no_block_within_the_timeout_is_none_and_nothing_is_lost(pipe: tuple[int, int]) -> None:
     reading, writing = pipe
     stream = source(reading)
     samples = np.arange(30_000).astype(np.complex64)

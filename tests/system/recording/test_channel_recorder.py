@@ -197,8 +197,7 @@ def test_what_was_written_before_a_kill_can_be_read(tmp_path: Path) -> None:
     )
     root = str(Path(__file__).parents[3])
     child = subprocess.Popen(
-        [sys.executable, "-c", program, str(tmp_path / "flight"), root],
-        stdout=subprocess.PIPE,
+        [sys.executable, "-c", program, str(tmp_path / "flight"), root], stdout=subprocess.PIPE
     )
     assert child.stdout is not None
     assert child.stdout.readline() == b"written\n"

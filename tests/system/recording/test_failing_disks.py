@@ -13,10 +13,7 @@ from command_line import python
 
 from uavrt.config.settings import Settings
 from uavrt.errors import FormatError, RecordingError
-from uavrt.messages import (
-    FlightInfo,
-    Poses,
-)
+from uavrt.messages import FlightInfo, Poses
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout

@@ -368,8 +368,7 @@ def test_a_refused_command_is_told_with_its_reason(launch: Any, ros_peer: Any) -
     ros_peer.publish("control_start_subprocess", ros_peer.order("start"))
     (command,) = gateway.receive("command")
     gateway.send(
-        "command_reply",
-        made.reply(command, message="no tags: send tags first", accepted=False),
+        "command_reply", made.reply(command, message="no tags: send tags first", accepted=False)
     )
     line = ros_peer.read(collect(logs)[-1], "rcl_interfaces/msg/Log")
     assert (line.level, line.msg) == (30, "start_detection refused: no tags: send tags first")

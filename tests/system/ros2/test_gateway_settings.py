@@ -149,8 +149,7 @@ def test_the_node_list_has_a_type_hash_so_that_ros_2_prints_no_warning(
 
 
 @pytest.mark.parametrize(
-    "environment",
-    [{"ROS_LOCALHOST_ONLY": "1"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}],
+    "environment", [{"ROS_LOCALHOST_ONLY": "1"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}]
 )
 def test_ros_2_s_own_variables_keep_us_on_this_computer(
     launch: Any, ros_peer: Any, ros_domain: int, environment: dict[str, str]

@@ -194,10 +194,7 @@ def test_parameters_are_listed_described_and_read(
     launch: Any, ros_peer: Any, settings: Ros2Settings
 ) -> None:
     gateway = launch(settings)
-    gateway.send(
-        "system_status",
-        made.system_status(),
-    )
+    gateway.send("system_status", made.system_status())
     client = Client(ros_peer)
     names = client.ask("list_parameters", prefixes=[], depth=0).result.names
     assert names == list(OFFERED)

@@ -58,12 +58,7 @@ def start() -> Iterator[Callable[..., subprocess.Popen[bytes]]]:
         process.communicate()
 
 
-def find(
-    haystack: Scenario,
-    samples: np.ndarray,
-    gain: int,
-    from_s: float = 19.0,
-) -> int:
+def find(haystack: Scenario, samples: np.ndarray, gain: int, from_s: float = 19.0) -> int:
     """Index in the scenario at which the samples start."""
     synthesizer = IQSynthesizer(haystack, 148.68e6, 3e6, gain=gain)
     first = synthesizer.index_at(haystack.start_time_ns + round(from_s * 1e9))

@@ -97,10 +97,7 @@ async def test_the_operator_asks_twice_and_the_radio_is_asked_once(
     install(tmp_path / "airspyhf_rx", f"#!{sys.executable}\n{body}")
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     records: list[bytes] = []
-    settings = Settings(
-        radio=SETTINGS,
-        recording=RecordingSettings(directory=str(tmp_path)),
-    )
+    settings = Settings(radio=SETTINGS, recording=RecordingSettings(directory=str(tmp_path)))
     supervisor = Supervisor(settings, on_record=records.append)
     questions = [Command(name="radio_status", request_id=n, source="page") for n in (1, 2)]
     await asyncio.gather(*map(supervisor._answer_radio_status, questions))

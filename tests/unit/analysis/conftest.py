@@ -10,13 +10,7 @@ import numpy as np
 import pytest
 
 from uavrt.config.settings import Settings
-from uavrt.messages import (
-    Health,
-    Pose,
-    Poses,
-    PulsePose,
-    StatusText,
-)
+from uavrt.messages import Health, Pose, Poses, PulsePose, StatusText
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.scenario import Scenario

@@ -21,15 +21,7 @@ from uavrt.analysis.measure.bag import export_bag
 from uavrt.cli.app import app
 from uavrt.config.settings import AntennaSettings, Settings
 from uavrt.errors import FormatError, UsageError
-from uavrt.messages import (
-    Command,
-    CommandReply,
-    Pose,
-    Poses,
-    Pulse,
-    PulsePose,
-    StatusText,
-)
+from uavrt.messages import Command, CommandReply, Pose, Poses, Pulse, PulsePose, StatusText
 from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.integrated import IntegratedVerdict, write_integrated
@@ -130,10 +122,7 @@ def test_pulses_seen_in_hindsight_are_apart_from_those_that_were_heard(
     before = export_bag(flight, tmp_path / "before")
     write_integrated(flight, [verdict], [replace(heard, pulse=late)])
     bag = export_bag(flight, tmp_path / "bag")
-    assert bag.messages == before.messages | {
-        "integrated/pulse": 1,
-        "integrated/pulse_pose": 1,
-    }
+    assert bag.messages == before.messages | {"integrated/pulse": 1, "integrated/pulse_pose": 1}
     with AnyReader([bag.directory], default_typestore=types) as reader:
         ((topic, raw),) = [
             (c, bytes(raw))

@@ -244,10 +244,7 @@ def test_a_tag_that_was_heard_in_no_turn_has_a_reason(tmp_path: Path) -> None:
     (found,) = read_positions(as_log(tmp_path / "way.jsonl", [*way_only]))
     assert found.position is None or found.position.stations
     moved = [
-        PulsePose(
-            pulse=one.pulse,
-            pose=pose(one.pulse.start_time_ns, 9.0 * number, 0.0, 90.0),
-        )
+        PulsePose(pulse=one.pulse, pose=pose(one.pulse.start_time_ns, 9.0 * number, 0.0, 90.0))
         for number, one in enumerate(way_only)
     ]
     (found,) = read_positions(as_log(tmp_path / "line.jsonl", moved))

@@ -178,11 +178,7 @@ def test_an_upright_whip_on_a_mast_goes_in_too(tmp_path: Path, drone: Flown) -> 
 
 def page(drone: Flown, *others: Estimates) -> Estimates:
     return Estimator().estimate(
-        drone.columns,
-        AntennaChoice(),
-        tags=[TAG],
-        beside=others,
-        name=vehicle_note(1),
+        drone.columns, AntennaChoice(), tags=[TAG], beside=others, name=vehicle_note(1)
     )
 
 

@@ -66,10 +66,7 @@ def waterfall(offset_hz: float = 1000.0, half_width_hz: float = 600.0) -> Waterf
 
 
 @settings(deadline=None, max_examples=60)
-@given(
-    st.lists(st.integers(1, 40), min_size=1, max_size=12),
-    st.sampled_from([4, 8, 32]),
-)
+@given(st.lists(st.integers(1, 40), min_size=1, max_size=12), st.sampled_from([4, 8, 32]))
 def test_joined_columns_hold_the_maximum_of_what_they_cover(
     parts: list[int], columns: int
 ) -> None:

@@ -16,10 +16,7 @@ from uavrt.recording.flight_recorder import FlightRecorder
 from uavrt.recording.layout import FlightLayout
 
 START_NS = 1_700_000_000_000_000_000
-TAGS = (
-    made.tag(2, 148.71e6, 1.0),
-    made.tag(9, 148.72e6, 1.0),
-)
+TAGS = (made.tag(2, 148.71e6, 1.0), made.tag(9, 148.72e6, 1.0))
 
 
 class Nothing:

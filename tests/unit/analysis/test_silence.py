@@ -140,10 +140,7 @@ def hindsight(
         ambiguous=ambiguous,
         searched=None
         if searched is None
-        else replace(
-            searched_for(tag, JudgeAs(pattern=pattern_named("RA-23K"))),
-            **searched,
-        ),
+        else replace(searched_for(tag, JudgeAs(pattern=pattern_named("RA-23K"))), **searched),
     )
     write_integrated(flight, [verdict], [])
 

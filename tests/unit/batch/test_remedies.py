@@ -71,10 +71,7 @@ def test_recordings_that_do_not_say_enough_are_told_by_columns(
 def test_the_tables_say_it_as_the_command_does(tmp_path: Path) -> None:
     (tmp_path / "b.wav").write_bytes(b"rubbish" * 100)
     summary = run_batch(
-        find_recordings([tmp_path]),
-        TagSource(tags=TAGS),
-        tmp_path / "out",
-        BatchSettings(),
+        find_recordings([tmp_path]), TagSource(tags=TAGS), tmp_path / "out", BatchSettings()
     )
     assert [row.fault for row in summary.rows] == [
         f"{tmp_path / 'b.wav'} is not a WAV file. Name its format (in --manifest)"

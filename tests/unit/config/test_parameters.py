@@ -16,12 +16,7 @@ from uavrt.config.parameters import (
     with_parameter,
 )
 from uavrt.config.radios import RADIOS
-from uavrt.config.settings import (
-    DetectionSettings,
-    OperatingModeName,
-    RadioSettings,
-    Settings,
-)
+from uavrt.config.settings import DetectionSettings, OperatingModeName, RadioSettings, Settings
 from uavrt.detection.modes import OperatingMode
 from uavrt.errors import ConfigError
 

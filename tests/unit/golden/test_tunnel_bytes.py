@@ -70,11 +70,7 @@ def test_a_pulse_of_the_thesis_is_read_and_written_bit_for_bit() -> None:
     assert (pulse.tag_id, pulse.frequency_hz, pulse.group_index) == (2, 148, 3)
     assert pulse.start_time_s == 1700205421.7435617
     assert (pulse.snr_db, pulse.stft_score, pulse.group_snr_db) == (70.218, 0.250311, 69.8253)
-    assert (pulse.position_x, pulse.position_y, pulse.position_z) == (
-        47.3978,
-        8.54561,
-        488.049,
-    )
+    assert (pulse.position_x, pulse.position_y, pulse.position_z) == (47.3978, 8.54561, 488.049)
     assert (pulse.orientation_z, pulse.orientation_w) == (0.713615, 0.700534)
 
 

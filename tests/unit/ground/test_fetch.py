@@ -313,9 +313,7 @@ def test_what_the_disk_here_has_no_room_for_is_not_begun(
         require_room([replace(entry, size=3_000_000_000)], tmp_path, samples=False)
 
 
-def test_a_list_that_comes_a_name_at_a_time_is_given_up(
-    clock_of_test: VirtualClock,
-) -> None:
+def test_a_list_that_comes_a_name_at_a_time_is_given_up(clock_of_test: VirtualClock) -> None:
     client = rogue(lambda path, offset: [f"Ff{offset}\t5".encode()])
     slowed(client, clock_of_test, 2.5)
     with pytest.raises(LinkError, match="makes no progress"):

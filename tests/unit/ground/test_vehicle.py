@@ -71,10 +71,7 @@ def test_an_autopilot_that_sends_nothing_is_asked_now_and_then() -> None:
     asked = watch.requests(NOW_NS)
     assert [
         message.param1 for message in asked if isinstance(message, dialect.CommandLong)
-    ] == [
-        dialect.AttitudeQuaternion.ID,
-        dialect.GlobalPositionInt.ID,
-    ]
+    ] == [dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID]
     assert watch.requests(NOW_NS + SECOND) == []
     watch.receive(autopilot.frame(PLACE), NOW_NS + SECOND)
     assert watch.requests(NOW_NS + 3 * SECOND) == []

@@ -146,9 +146,7 @@ async def test_what_is_no_fence_is_refused() -> None:
             await link.missions.fence()
 
 
-async def test_a_mission_not_held_as_sent_is_told_of(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_mission_not_held_as_sent_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     async with vehicle_on("px4") as (link, autopilot):
         taken = autopilot.missions._give
 

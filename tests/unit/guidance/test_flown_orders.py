@@ -204,10 +204,7 @@ def test_unseen_sticks_must_be_confirmed() -> None:
 
 @pytest.mark.parametrize(
     ("change", "reason"),
-    [
-        ({"armed": False}, "not armed"),
-        ({"height_m": 0.0, "landed": True}, "on the ground"),
-    ],
+    [({"armed": False}, "not armed"), ({"height_m": 0.0, "landed": True}, "on the ground")],
 )
 def test_nothing_is_offered_for_a_vehicle_that_does_not_fly(
     change: dict[str, Any], reason: str

@@ -164,9 +164,7 @@ def test_no_command_leaves_on_sticks_of_half_a_second_ago(flavour: Flavour) -> N
 
 
 @BOTH
-def test_slow_sticks_are_watched_all_the_same_once_the_operator_knows(
-    flavour: Flavour,
-) -> None:
+def test_slow_sticks_are_watched_all_the_same_once_the_operator_knows(flavour: Flavour) -> None:
     flown = Flown(flavour, sticks=True)
     flown.sticks_every = 28
     flown.run(3.0, until=lambda: flown.steps % 28 == 15)

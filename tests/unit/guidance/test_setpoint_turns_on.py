@@ -85,11 +85,7 @@ def test_a_setpoint_that_stays_where_its_turn_ended_is_not_ours(
 
 def watch_of(before_deg_s: float, yaw_deg: float) -> YawWatch:
     return YawWatch(
-        start_s=0.0,
-        yaw_deg=yaw_deg,
-        tolerance_deg=2.0,
-        exact=True,
-        turning_deg_s=before_deg_s,
+        start_s=0.0, yaw_deg=yaw_deg, tolerance_deg=2.0, exact=True, turning_deg_s=before_deg_s
     )
 
 

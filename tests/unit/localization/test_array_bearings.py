@@ -56,11 +56,7 @@ def test_one_pulse_of_a_switched_array_gives_its_direction_at_the_bound(
         direction = float(rng.uniform(from_deg, to_deg))
         samples = pulse_of(rng, steering, direction, 0.5, selected)
         amplitudes, counts = switched_amplitudes(
-            samples,
-            selected,
-            frequency_hz=1_234.5,
-            sample_rate_hz=RATE_HZ,
-            elements=elements,
+            samples, selected, frequency_hz=1_234.5, sample_rate_hz=RATE_HZ, elements=elements
         )
         found = switched_bearing(
             amplitudes[None, :],

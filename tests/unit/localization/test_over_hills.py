@@ -30,9 +30,7 @@ def ridge(east_m: _Floats, north_m: _Floats) -> _Floats:
 
 def hills() -> HillLosses:
     return HillLosses(
-        elevation_of(ridge),
-        latitude_deg=PLANE.latitude_deg,
-        longitude_deg=PLANE.longitude_deg,
+        elevation_of(ridge), latitude_deg=PLANE.latitude_deg, longitude_deg=PLANE.longitude_deg
     )
 
 

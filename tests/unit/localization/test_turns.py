@@ -67,11 +67,7 @@ class Flight:
         yaw = np.remainder(np.array(self.yaw) + rng.normal(0, 0.5, count), 360.0)
         height = np.array(self.height) + rng.normal(0, 0.1, count)
         return find_turns(
-            time_ns,
-            yaw,
-            *PLANE.to_geodetic(east, north),
-            height_m=height,
-            on_ground=on_ground,
+            time_ns, yaw, *PLANE.to_geodetic(east, north), height_m=height, on_ground=on_ground
         )
 
 

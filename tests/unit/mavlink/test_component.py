@@ -165,9 +165,7 @@ def test_any_ground_station_is_found_by_its_type_in_any_order(
     assert bench.component.discovery.target(bench.now_ns) == Peer(*station)
 
 
-def test_two_ground_stations_are_both_addressed_and_a_silent_one_is_kept(
-    bench: Bench,
-) -> None:
+def test_two_ground_stations_are_both_addressed_and_a_silent_one_is_kept(bench: Bench) -> None:
     bench.station_heartbeat(255, 190)
     bench.station_heartbeat(245, 190)
     assert bench.component.discovery.target(bench.now_ns) == Peer(0, 0)
@@ -193,9 +191,7 @@ def test_streams_are_asked_for_one_after_another_at_their_rates(bench: Bench) ->
     assert bench.component.streams.requests == 3
 
 
-def test_an_unanswered_request_is_repeated_and_then_given_up_for_a_while(
-    bench: Bench,
-) -> None:
+def test_an_unanswered_request_is_repeated_and_then_given_up_for_a_while(bench: Bench) -> None:
     bench.autopilot_heartbeat()
     for _ in range(9):
         bench.wait(1.0)

@@ -73,9 +73,7 @@ async def test_a_lossy_radio_is_overcome_by_repetition(world: World, thesis_tag:
         assert world.mission.tags == {thesis_tag.tag_id: thesis_tag}
 
 
-async def test_a_command_before_a_drone_is_found_is_refused_with_a_remedy(
-    world: World,
-) -> None:
+async def test_a_command_before_a_drone_is_found_is_refused_with_a_remedy(world: World) -> None:
     ground = GroundLink(world.clock.now_ns)
     task = asyncio.create_task(ground.run(world.ground_address))
     with pytest.raises(LinkError, match="autopilot forwards"):

@@ -165,10 +165,7 @@ def test_strange_answers_are_counted_and_change_nothing(flavour: Flavour) -> Non
 def test_an_early_yes_is_none() -> None:
     sent = upload()
     sent.due(0.0)
-    yes = dialect.MissionAck(
-        target_system=OWN[0],
-        target_component=OWN[1],
-    )
+    yes = dialect.MissionAck(target_system=OWN[0], target_component=OWN[1])
     assert sent.receive(yes, (1, 1), 0.1) == []
     assert not sent.done
     assert sent.counters["strange"] == 1

@@ -129,9 +129,7 @@ def test_unsigned_frames_are_taken_by_the_policy_only() -> None:
     tunnel_message = made.tunnel(
         0, b"\5\0\0\0", target_system=0, target_component=0, payload_length=4
     )
-    radio = dialect.RadioStatus(
-        txbuf=90,
-    )
+    radio = dialect.RadioStatus(txbuf=90)
     frames = {
         "autopilot": frame_of(FrameWriter(1, 1).encode(HEARTBEAT)),
         "autopilot's command": frame_of(FrameWriter(1, 1).encode(tunnel_message)),

@@ -273,9 +273,7 @@ def test_a_way_past_the_tag_tells_more_than_one_away_from_it() -> None:
 def test_others_add_planners_by_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "uavrt.plugins.entry_points",
-        lambda group: [
-            EntryPoint(name="stay", value=f"{__name__}:Stay", group=group),
-        ],
+        lambda group: [EntryPoint(name="stay", value=f"{__name__}:Stay", group=group)],
     )
     monkeypatch.setattr(PLANNERS, "_added", None)
     monkeypatch.setattr(EntryPoint, "load", lambda self: Stay)

@@ -277,11 +277,7 @@ def roughen(flown: Flown, rng: random.Random) -> float:
     jitter_s = rng.choice((0.0, 0.05, 0.4 - late_s))
     loss = rng.choice((0.0, 0.15))
     flown.through = Rough(
-        rng,
-        late_s=late_s,
-        jitter_s=jitter_s,
-        loss=loss,
-        doubled=rng.choice((0.0, 0.1)),
+        rng, late_s=late_s, jitter_s=jitter_s, loss=loss, doubled=rng.choice((0.0, 0.1))
     )
     return late_s + jitter_s + (LOST_S if loss else 0.0)
 

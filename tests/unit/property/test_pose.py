@@ -96,9 +96,7 @@ def test_the_ring_gives_the_analytic_heading_of_a_steady_turn(
 
 
 @given(
-    west=st.floats(-180.0, 179.999),
-    step_deg=st.floats(-1.0, 1.0),
-    fraction=st.floats(0.0, 1.0),
+    west=st.floats(-180.0, 179.999), step_deg=st.floats(-1.0, 1.0), fraction=st.floats(0.0, 1.0)
 )
 def test_a_flight_over_the_date_line_stays_on_its_short_way(
     west: float, step_deg: float, fraction: float

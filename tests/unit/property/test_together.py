@@ -50,9 +50,7 @@ def flown(seed: int) -> Flight:
         loss=float(rng.uniform(0.0, 0.4)),
         late_s=float(rng.uniform(0.0, 1.0)),
         frame=Frame(
-            battery_wh=160.0,
-            wind_m_s=(float(wind[0]), float(wind[1])),
-            return_height_m=60.0,
+            battery_wh=160.0, wind_m_s=(float(wind[0]), float(wind[1])), return_height_m=60.0
         ),
     )
     search.begin()

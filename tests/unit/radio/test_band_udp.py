@@ -36,10 +36,7 @@ def test_pieces_of_any_size_join_to_the_same_samples(sizes: list[int], take_ever
 
 @example(size=1, losses={40, 42})  # a gap within the sample that a gap has cut
 @settings(max_examples=200)
-@given(
-    size=st.integers(1, 50),
-    losses=st.sets(st.integers(1, 59), max_size=12),
-)
+@given(size=st.integers(1, 50), losses=st.sets(st.integers(1, 59), max_size=12))
 def test_lost_pieces_of_equal_size_leave_every_sample_in_its_place(
     size: int, losses: set[int]
 ) -> None:

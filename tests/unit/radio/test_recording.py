@@ -80,10 +80,7 @@ def test_a_raw_file_is_read_whole_with_times_from_its_start(tmp_path: Path) -> N
     path = tmp_path / "a.cf32"
     path.write_bytes(samples.tobytes())
     source = open_recording(
-        path,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=CENTER_HZ,
-        start_time_ns=START_NS,
+        path, sample_rate_hz=RATE_HZ, center_frequency_hz=CENTER_HZ, start_time_ns=START_NS
     )
     assert source.total_samples == 600_001
     read, blocks = everything(source)

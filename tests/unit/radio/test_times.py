@@ -48,11 +48,7 @@ def run(
 
 
 @settings(max_examples=25)
-@given(
-    ppm=st.floats(-50, 50),
-    jitter_s=st.floats(0.0, 0.005),
-    seed=st.integers(0, 1000),
-)
+@given(ppm=st.floats(-50, 50), jitter_s=st.floats(0.0, 0.005), seed=st.integers(0, 1000))
 def test_times_follow_the_radio_through_jitter_stalls_and_a_wrong_crystal(
     ppm: float, jitter_s: float, seed: int
 ) -> None:

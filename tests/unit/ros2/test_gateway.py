@@ -21,12 +21,7 @@ from uavrt.messages import Command, CommandReply, ProcessStatus
 from uavrt.ros2.cdr import decode, encode
 from uavrt.ros2.convert import coded_tag_to_ros, pulse_to_ros, tag_to_ros
 from uavrt.ros2.graph import TOPICS
-from uavrt.ros2.messages import (
-    DiagnosticArray,
-    Flag,
-    RosBurst,
-    RosTag,
-)
+from uavrt.ros2.messages import DiagnosticArray, Flag, RosBurst, RosTag
 from uavrt.ros2.senders import Arrival, Sender
 
 

@@ -2,14 +2,7 @@
 
 import pytest
 
-from uavrt.ros2.senders import (
-    DETECTOR_MARK,
-    GATEWAY_MARK,
-    REMEMBERED,
-    UNKNOWN,
-    Sender,
-    Senders,
-)
+from uavrt.ros2.senders import DETECTOR_MARK, GATEWAY_MARK, REMEMBERED, UNKNOWN, Sender, Senders
 
 ORDER = "rt/control_start_subprocess"
 

@@ -8,12 +8,7 @@ import made
 import pytest
 
 from uavrt.commands import SystemState
-from uavrt.config.settings import (
-    MavlinkSettings,
-    RadioSettings,
-    RecordingSettings,
-    Settings,
-)
+from uavrt.config.settings import MavlinkSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.messages import Command, CommandReply
 from uavrt.recording.flight_order import flights_in_order, note_flight
 from uavrt.recording.layout import FlightLayout

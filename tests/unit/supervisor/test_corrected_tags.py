@@ -10,12 +10,7 @@ import pytest
 
 from uavrt.commands import SystemState
 from uavrt.config.parameters import parameter_values
-from uavrt.config.settings import (
-    DetectionSettings,
-    RadioSettings,
-    RecordingSettings,
-    Settings,
-)
+from uavrt.config.settings import DetectionSettings, RadioSettings, RecordingSettings, Settings
 from uavrt.errors import TunerError
 from uavrt.messages import Command, CommandReply, FlightInfo
 from uavrt.supervisor.mission.orders import Mission, Tuner

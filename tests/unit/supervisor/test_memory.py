@@ -215,11 +215,7 @@ def test_a_damaged_file_is_put_aside_and_stops_nothing(
     directory = tmp_path_factory.mktemp("flights")
     store = StateStore(directory)
     state = SavedState(
-        boot_id="b",
-        clock_offset_ns=1,
-        state=SystemState.HAS_TAGS,
-        tags=(TAG,),
-        flight=None,
+        boot_id="b", clock_offset_ns=1, state=SystemState.HAS_TAGS, tags=(TAG,), flight=None
     )
     store.keep(state)
     assert store.read() == state
@@ -245,13 +241,7 @@ def test_a_disk_that_cannot_be_written_costs_the_memory_only(tmp_path: Path) -> 
     store.claim()
     mission = new_mission(tmp_path)
     state = replace(
-        SavedState(
-            boot_id="b",
-            clock_offset_ns=0,
-            state=mission.state,
-            tags=(),
-            flight=None,
-        )
+        SavedState(boot_id="b", clock_offset_ns=0, state=mission.state, tags=(), flight=None)
     )
     store.keep(state)
     assert store.read() is None

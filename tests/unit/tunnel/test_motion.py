@@ -166,8 +166,7 @@ def test_no_bytes_are_more_than_refused(payload: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    "corners",
-    [tuple((47.0, 8.0 + n / 1000) for n in range(21)), ((47.0, 8.0), (48.0, 8.0))],
+    "corners", [tuple((47.0, 8.0 + n / 1000) for n in range(21)), ((47.0, 8.0), (48.0, 8.0))]
 )
 def test_an_area_that_does_not_fit_is_refused_with_the_remedy(
     corners: tuple[tuple[float, float], ...],

@@ -206,8 +206,7 @@ def test_version_4_has_no_progress_and_tells_its_number() -> None:
     alive = some(one.exchange.detector_heartbeat(2, 10**18))
     assert isinstance(decode(alive, "G2"), PulseG2)
     assert isinstance(
-        decode(drone().exchange.detector_heartbeat(2, 0) or b"", "G2"),
-        DetectorHeartbeat,
+        decode(drone().exchange.detector_heartbeat(2, 0) or b"", "G2"), DetectorHeartbeat
     )
 
 

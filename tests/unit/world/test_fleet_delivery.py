@@ -23,9 +23,7 @@ async def test_no_pulse_of_five_drones_is_missing_at_20_percent_loss_on_each_lin
         for number in numbers
     }
     page = AskedPage(
-        tmp_path / "ground",
-        f"udpin://127.0.0.1:{port}",
-        further_vehicles=tuple(numbers)[1:],
+        tmp_path / "ground", f"udpin://127.0.0.1:{port}", further_vehicles=tuple(numbers)[1:]
     )
     async with page.served(), AsyncExitStack() as stack:
         await stack.enter_async_context(drones[1].flying())

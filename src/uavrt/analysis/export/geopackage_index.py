@@ -20,9 +20,7 @@ _GONE = "(NEW.geom ISNULL OR ST_IsEmpty(NEW.geom))"
 
 
 def add_index(
-    database: sqlite3.Connection,
-    table: str,
-    boxes: Sequence[tuple[float, float, float, float]],
+    database: sqlite3.Connection, table: str, boxes: Sequence[tuple[float, float, float, float]]
 ) -> None:
     """Index a layer whose features, in the order of their fid from 1, have these boxes.
 

@@ -185,10 +185,7 @@ def _stops(times_ns: Iterable[int], prefix: str) -> Iterator[Entry]:
 
 def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticArray:
     status = DiagnosticStatus(
-        name="NA",
-        message=what,
-        hardware_id=f"{what} all",
-        values=key_values(values),
+        name="NA", message=what, hardware_id=f"{what} all", values=key_values(values)
     )
     frame = f"{what}_command_subprocesses"
     header = Header(stamp=time_to_ros(time_ns), frame_id=frame)

@@ -11,13 +11,7 @@ from pathlib import Path
 
 from uavrt.analysis.flown_with import flight_settings
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
-from uavrt.messages import (
-    FlightInfo,
-    Poses,
-    Pulse,
-    PulsePose,
-    Tag,
-)
+from uavrt.messages import FlightInfo, Poses, Pulse, PulsePose, Tag
 from uavrt.pose.attacher import PoseAttacher
 from uavrt.pose.ring import PoseRing
 from uavrt.radio.source import SampleSource

@@ -224,12 +224,7 @@ class _Writer:
         return self.top - _BOTTOM
 
     def text(
-        self,
-        text: str,
-        *,
-        size: float = 9,
-        weight: str = "normal",
-        color: str = "#1b2430",
+        self, text: str, *, size: float = 9, weight: str = "normal", color: str = "#1b2430"
     ) -> None:
         """Write a paragraph."""
         for line in wrapped(text, _WIDTH_IN, size=size, bold=weight == "bold"):

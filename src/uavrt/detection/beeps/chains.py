@@ -90,7 +90,4 @@ def _best_chain(
         members.append(place // rates)
         reached.append(place % rates)
         place = int(before.flat[place])
-    return (
-        np.array(members[::-1], dtype=np.intp),
-        np.array(reached[::-1][1:], dtype=np.intp),
-    )
+    return (np.array(members[::-1], dtype=np.intp), np.array(reached[::-1][1:], dtype=np.intp))

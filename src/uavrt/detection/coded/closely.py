@@ -46,13 +46,7 @@ class Look:
 
 
 def look(
-    cells: Cells,
-    tag: Tag,
-    *,
-    row: int,
-    part: float,
-    begins: NDArray[np.float64],
-    most: float,
+    cells: Cells, tag: Tag, *, row: int, part: float, begins: NDArray[np.float64], most: float
 ) -> Look:
     """Find where between the cells a sum is largest.
 

@@ -33,11 +33,7 @@ _ROWS = 1
 
 
 def in_step(
-    at_s: float,
-    others_s: NDArray[np.float64],
-    tag: Tag,
-    timing_s: float,
-    most: int = STEPS,
+    at_s: float, others_s: NDArray[np.float64], tag: Tag, timing_s: float, most: int = STEPS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
     """Look for bursts whole burst intervals before and after one.
 

@@ -273,9 +273,7 @@ class _Tested:
 
 
 def search_together(
-    searches: Sequence[AnchorSearch],
-    power: NDArray[np.float32],
-    noise: NDArray[np.float32],
+    searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
     """Add new columns of several searches; test every hypothesis that they complete.
 

@@ -257,11 +257,7 @@ class Spectrogram:
 
 
 def make_grid(
-    *,
-    sample_rate_hz: float,
-    pulse_width_s: float,
-    offset_hz: float,
-    half_width_hz: float,
+    *, sample_rate_hz: float, pulse_width_s: float, offset_hz: float, half_width_hz: float
 ) -> Grid:
     """Lay the grid around one tag.
 

@@ -70,8 +70,7 @@ def make_searches(tag: Tag, grid: Grid, frequency_window_hz: float) -> list[Rate
         if isinstance(search, AnchorSearch):
             at_level = group_tail(tag.k, some, LEVEL * steady) / group_tail(tag.k, some, steady)
             search.count_null(
-                expected / interval_time_s * grid.hop_s * at_level,
-                interval_s / grid.hop_s,
+                expected / interval_time_s * grid.hop_s * at_level, interval_s / grid.hop_s
             )
         searches.append(search)
     return searches

@@ -85,10 +85,7 @@ def push_together(
 
 
 def _power(
-    grid: Grid,
-    parts: NDArray[np.float32],
-    power: NDArray[np.float32],
-    workspace: Workspace,
+    grid: Grid, parts: NDArray[np.float32], power: NDArray[np.float32], workspace: Workspace
 ) -> None:
     """Power of every cell, as `Grid.power`, into shape (tags, rows, columns)."""
     assert grid.halves is not None

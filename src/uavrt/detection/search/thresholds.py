@@ -133,13 +133,7 @@ def spread(*, reach_s: float, pulse_width_s: float) -> float:
 
 
 @lru_cache(maxsize=1024)
-def threshold(
-    *,
-    k: int,
-    hypotheses: float,
-    spread: float,
-    expected_false: float,
-) -> float:
+def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float) -> float:
     """Threshold of the sum, in noise powers.
 
     `k`: pulses summed.

@@ -50,9 +50,7 @@ class Cleaner:
                 sample_rate_hz=sample_rate_hz, offset_hz=offset_hz, half_width_hz=half_width_hz
             )
             self.occupancy = Occupancy(
-                sample_rate_hz=sample_rate_hz,
-                pulse_width_s=pulse_width_s,
-                offset_hz=offset_hz,
+                sample_rate_hz=sample_rate_hz, pulse_width_s=pulse_width_s, offset_hz=offset_hz
             )
             self._steady_ahead = self._limiter.reach
             self._ahead = self._steady_ahead + self._whitener.reach

@@ -149,9 +149,7 @@ def losses(
 
 
 def _ways(
-    able: Sequence[Mapping[int, float]],
-    chosen: Sequence[int | None],
-    owner: Mapping[int, int],
+    able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
     """Least loss from a train that lost its tag to one whose tag is to be free.
 

@@ -172,10 +172,7 @@ class Bursts:
         )
 
     def _on_lattice(
-        self,
-        track: Track,
-        found: Measured,
-        time_s: NDArray[np.float64],
+        self, track: Track, found: Measured, time_s: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
         """Which bursts lie where the track has, or would have had, its pulses."""
         rate_hz = self._grid.sample_rate_hz

@@ -211,12 +211,7 @@ class Follower:
         )
 
     def _beside(
-        self,
-        track: Track,
-        burst: Slot,
-        start: float,
-        half: float,
-        noise: NDArray[np.float32],
+        self, track: Track, burst: Slot, start: float, half: float, noise: NDArray[np.float32]
     ) -> Slot | None:
         """Look before and after a burst for the pulse that is weaker than it.
 

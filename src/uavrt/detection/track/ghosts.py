@@ -127,10 +127,7 @@ def mark_ghosts(
 
 
 def _original(
-    one: _Heard[H],
-    heard: list[_Heard[H]],
-    receiver: Receiver,
-    carriers_hz: Sequence[float],
+    one: _Heard[H], heard: list[_Heard[H]], receiver: Receiver, carriers_hz: Sequence[float]
 ) -> int | None:
     """Number of the tag whose ghost a train is."""
     for other in heard:

@@ -27,12 +27,7 @@ class Reporter:
     """
 
     def __init__(
-        self,
-        tag: Tag,
-        *,
-        center_frequency_hz: float,
-        sample_rate_hz: float,
-        counters: Counters,
+        self, tag: Tag, *, center_frequency_hz: float, sample_rate_hz: float, counters: Counters
     ) -> None:
         self._tag = tag
         self._center_hz = center_frequency_hz

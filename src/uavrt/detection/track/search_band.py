@@ -50,12 +50,7 @@ class SearchBand:
     """
 
     def __init__(
-        self,
-        *,
-        grid: Grid,
-        buffer: SampleBuffer,
-        bounds: Bounds,
-        batch_s: float,
+        self, *, grid: Grid, buffer: SampleBuffer, bounds: Bounds, batch_s: float
     ) -> None:
         tag, half_width_hz = bounds.tag, bounds.half_width_hz
         self._grid = grid

@@ -196,9 +196,7 @@ class Senders(Generic[H]):
         self._report()
 
     def _drop_begun_by_others(
-        self,
-        trains: list[Train[H]],
-        given: list[tuple[Train[H], int, tuple[int, ...], bool]],
+        self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
         """Forget the tracks that only pulses of other tags have begun, or just confirmed.
 

@@ -57,10 +57,7 @@ class DroneFiles:
         self.link = 0
         """The link that serves."""
         self._client = FileClient(
-            self._send,
-            now_ns,
-            session=secrets.randbelow(256),
-            unanswered=self._next_link,
+            self._send, now_ns, session=secrets.randbelow(256), unanswered=self._next_link
         )
 
     @asynccontextmanager

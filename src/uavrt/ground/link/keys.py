@@ -28,11 +28,7 @@ NO_KEYS: LinkKeys = LinkKeys()
 
 
 def read_link_keys(
-    command: Path | None,
-    signing: Path | None,
-    component_id: int = 190,
-    *,
-    as_gcs: bool = False,
+    command: Path | None, signing: Path | None, component_id: int = 190, *, as_gcs: bool = False
 ) -> LinkKeys:
     """Read the keys from their files; raises `ConfigError` for what is none."""
     if not 2 <= component_id <= 255 or component_id == DRONE_COMPONENT:

@@ -58,10 +58,7 @@ class VehicleMissions:
     """
 
     def __init__(
-        self,
-        own: Peer,
-        send: Callable[[Message], None],
-        system_id: Callable[[], int | None],
+        self, own: Peer, send: Callable[[Message], None], system_id: Callable[[], int | None]
     ) -> None:
         self._own = (own.system_id, own.component_id)
         self._send, self._system_id = send, system_id

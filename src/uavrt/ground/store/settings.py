@@ -100,10 +100,7 @@ class GroundStore:
     """
 
     def __init__(
-        self,
-        directory: Path,
-        system_id: int | None = None,
-        first: "GroundStore | None" = None,
+        self, directory: Path, system_id: int | None = None, first: "GroundStore | None" = None
     ) -> None:
         self.disk: DiskThread = (
             DiskThread(MOST_JOBS, early=True) if first is None else first.disk

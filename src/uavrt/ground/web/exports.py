@@ -7,10 +7,7 @@ from uavrt.analysis.export.written import ONE_FILE, OneFile
 from uavrt.analysis.survey import read_survey
 from uavrt.ground.store.estimates import AntennaChoice
 
-EXPORTS: dict[str, OneFile] = {
-    "csv": OneFile("text/csv", pulses_csv),
-    **ONE_FILE,
-}
+EXPORTS: dict[str, OneFile] = {"csv": OneFile("text/csv", pulses_csv), **ONE_FILE}
 """Formats that the page offers."""
 
 

@@ -75,10 +75,7 @@ class FleetApi:
 
 async def _answer(session: GroundSession, name: str, page: str | None) -> dict[str, Any]:
     """One vehicle's answer, under the rules of a command to it alone."""
-    who = {
-        "system_id": session.identity.system_id,
-        "name": session.store.settings.vehicle_name,
-    }
+    who = {"system_id": session.identity.system_id, "name": session.store.settings.vehicle_name}
     try:
         if name not in FOR_ALL:
             session.commander.check(page)

@@ -71,11 +71,7 @@ class Guard:
     """
 
     def __init__(
-        self,
-        app: ASGIApp,
-        *,
-        hosts: frozenset[str] = frozenset(),
-        password: str | None = None,
+        self, app: ASGIApp, *, hosts: frozenset[str] = frozenset(), password: str | None = None
     ) -> None:
         self._app = app
         self._hosts = LOCAL_NAMES | {host.lower() for host in hosts}

@@ -190,11 +190,7 @@ def _noise(noise_psd: ArrayLike | None, count: int) -> _Floats:
 
 
 def _classic(
-    method: str,
-    yaw_deg: _Floats,
-    power: _Floats,
-    noise: _Floats,
-    pattern: AntennaPattern,
+    method: str, yaw_deg: _Floats, power: _Floats, noise: _Floats, pattern: AntennaPattern
 ) -> Bearing:
     """Run a method that knows only pulses with power: the others are dropped."""
     signal = power - 1.0

@@ -204,10 +204,7 @@ def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:
 
 
 def _joined_levels(
-    stations: Stations,
-    listeners: tuple[Strengths, ...],
-    model: Model,
-    propagation: Propagation,
+    stations: Stations, listeners: tuple[Strengths, ...], model: Model, propagation: Propagation
 ) -> JoinedLevels:
     """Levels of the rotations and of receivers that never turned."""
     stations = stations.with_levels or stations
@@ -226,10 +223,7 @@ def _joined_levels(
         level_db=np.concatenate([stations.level_db, *(one.level_db for one in listeners)]),
         sigma_db=np.concatenate([sigma, *(one.sigma_db for one in listeners)]),
         group=np.concatenate(
-            [
-                bearings,
-                *(np.full(len(one.level_db), n) for n, one in enumerate(listeners)),
-            ]
+            [bearings, *(np.full(len(one.level_db), n) for n, one in enumerate(listeners))]
         ),
     )
     return JoinedLevels(levels, listeners, propagation)

@@ -124,12 +124,7 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
         _check_lengths(
             "bearings",
             fields,
-            [
-                stations.sigma_deg,
-                stations.level_db,
-                stations.level_sigma_db,
-                stations.time_s,
-            ],
+            [stations.sigma_deg, stations.level_db, stations.level_sigma_db, stations.time_s],
         )
     if powers is not None:
         fields = [powers.latitude_deg, powers.longitude_deg, powers.height_m]

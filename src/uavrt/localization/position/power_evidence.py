@@ -168,9 +168,7 @@ class PowerEvidence:
         )
         return self._levelled(
             PowerFit(
-                log_likelihood=fit.log_likelihood,
-                level_db=fit.level_db,
-                exponent=fit.exponent,
+                log_likelihood=fit.log_likelihood, level_db=fit.level_db, exponent=fit.exponent
             )
         )
 
@@ -292,9 +290,7 @@ def _uncensored(sums: "_Sums", correlations: tuple[float, ...]) -> PowerFit:
     rho = np.array(correlations) @ weight / weight.sum(axis=0)
     level, exponent = sums.solution(rho)
     return PowerFit(
-        log_likelihood=np.log(weight.mean(axis=0)) + top,
-        level_db=level,
-        exponent=exponent,
+        log_likelihood=np.log(weight.mean(axis=0)) + top, level_db=level, exponent=exponent
     )
 
 

@@ -97,12 +97,7 @@ def _rings(values: _Floats, level: float) -> list[tuple[_Floats, _Floats]]:
         *map(np.ndarray.tolist, np.nonzero((count > 0) & (count < 4))), strict=True
     ):
         corners = ((row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column))
-        edges = (
-            (row, column, 0),
-            (row, column + 1, 1),
-            (row + 1, column, 0),
-            (row, column, 1),
-        )
+        edges = ((row, column, 0), (row, column + 1, 1), (row + 1, column, 0), (row, column, 1))
         within = [bool(inside[corner]) for corner in corners]
         turned = [*within[1:], within[0]]
         enters = [edge for edge, a, b in zip(edges, within, turned, strict=True) if b and not a]

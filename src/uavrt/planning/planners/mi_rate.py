@@ -318,11 +318,7 @@ class MiRate:
         beside = situation.beside
         others = None if beside is None else beside.legs(situation.state.time_s)
         return information_nats(
-            situation.wanted,
-            legs,
-            situation.listener,
-            hypotheses=_HYPOTHESES,
-            others=others,
+            situation.wanted, legs, situation.listener, hypotheses=_HYPOTHESES, others=others
         )
 
 

@@ -47,11 +47,7 @@ def headings(
 
 
 def checked(
-    situation: Situation,
-    east_m: _Floats,
-    north_m: _Floats,
-    *,
-    stays_s: float = 0.0,
+    situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> Ways:
     """Look which ways the area and the rule of keeping away allow.
 
@@ -151,11 +147,7 @@ def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
 
 
 def sampled(
-    situation: Situation,
-    east_m: _Floats,
-    north_m: _Floats,
-    spans_s: _Floats,
-    samples: int,
+    situation: Situation, east_m: _Floats, north_m: _Floats, spans_s: _Floats, samples: int
 ) -> Legs:
     """Ways at the middles of equal shares of their times (ways,)."""
     shares = (np.arange(samples) + 0.5) / samples

@@ -19,13 +19,7 @@ from uavrt.attitude import from_euler_deg
 from uavrt.geodesy import geodetic_of_epsg
 from uavrt.messages import Pose, PulsePose
 from uavrt.recording.formats.log import PulseLog, heard_pulse
-from uavrt.recording.formats.text import (
-    any_time_ns,
-    finite,
-    number_or_nan,
-    parsed_rows,
-    whole,
-)
+from uavrt.recording.formats.text import any_time_ns, finite, number_or_nan, parsed_rows, whole
 
 PING_COLUMNS = (
     *("run", "timestamp", "frequency", "amplitude", "easting", "northing", "altitude"),

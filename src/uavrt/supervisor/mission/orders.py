@@ -32,12 +32,7 @@ from uavrt.supervisor.mission.flight_opening import last_written_ns, new_flight
 from uavrt.supervisor.mission.kept_parameters import KeptParameters
 from uavrt.supervisor.mission.operations import Operations
 from uavrt.supervisor.mission.saved_state import SavedState, StateStore
-from uavrt.supervisor.mission.tuning import (
-    UNMEASURED_TAGS,
-    Tuning,
-    TuningQuestion,
-    ask_tuner,
-)
+from uavrt.supervisor.mission.tuning import UNMEASURED_TAGS, Tuning, TuningQuestion, ask_tuner
 from uavrt.supervisor.mission.who_commands import Commander
 from uavrt.tunnel.tag_lists import searched_text
 from uavrt.units import NANOSECONDS_PER_SECOND
@@ -471,12 +466,7 @@ class Mission:
             center_hz, warnings = tuning.center_frequency_hz, warnings + tuning.warnings
         center_hz = tuned_frequency(radio, center_hz)
         self.clock, self.flight_settings = Clock.start(), self.settings
-        self.flight = new_flight(
-            self.settings,
-            tags,
-            self.clock,
-            center_frequency_hz=center_hz,
-        )
+        self.flight = new_flight(self.settings, tags, self.clock, center_frequency_hz=center_hz)
         self._on_start(self.flight)
         count = len(self.tags)
         words = "1 tag" if count == 1 else f"{count} tags"

@@ -31,11 +31,7 @@ IMPORT_S = 20.0
 """The same for its imports, which take 0.6 s of CPU."""
 FIRST_WAIT_S = 10.0
 """At the start of the system so long is waited for the nursery's imports (0.6 s of CPU)."""
-ENVIRONMENT = {
-    "OPENBLAS_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "PYTHONUNBUFFERED": "1",
-}
+ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
 """BLAS is held to one thread, whatever the caller's environment says: several detectors with
 several threads each on a few cores fight."""
 

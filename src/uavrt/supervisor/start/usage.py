@@ -94,7 +94,4 @@ def _usages(pid: int) -> tuple[Usage, Usage]:
         return Usage(0.0, 0.0), Usage(0.0, 0.0)
     own, dead = (sum(map(int, fields[start : start + 2])) for start in (11, 13))
     memory_mb = int(fields[21]) * _PAGE_BYTES / 1e6
-    return (
-        Usage(own / _TICKS_PER_S, memory_mb),
-        Usage((own + dead) / _TICKS_PER_S, memory_mb),
-    )
+    return (Usage(own / _TICKS_PER_S, memory_mb), Usage((own + dead) / _TICKS_PER_S, memory_mb))

@@ -88,10 +88,7 @@ class Instance:
 
 
 def self_status(
-    state: SystemState,
-    instances: Iterable[Instance],
-    usage: Usage,
-    counters: dict[str, float],
+    state: SystemState, instances: Iterable[Instance], usage: Usage, counters: dict[str, float]
 ) -> ProcessStatus:
     """Describe the supervisor itself, with what its outboxes had to drop."""
     return ProcessStatus(
