@@ -138,7 +138,8 @@ IN_GROUND = [
 ASKED_OF = [
     *IN_GROUND,
     *("uavrt.ground.session", "uavrt.ground.fleet", "uavrt.computer.first_setup"),
-    *("uavrt.analysis.coverage", "uavrt.analysis.fold_pictures", "uavrt.analysis.map_files"),
+    *("uavrt.analysis.coverage", "uavrt.analysis.flight_coverage"),
+    *("uavrt.analysis.fold_pictures", "uavrt.analysis.map_files"),
     *("uavrt.analysis.facts", "uavrt.analysis.season", "uavrt.analysis.silence"),
     *(
         "uavrt.analysis.flight_noise",
@@ -246,7 +247,8 @@ def test_what_is_wrong_between_tags_has_words() -> None:
 
 
 REMARKS = {
-    "uavrt.analysis.coverage": ("map_around", "_above_ground"),
+    "uavrt.analysis.coverage": ("map_around",),
+    "uavrt.analysis.flight_coverage": ("_above_ground",),
     "uavrt.analysis.hindsight": ("_ambiguity",),
     "uavrt.analysis.kept_samples": ("left_out_in_words",),
     "uavrt.analysis.listening": ("missing_in_words", "limits_of"),
