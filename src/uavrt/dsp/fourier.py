@@ -19,9 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Transform = Callable[
-    [NDArray[np.complex64], NDArray[np.complex64] | None], NDArray[np.complex64]
-]
+Transform = Callable[..., NDArray[np.complex64]]
 
 
 def transform_columns(
@@ -43,7 +41,7 @@ def column_transform() -> Transform:
     """Find the fastest that there is."""
     try:
         module = _load(_extension())
-        return lambda values, out: module.c2c(values, (0,), True, 0, out, 1)
+        return lambda values, out=None: module.c2c(values, (0,), True, 0, out, 1)
     except (ImportError, AttributeError, TypeError, OSError):
         return public_transform()
 
@@ -52,7 +50,7 @@ def public_transform() -> Transform:
     """The same by SciPy's documented function."""
     import scipy.fft
 
-    return lambda values, _out: scipy.fft.fft(values, axis=0, workers=1)
+    return lambda values, _out=None: scipy.fft.fft(values, axis=0, workers=1)
 
 
 def _extension() -> ModuleSpec:

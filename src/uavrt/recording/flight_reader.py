@@ -32,7 +32,7 @@ from uavrt.recording.pulse_logs import SELECT_PULSE_POSES, pulse_pose_from_row
 from uavrt.recording.tag_names import tags_with_names
 
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
-_LATEST_NS = 2**62
+LATEST_NS = 2**62
 """Of a flight [ns since 1970]: sums and differences of times keep within 64 bits."""
 
 
@@ -236,7 +236,7 @@ def flight_info(database: sqlite3.Connection, directory: Path) -> FlightInfo:
         for one in (*row[:2], *database.execute(f"SELECT {_SPANS} FROM pulses").fetchone())
         if one is not None
     ]
-    if not all(isinstance(one, int) and abs(one) < _LATEST_NS for one in times_ns):
+    if not all(isinstance(one, int) and abs(one) < LATEST_NS for one in times_ns):
         raise ValueError("a time in it is none")
     tags = database.execute(f"SELECT {schema.TAG_COLUMNS} FROM tags ORDER BY tag_id")
     return FlightInfo(

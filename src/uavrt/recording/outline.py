@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavrt.messages import FlightInfo
-from uavrt.recording.flight_reader import flight_database, flight_info
+from uavrt.recording.flight_reader import LATEST_NS, flight_database, flight_info
 from uavrt.recording.places import GROUND_NOTE, vehicle_of
 
 _BATTERY = re.compile(r"battery (\d{1,3}) %")
@@ -100,7 +100,10 @@ def read_pulse_levels(directory: Path) -> dict[tuple[int, int], float]:
     """
     with flight_database(directory) as database:
         found = database.execute(_LEVELS)
-        return {(int(tag_id), int(ns)): float(level) for tag_id, ns, level in found}
+        levels = {(int(tag_id), int(ns)): float(level) for tag_id, ns, level in found}
+        if any(abs(one) >= LATEST_NS for key in levels for one in key):
+            raise ValueError("a tag or a time in it is none")
+        return levels
 
 
 def battery_note(percent: int) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
+import made
 import pytest
 
 from uavrt.attitude import euler_deg
@@ -55,6 +56,7 @@ async def test_pulses_and_poses_have_the_flights_time_and_nothing_falls_silent(
         assert len(sure) >= 20
         assert max(abs(yaw_error_deg(item)) for item in sure) < 1.5
         events.clear()
+        bay.deliver("system_status", made.system_status(bay.clock.now_ns()))
         await until(lambda: sum(isinstance(e, DroneHeartbeat) for e in events) >= 2)
         await until(lambda: any(isinstance(e, DetectorAlive) for e in feed(events)))
         poses = [r for _, r in bay.records if isinstance(r, Poses)][-1].poses

@@ -71,6 +71,8 @@ async def test_a_state_that_has_changed_is_said_at_once_and_not_with_the_next_se
             beats = [one for one in events if isinstance(one, DroneHeartbeat)]
             return beats[-1].state if beats else None
 
+        idle = made.system_status(bay.clock.now_ns(), state=SystemState.IDLE)
+        bay.deliver("system_status", idle)
         await until(lambda: last() is SystemState.IDLE)
         for number in range(10):
             state = SystemState.HAS_TAGS if number % 2 else SystemState.DETECTING

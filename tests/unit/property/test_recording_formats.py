@@ -19,7 +19,7 @@ from uavrt.recording.flight_reader import read_flight
 from uavrt.recording.pulse_files import PulseFormat, PulseWriter, read_pulse_file
 from uavrt.recording.pulse_pose_log import format_line, parse_line, read_pulse_pose_log
 
-times = st.integers(0, 2**62)
+times = st.integers(0, 2**62 - 1)
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
 parts = st.floats(-1.0, 1.0)
 poses = st.builds(

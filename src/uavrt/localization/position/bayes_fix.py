@@ -273,6 +273,8 @@ def _overlooked(
     found = np.zeros(len(east), bool)
     half = 0.5 * width
     wide = np.flatnonzero((width > 0.5 * shows_m) & within.touches(east, north, half))
+    if not wide.size:
+        return found
     corner_e, corner_n = east[wide] + half[wide], north[wide] + half[wide]
     likely = log_likelihood(corner_e, corner_n, width[wide]) > density.max() - _OVERLOOKED_NATS
     for x, y in zip(corner_e[likely], corner_n[likely], strict=True):
