@@ -30,8 +30,6 @@ YAW_DEG, TARGET_YAW_DEG = 25.0, 2.0
 """Tolerance of the drone's own heading, and of the one that it reports as its target."""
 BRAKES_M_S2, STOPS_TURNING_DEG_S2 = 1.5, 25.0
 """Weakest braking of a flight and of a turn."""
-PASSED_M = 0.3
-"""Farther from the target than at the nearest: gusts carry it past, a paused drone stands."""
 SLOW_M_S = 1.5
 """A drone that is not near its target is not slower, but at the start of a step."""
 LOOKS_ABOUT_DEG = 15.0
@@ -260,11 +258,9 @@ class Commanded:
         stops = [one * seen.speed_m_s / (2.0 * BRAKES_M_S2) for one in seen.velocity_m_s[:2]]
         along = radians(bearing)
         soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
-        settles_m = self.manners.settles_m
-        passed = left <= 2.0 * settles_m and left >= self.left_m + PASSED_M
-        self.settled |= left <= settles_m or passed
+        self.settled |= left <= self.manners.settles_m
         self.arrives = not self.settled and left <= ARRIVED_M
-        near = ARRIVED_M if self.settled else settles_m
+        near = ARRIVED_M if self.settled else self.manners.settles_m
         place = Left(now=left, soon=soon, least=NEARER_M, tolerance=near)
         up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)
         if seen.yaw_deg is None:

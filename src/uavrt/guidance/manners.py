@@ -121,7 +121,7 @@ ARDUPILOT = Manners(
     mission_modes=frozenset({3, 27}),
     home_in_mission=True,
     target_m=0.3,
-    settles_m=0.6,
+    settles_m=0.9,
     target_lost_s=1.0,
 )
 MANNERS: Mapping[AutopilotName, Manners] = MappingProxyType(
