@@ -41,16 +41,28 @@ def column_transform() -> Transform:
     """Find the fastest that there is."""
     try:
         module = _load(_extension())
-        return lambda values, out=None: module.c2c(values, (0,), True, 0, out, 1)
     except (ImportError, AttributeError, TypeError, OSError):
         return public_transform()
+
+    def transform(
+        values: NDArray[np.complex64], out: NDArray[np.complex64] | None = None
+    ) -> NDArray[np.complex64]:
+        transformed: NDArray[np.complex64] = module.c2c(values, (0,), True, 0, out, 1)
+        return transformed
+
+    return transform
 
 
 def public_transform() -> Transform:
     """The same by SciPy's documented function."""
     import scipy.fft
 
-    return lambda values, _out=None: scipy.fft.fft(values, axis=0, workers=1)
+    def transform(
+        values: NDArray[np.complex64], _out: NDArray[np.complex64] | None = None
+    ) -> NDArray[np.complex64]:
+        return scipy.fft.fft(values, axis=0, workers=1)
+
+    return transform
 
 
 def _extension() -> ModuleSpec:
