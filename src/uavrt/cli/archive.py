@@ -126,8 +126,10 @@ def export(
 
 
 def _flat(answer: "pa.Table") -> "pa.Table":
-    """Write lists as text, which a CSV file takes: as JSON has them."""
+    """Write lists as text, as JSON has them, and no text as a spreadsheet's formula."""
     import pyarrow as pa
+
+    from uavrt.recording.csv_line import no_formula
 
     for number, field in enumerate(answer.schema):
         if pa.types.is_nested(field.type):
@@ -135,7 +137,11 @@ def _flat(answer: "pa.Table") -> "pa.Table":
                 None if one is None else json.dumps(one, default=str)
                 for one in _in_microseconds(answer.select([number])).column(0).to_pylist()
             ]
-            answer = answer.set_column(number, field.name, pa.array(texts, pa.string()))
+        elif pa.types.is_string(field.type):
+            texts = [no_formula(one) for one in answer.column(number).to_pylist()]
+        else:
+            continue
+        answer = answer.set_column(number, field.name, pa.array(texts, pa.string()))
     return answer
 
 

@@ -19,7 +19,7 @@ class TableWriter:
 
     def writerow(self, row: Iterable[Any]) -> None:
         """Write one row."""
-        self._writer.writerow([_no_formula(cell) for cell in row])
+        self._writer.writerow([no_formula(cell) for cell in row])
 
     def writerows(self, rows: Iterable[Iterable[Any]]) -> None:
         """Write rows."""
@@ -27,7 +27,8 @@ class TableWriter:
             self.writerow(row)
 
 
-def _no_formula(cell: Any) -> Any:
+def no_formula(cell: Any) -> Any:
+    """Get a cell with an apostrophe before it if a spreadsheet would take it for a formula."""
     if not isinstance(cell, str) or not cell.startswith(FORMULA_STARTS) or _is_numbers(cell):
         return cell
     return f"'{cell}"

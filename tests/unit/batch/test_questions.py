@@ -105,3 +105,12 @@ def test_lists_are_written_into_a_csv_file_as_text(archive: Path, tmp_path: Path
         uavrt("archive", "query", str(archive), "select * from pulses", "-o", str(table)) == 0
     )
     assert '"[4, 6]"' in table.read_text().splitlines()[1]
+
+
+def test_a_text_that_begins_as_a_formula_is_none_in_a_csv_file(
+    archive: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "answer.csv"
+    asked = "select '=1+1' as name, '-3.5' as number, null::varchar as missing"
+    assert uavrt("archive", "query", str(archive), asked, "-o", str(table)) == 0
+    assert table.read_text().splitlines()[1] == '"\'=1+1","-3.5",'
