@@ -19,7 +19,7 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test realtime computing unit system flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check test computing unit system flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -28,12 +28,10 @@ check: $(STAMP)         ## before each commit: style, types, import contracts, q
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools radio-tools  ## everything that belongs to a change: check, manual, all tests
-	$(MAKE) --no-print-directory -k -j 2 realtime computing
+	$(MAKE) --no-print-directory -k -j 2 flights computing
+	$(MAKE) --no-print-directory system
 
-realtime: $(STAMP)      ## flights, then all else that waits for real time; each although the other failed
-	@$(MAKE) --no-print-directory flights; flights=$$?; $(MAKE) --no-print-directory system && exit $$flights
-
-computing: $(STAMP)     ## what only computes, at low priority: the real time runs beside it
+computing: $(STAMP)     ## what only computes, at low priority: flights run at the same time
 	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
 
 unit: $(STAMP)          ## all unit tests
