@@ -59,6 +59,7 @@ export function buildFly(go: (name: string) => void): void {
       class: `act act-${name}`,
       "aria-describedby": "act-reason",
       "aria-keyshortcuts": SHORTCUTS[name],
+      "aria-disabled": "true", // until the first state comes: a press before it would do nothing
       onclick: () => void act(name),
     });
     button.addEventListener("pointerenter", () => showReason(name));
