@@ -56,7 +56,7 @@ class ToldStates:
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
         """Add what was told at a time; False where it is what was told before.
 
-        `armed`, `landed`: 0 for no; None where nothing was told.
+        `armed`, `landed`: 0 for no; None where it was not reported.
         """
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._told[-1][1:] if self._told else (None, None)

@@ -135,7 +135,7 @@ def in_history(named: str, root: Path = ROOT) -> bool | None:
     """Whether a commit that a table names is one of this clone's history.
 
     `named`: as written beneath a title; -dirty behind it does not count.
-    Returns: None where nobody can tell: without git, or in a shallow clone.
+    Returns: None where it cannot be known: without git, or in a shallow clone.
     """
     if not (root / ".git").exists() or shutil.which("git") is None:
         return None

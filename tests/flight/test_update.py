@@ -130,7 +130,7 @@ def _unchanged(_name: str, text: str) -> str:
 
 
 def _poseless(name: str, text: str) -> str:
-    """Spoil it so that only a flight shows it: no poses are told any more."""
+    """Spoil it so that only a flight shows it: no poses are reported any more."""
     if name != "uavrt/processes/connection.py":
         return text
     spoilt = text.replace('frame.send("poses", poses)', "None")

@@ -42,8 +42,8 @@ def flight_coverage(
 ) -> Coverage:
     """Compute what a flight would have heard of a tag, in groups of pulses or in all together.
 
-    Pulses outside of `listened`, where that is told, were heard by nobody. All together are
-    judged as they were `searched`, where that is told.
+    Pulses outside of `listened`, where that is known, could not be heard. All together are
+    judged as they were `searched`, where that is known.
 
     Raises `UsageError`: the flight is too long.
     """
@@ -98,7 +98,7 @@ def flown_way(
 ) -> tuple[ListeningWay, tuple[str, ...]]:
     """Lay a tag's pulses along a flight, one for each interval, at heights above the ground.
 
-    Only those of the time that was listened to, where that is told.
+    Only those of the time that was listened to, where that is known.
     """
     poses = PoseColumns.of(antenna_poses(flight))
     begin = max(int(poses.time_ns[0]), flight.info.start_time_ns)

@@ -43,7 +43,7 @@ def cells_of(
     `sample_rate_hz`: of the recording [Hz].
     `cell_s`: distance of the grid's lines, from the recording's first sample on; lost samples
     count as time.
-    `lead_in_s`: so much of the time before is read again.
+    `lead_in_s`: length of the time before that is read again.
     """
     held = [one for one in segments if one.count]
     if not held:

@@ -167,7 +167,7 @@ class Ledger(Generic[R]):
         """Remove tables of no row, which a cut left before the row was written.
 
         They are set aside where rows could not be read, since they may belong to these. What a
-        batch cannot have written is somebody's own, and stays.
+        batch cannot have written belongs to another program, and stays.
         """
         unreadable = any(name.startswith(f"{self._directory.name}/") for name in self.damaged)
         known = {name for held in self._files.values() for name in held}

@@ -41,7 +41,7 @@ def sealed(path: Path) -> Seal:
 def fault_of(path: Path, seal: Seal, *, thorough: bool = False) -> str | None:
     """Say why a file does not hold what was written; None: it does.
 
-    Raises `OSError`: it is there and cannot be read, as without permission: nobody can say.
+    Raises `OSError`: it is there and cannot be read, as without permission.
     """
     try:
         about = path.stat()

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
     """Open elevation files; None where none are named.
 
-    Raises `ConfigError`: water is told of files that are not named.
+    Raises `ConfigError`: water is given, but no elevation file.
     Raises `FormatError`: there are none, or one is cut off, damaged, or of a kind that is not
     read.
     """

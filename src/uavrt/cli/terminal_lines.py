@@ -23,7 +23,7 @@ class TerminalLines:
 
     When its reader has gone it prints no more; what cannot wait is left out. Both are counted.
 
-    `stream`: where to; standard output unless told.
+    `stream`: where to; standard output by default.
     `most`: lines that wait at most.
     """
 

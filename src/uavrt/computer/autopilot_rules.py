@@ -105,7 +105,7 @@ def needs(
     """Describe what every parameter that matters must be.
 
     `px4`: PX4, else ArduPilot.
-    `values`: what the autopilot tells.
+    `values`: what the autopilot reports.
     `port`: where the companion is connected; None: not at a serial port.
     `baud`: our serial port's rate.
     Raises `ConfigError`: no such port, or no instance of MAVLink is free for it.

@@ -151,7 +151,7 @@ def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Nee
     `seen`: what the version that runs has shown.
     `needs`: what it should show.
     `bench`: ask of the new version only for what is there now.
-    Raises `UsageError`: armed, recording, or nobody knows.
+    Raises `UsageError`: armed or recording, or it is unknown whether.
     """
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")

@@ -66,7 +66,7 @@ TARGET_AGE_S = 0.3
 """Older, and no further command is sent: another's target would not have been seen."""
 PLANNER_LOST_S = 2.0
 MODE_CHANGES_WITHIN_S = 1.5
-"""Until then the mode before a command is right; PX4 tells it at 2 Hz."""
+"""Until then the mode before a command is right; PX4 reports it at 2 Hz."""
 HEIGHT_JUMP_M = 5.0
 PLACE_JUMP_M = 30.0
 HOME_MOVED_M = 2.0
@@ -550,7 +550,7 @@ class Authority:
         if now_s - order.planner_s > PLANNER_LOST_S:
             self._end("the guide is silent", now_s)
         elif self._mode is None or now_s - self._mode.time_s > MODE_LOST_S:
-            self._end("the mode is not told any more", now_s)
+            self._end("the mode is no longer reported", now_s)
         elif now_s - self._heartbeat_s > HEARTBEAT_LOST_S:
             self._end("no heartbeat of the autopilot", now_s)
         elif self._position is None or now_s - self._position.time_s > POSITION_LOST_S:

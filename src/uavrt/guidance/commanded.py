@@ -124,7 +124,7 @@ class Commanded:
         if self.progress.stands(now_s):
             return "the drone has stopped on its way"
         lost = not self.takes_off and target_age_s > self.manners.target_lost_s
-        return "the target is not told any more" if lost else None
+        return "the target is no longer reported" if lost else None
 
     # ------------------------------------------------------------------ its target
 
@@ -134,7 +134,7 @@ class Commanded:
         """Take the target that the autopilot reports, and how fast its heading changes."""
         match self.wish:
             case GoHome():
-                return None  # the mode tells
+                return None  # the mode shows it
             case TakeMode() | TakeOff():
                 return self._see_target_of_takeoff(seen)
             case TurnInPlace():
@@ -172,7 +172,7 @@ class Commanded:
         return self.target_yaw.fault(seen.time_s, seen.yaw_deg, *here)
 
     def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
-        """None, or above where it stood and at the height asked for, where it tells one."""
+        """None, or above where it stood and at the height asked for, where it reports one."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None

@@ -19,7 +19,7 @@ SWAPPED_PERCENT = 5.0
 def energy_of(hover_w: float | None) -> EnergyModel:
     """What is believed before the first lesson.
 
-    `hover_w`: power of hovering by the settings; None: nobody has told it.
+    `hover_w`: power of hovering by the settings; None: not known.
     """
     if hover_w is None:
         return EnergyModel(scale_sigma=UNTOLD_SIGMA)

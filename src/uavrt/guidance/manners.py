@@ -45,7 +45,7 @@ class Manners:
 
     settles_m: float
     """So near to its target a drone comes before it stands; one that stands farther away was
-    stopped. PX4 approaches over the last metres too slowly to tell."""
+    stopped. PX4 approaches too slowly over the last metres to distinguish the two."""
 
     target_lost_s: float
     """Without a report of the target for so long an order ends. ArduCopter reports none while

@@ -263,7 +263,7 @@ class Pilot:
         if now.battery_percent is not None:
             self._battery_told = True
         elif self._battery_told and self._limits.battery_wh is not None:
-            return "the battery is not told any more"
+            return "the battery is no longer reported"
         return must_return(now, self._limits)
 
     def _stop_at(self, now: VehicleNow) -> Go:

@@ -39,7 +39,7 @@ class YawWatch:
     `yaw_deg`: heading then.
     `tolerance_deg`: gusts and overshoot.
     `wanted_deg`: heading that was asked for.
-    `turn_deg`, `rate_deg_s`: a turn in place by so much, clockwise, instead.
+    `turn_deg`, `rate_deg_s`: angle, clockwise, and rate of a turn in place instead.
     `turning_deg_s`: how fast it turned when the command came.
     `exact`: the heading is a setpoint, which near the target stays to the degree.
     """

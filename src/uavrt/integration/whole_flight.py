@@ -390,7 +390,7 @@ def search_flight(
 
     `tag`: intervals and their uncertainty.
     `most`: trains returned.
-    `few_patterns`: with more than so many, cells are chosen by fewer places, and then looked at
+    `few_patterns`: above this number, cells are chosen by fewer places, and then looked at
     in full.
     """
     folded = weights if len(weights.basis) <= few_patterns else _coarser(weights, energies)

@@ -67,7 +67,7 @@ class ChildLink:
     def put(self, topic: str, record: object) -> None:
         """Keep a record for the next `send`, `flush` or `receive`.
 
-        Raises `SupervisorGone`: nobody will ever read it.
+        Raises `SupervisorGone`: its reader is gone.
         """
         self._unsent += encode_record(topic, record)
         if len(self._unsent) > FLUSH_BYTES:
@@ -76,7 +76,7 @@ class ChildLink:
     def send(self, topic: str, record: object) -> None:
         """Send a record and what was put before, or keep them until the socket takes them.
 
-        Raises `SupervisorGone`: nobody will ever read it.
+        Raises `SupervisorGone`: its reader is gone.
         """
         self._unsent += encode_record(topic, record)
         self.flush()

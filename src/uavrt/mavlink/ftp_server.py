@@ -132,7 +132,7 @@ class FileServer:
     """Serves a `FileTree`; a source of the paced queue.
 
     `wake`: called when there is a new reply to send.
-    `disk`: does what touches the disk; at once unless told otherwise.
+    `disk`: does what touches the disk; at once by default.
     """
 
     def __init__(

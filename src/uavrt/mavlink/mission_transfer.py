@@ -55,7 +55,7 @@ class MissionTransfer(ABC):
     `own`: our system and component id.
     `done`: it has ended well.
     `fault`: why it has failed.
-    `silent`: it has failed because nobody answered.
+    `silent`: it has failed because no answer came.
     `counters`: what was sent again, and what was heard and not used.
     """
 

@@ -61,7 +61,7 @@ STRAIGHT = Reach(start=60_000.0, least=2_000.0, most=1_000_000.0, plain=30_000.0
 class LinkRate:
     """Token bucket with a rate that adapts.
 
-    `reach`: kind of link; a telemetry radio unless told otherwise.
+    `reach`: kind of link; a telemetry radio by default.
     """
 
     def __init__(self, reach: Reach = RADIO) -> None:

@@ -466,7 +466,7 @@ def check_reach(area: SearchArea, farthest_m: float, *, home_known: bool = True)
     """Refuse a search before anything moves.
 
     `farthest_m`: from home, that the battery allows with the way back and the reserve.
-    `home_known`: whether the autopilot has told its home.
+    `home_known`: whether the autopilot has reported its home.
     Raises `PlanError`: no home, or the whole area is beyond the battery's reach.
     """
     if not home_known:

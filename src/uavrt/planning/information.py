@@ -107,8 +107,8 @@ def information_nats(
 
     `legs`: their samples stand for equal shares of each way's time.
     `hypotheses`: drawn of each tag; the information is at most the logarithm of this.
-    `others`: ways on which other drones will listen meanwhile: what they will have told counts
-    no more.
+    `others`: ways on which other drones will listen meanwhile: what they will have found
+    by then does not count.
     """
     out = np.empty((len(beliefs), len(legs.duration_s)))
     for number, belief in enumerate(beliefs):

@@ -28,7 +28,7 @@ class SearchSettings:
     energy: EnergyModel | None = None
     """None: the battery is not looked at (experiments that have none)."""
     worst_wind_m_s: float = 0.0
-    """That blows against the way home, where no wind is told."""
+    """Wind against the way home that is assumed where none is known."""
     return_height_m: float = 0.0
     """To which the autopilot climbs before it flies home."""
     cycle_s: float = 5.0

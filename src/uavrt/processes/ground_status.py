@@ -49,8 +49,8 @@ class GroundStatus:
     """Decides which status messages are due.
 
     `exchange`: writes payloads in the ground's generation.
-    `root`: the place whose free space is told.
-    `disk`: asks for that space; at once unless told otherwise.
+    `root`: the place whose free space is reported.
+    `disk`: asks for that space; at once by default.
     """
 
     def __init__(

@@ -25,7 +25,7 @@ class NamedValues:
     """A source of messages (`uavrt.mavlink.pacing.Source`): what each tag's newest pulse says.
 
     `which`: SNR and count, the SNR alone, or nothing.
-    `wanted`: whether somebody is there who needs them.
+    `wanted`: whether a station is there that needs them.
     `pulses_wait`: whether pulses are still to be sent.
     """
 

@@ -37,7 +37,7 @@ class PulseOutlet:
 
     `encode`: payload of a pulse in the ground's generation.
     `note`: gets what was delivered, for the recorder.
-    `disk`: does what touches the disk; at once unless told otherwise.
+    `disk`: does what touches the disk; at once by default.
     `first_refill_ns`: nothing is fetched from disk before.
     """
 
@@ -84,7 +84,7 @@ class PulseOutlet:
     ) -> tuple[bool, float | None]:
         """Handle a ground station's receipt.
 
-        Returns: whether it has acknowledged a pulse, now or before: there is somebody.
+        Returns: whether it has acknowledged a pulse, now or before: a station listens.
         Returns: the round trip that the receipt shows [s], if it does.
         """
         try:

@@ -38,7 +38,7 @@ class BandDatagramSource(LiveSource):
     """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
 
     `address`: ``udp://localhost:10000``.
-    `sample_rate_hz`, `center_frequency_hz`: what the sender was told.
+    `sample_rate_hz`, `center_frequency_hz`: what the sender was set to.
     `clock`: where arrival times come from.
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
     alone.

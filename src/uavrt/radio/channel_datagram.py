@@ -78,7 +78,7 @@ def decode_channel_datagram(
     """Read a frame.
 
     `payload`: the datagram.
-    `style`: how its stamp is written; None: told by the stamp itself.
+    `style`: how its stamp is written; None: the stamp itself shows it.
     Returns: `time_ns`: time of the first sample [ns, UTC].
     Returns: `samples` (n,): a copy.
     """

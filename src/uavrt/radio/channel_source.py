@@ -41,7 +41,7 @@ class ChannelDatagramSource(LiveSource):
     `address`: ``udp://127.0.0.1:20000``.
     `sample_rate_hz`: rate of the channel; the original's is 3750.
     `center_frequency_hz`: frequency of the channel's centre.
-    `style`: how stamps are written; None: told by the first one.
+    `style`: how stamps are written; None: the first one shows it.
     """
 
     def __init__(

@@ -40,10 +40,10 @@ def check_rates(sample_rate_hz: float, center_frequency_hz: float) -> None:
 class LiveSource:
     """Base of sources that have no length.
 
-    `sample_rate_hz`, `center_frequency_hz`: what the sender was told.
+    `sample_rate_hz`, `center_frequency_hz`: what the sender was set to.
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
     alone.
-    `start_moves`: stamp the start anew when the first arrivals turn out to have been held up.
+    `start_moves`: stamp the start again when the first arrivals turn out to have been held up.
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False

@@ -82,7 +82,7 @@ def open_stream(
     start_time_ns: int | None = None,
     clock: Clock | None = None,
 ) -> StreamSource:
-    """Read live samples from a pipe; its rate and frequency must be told.
+    """Read live samples from a pipe; its rate and frequency must be given.
 
     Raises `FormatError`: something is not told or not possible.
     """
@@ -110,7 +110,7 @@ def open_channel(
 
     `address`: ``udp://127.0.0.1:20090``.
     `sample_rate_hz`: rate of the channel; None: the original's, 3750 Hz.
-    `center_frequency_hz`: frequency of the channel's centre; must be told.
+    `center_frequency_hz`: frequency of the channel's centre; must be given.
     """
     return ChannelDatagramSource(
         address,

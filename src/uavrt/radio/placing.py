@@ -42,8 +42,8 @@ class Placer:
 
     `sample_rate_hz`: nominal rate.
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
-    alone, and only losses that somebody tells are known.
-    `start_moves`: stamp the start anew when the first arrivals turn out to have been held up;
+    alone, and only losses that the sender reports are known.
+    `start_moves`: stamp the start again when the first arrivals turn out to have been held up;
     False where those who listen need times without a step from the first block on.
     `may_be_slow`: the writer may be slower than real time; a radio never is.
     `rate_remedy`: what to do about samples that arrive at another rate.

@@ -296,7 +296,7 @@ def raw_layout(
 
     `path`: the file.
     `sample_format`: how the samples are stored.
-    `sample_rate_hz`, `center_frequency_hz`: nobody else knows them.
+    `sample_rate_hz`, `center_frequency_hz`: the file does not hold them.
     `start_time_ns`: time of the first sample; None: the file's last change less its duration.
     `frequency_from`, `rate_from`, `start_from`: who says these, in words.
     """

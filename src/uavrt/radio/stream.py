@@ -46,7 +46,7 @@ class StreamSource(LiveSource):
 
     `descriptor`: where to read. Not closed by `close`.
     `sample_format`: how the samples are stored.
-    `sample_rate_hz`, `center_frequency_hz`: what the writer was told.
+    `sample_rate_hz`, `center_frequency_hz`: what the writer was set to.
     `clock`: where arrival times come from.
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
     alone.

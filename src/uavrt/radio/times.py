@@ -141,7 +141,7 @@ class TimeKeeper:
         `end_index`: index after the newest sample, lost ones counted.
         `now_ns`: time [ns, UTC].
         `catching_up`: they came faster than a radio samples: the writer had been waiting for
-        us. If that is so in the first 2 s, the start is stamped anew, once, when the writer is
+        us. If that is so in the first 2 s, the start is stamped again, once, when the writer is
         level.
         """
         if self._start_ns is None:

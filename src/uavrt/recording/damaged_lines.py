@@ -13,8 +13,8 @@ class DamagedLines:
     """Collects the unreadable lines of one file.
 
     `remedy`: what to do when it is no such file.
-    `warn`: called with a sentence about the lines passed over; by default they are told in the
-    program's log.
+    `warn`: called with a sentence about the lines passed over; by default the program's log
+    names them.
     """
 
     def __init__(

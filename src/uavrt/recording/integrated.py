@@ -230,7 +230,7 @@ def _records(path: Path, kind: type[T]) -> tuple[T, ...]:
     """Make records of JSON; what a later version wrote beyond them is passed over."""
     found = read_json(read_file(path, NOTES), NOTES)
     if len(found) > _MOST_TAGS:
-        raise ValueError(f"it tells of more than {_MOST_TAGS:,} tags")
+        raise ValueError(f"it has more than {_MOST_TAGS:,} tags")
     level = [found]
     while level:
         inside = [(one.values() if isinstance(one, dict) else one) for one in level]

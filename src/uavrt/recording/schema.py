@@ -344,8 +344,8 @@ def health_row(health: Health) -> Row:
 def health_from_row(row: Row) -> Health:
     """Sign of life of a row; raises `ValueError` or `TypeError` where it is none."""
     time_ns, process, status, ok, counters = row
-    told = {"process": process, "time_ns": time_ns, "status": status, "ok": bool(ok)}
-    return msgspec.convert(told | {"counters": json.loads(counters)}, Health)
+    fields = {"process": process, "time_ns": time_ns, "status": status, "ok": bool(ok)}
+    return msgspec.convert(fields | {"counters": json.loads(counters)}, Health)
 
 
 def command_row(command: Command, reply: CommandReply | None, time_ns: int) -> Row:

@@ -31,7 +31,7 @@ def undelivered(
     """Get recorded pulses that a store does not have, the newest first.
 
     `directory`: the flight.
-    `store`: number of the store; 0: those that nobody was sent or has. What an aware ground
+    `store`: number of the store; 0: those that no station was sent or has. What an aware ground
     station has in its store is not sent to plain ones after a restart: it would be old to them.
     `limit`: how many at most.
     `without`: tag id and start time of pulses to leave out.

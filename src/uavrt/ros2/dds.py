@@ -564,7 +564,7 @@ class Participant:
     def show_detectors(self, nodes: Collection[str]) -> None:
         """Have a node that publishes pulses for each of these, and for no others.
 
-        Raises `LinkError`: DDS cannot have so many publishers.
+        Raises `LinkError`: DDS cannot have another publisher.
         """
         topic = TOPICS["pulse"]
         own = {n for n, name in self._writers if name == topic.name and n not in self._nodes}

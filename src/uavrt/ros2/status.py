@@ -23,7 +23,7 @@ def component_status(
     """Describe one component; nothing while nothing is to run.
 
     `component`: ``airspy_csdr_netcat``, ``channelizer`` or ``detector``.
-    `status`: the drone side, as last told.
+    `status`: the drone side, as last reported.
     `age_s`: how long ago that was [s].
     """
     if status is None or status.state is not SystemState.DETECTING:

@@ -54,7 +54,7 @@ class FlownPath:
 
     `path`: of the file; it need not be there yet.
     `plane`: around the scenario's home.
-    `keep_s`: so much is remembered; None: all.
+    `keep_s`: length that is remembered; None: all.
     """
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:

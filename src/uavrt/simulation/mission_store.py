@@ -35,7 +35,7 @@ class _Upload:
 class MissionStore:
     """The state of the store.
 
-    `flavour`: ArduPilot keeps home as the first item of its mission, and tells of a wrong
+    `flavour`: ArduPilot keeps home as the first item of its mission, and reports a wrong
     sequence.
     """
 

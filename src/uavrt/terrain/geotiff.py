@@ -90,7 +90,7 @@ class _Blocks:
 def geotiff_raster(path: Path) -> Raster:
     """Open a GeoTIFF.
 
-    Raises `FormatError`: it is damaged, tells no place, or is of a kind that is not read.
+    Raises `FormatError`: it is damaged, names no place, or is of a kind that is not read.
     """
     try:
         require_plain_file(path)

@@ -39,7 +39,7 @@ _DAMAGED = (
 def srtm_raster(path: Path) -> Raster:
     """Open a tile.
 
-    Raises `FormatError`: its name tells no place, or it is cut off.
+    Raises `FormatError`: its name holds no place, or it is cut off.
     """
     named = _NAME.match(path.name)
     if named is None:

@@ -19,7 +19,7 @@ def decode(payload: bytes, generation: Generation | None = None) -> TunnelMessag
     `generation`: what the drone speaks, where a length stands for several messages; ours need
     none.
     Raises `TunnelError`: unknown command, or a length that the command never has. Holds the
-    payload; its text is fit for the acknowledgement (`acked_command_of` tells whom to answer).
+    payload; its text is fit for the acknowledgement (`acked_command_of` says whom to answer).
     """
     if not 4 <= len(payload) <= MAX_PAYLOAD:
         raise TunnelError(f"a payload has 4 to 128 bytes, not {len(payload)}", payload)

@@ -77,7 +77,7 @@ class Exchange:
     sends the pulses in the generation of the last upload of tags, G1 before any. The numbered
     versions must be named, because their ground stations say nothing before they have heard
     their own number.
-    `version`: number told with G2, 4 to 7.
+    `version`: number sent with G2, 4 to 7.
     `experimental`: whether layouts may be used that were inferred and never seen.
     Raises `ConfigError`: G2 without `experimental`.
     """

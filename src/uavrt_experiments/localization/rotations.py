@@ -75,7 +75,7 @@ def trial(
     `rng`: randomness.
     `case`: what is heard.
     `method`: estimator.
-    `pattern`, `believed`: the true antenna, and the one that the estimator is told; both the
+    `pattern`, `believed`: the true antenna, and the one that the estimator assumes; both the
     case's by default.
     `yaw_jitter_deg`, `yaw_lag_deg`: errors of the headings: independent for each pulse, and the
     same for all.

@@ -257,7 +257,7 @@ def most_informative(
     """Look at all distances in a scenario, and turn the antenna in each.
 
     `exponent`: drawn for a run.
-    `level_1m_db`: of the strongest tag: a weaker one tells no more.
+    `level_1m_db`: of the strongest tag: a weaker one adds nothing.
     """
     truth = scenario.truth
     distances, level, along, across = _levels_around(scenario)

@@ -271,7 +271,7 @@ def test_an_order_ends_when_the_target_is_not_told_any_more(flavour: Flavour) ->
     flown.run(lost_s - 0.2)
     assert flown.authority.standing is Standing.IN_COMMAND
     flown.run(0.4)
-    assert flown.authority.reason == "the target is not told any more"
+    assert flown.authority.reason == "the target is no longer reported"
 
 
 def test_no_command_leaves_on_a_target_that_is_not_told_any_more() -> None:
@@ -314,7 +314,7 @@ def test_it_returns_when_the_battery_is_not_told_any_more(flavour: Flavour) -> N
     flown.run(6.0)
     flown.status_told = False
     flown.run(5.0)
-    assert pilot.said == "returning: the battery is not told any more"
+    assert pilot.said == "returning: the battery is no longer reported"
     assert flown.vehicle.mode == MODES[flavour]["return"]
 
 

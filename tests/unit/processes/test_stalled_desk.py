@@ -47,7 +47,7 @@ def test_a_target_that_is_lost_during_a_stall_ends_the_order_once_all_is_read() 
     link.flown.target_told = False
     stalled(link, 0.95)
     link.run(0.25)
-    assert link.states[-1].text == "the target is not told any more"
+    assert link.states[-1].text == "the target is no longer reported"
 
 
 def test_silence_counts_although_every_turn_is_late() -> None:
@@ -55,4 +55,4 @@ def test_silence_counts_although_every_turn_is_late() -> None:
     link.flown.target_told = False
     for _ in range(8):
         stalled(link, 0.3)
-    assert link.states[-1].text == "the target is not told any more"
+    assert link.states[-1].text == "the target is no longer reported"

@@ -125,9 +125,9 @@ def channelize(
     `source`: the band; the caller closes it.
     `front_end`: from `plan_channels`.
     `sender`: where to send; the caller closes it.
-    `speed`: a file is played at so many times real time, since a listener's buffer loses what
-    comes faster than it reads; 0 for no limit. A live band is never ahead of time.
-    `pause`: waits so many seconds (`time.sleep`).
+    `speed`: a file is played at this multiple of real time, since a listener's buffer loses
+    what comes faster than it reads; 0 for no limit. A live band is never ahead of time.
+    `pause`: waits for a number of seconds (`time.sleep`).
     `should_stop`: asked at least four times a second.
     `summary`: filled while running.
     """

@@ -373,7 +373,7 @@ class _Common:
     def demand_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
         """Find how many pulses the track can cover; offsets with far fewer are none.
 
-        Raises `UsageError`: they are too few to tell an offset from chance.
+        Raises `UsageError`: they are too few to distinguish an offset from chance.
         """
         times_s = self._posed_s if posed else self.time_s
         most = max(int(np.count_nonzero(self.covered(one, posed=posed))) for one in offsets_s)

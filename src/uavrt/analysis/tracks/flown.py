@@ -26,7 +26,7 @@ def flight_of_track(
 
     `tags`: that were looked for.
     `name`: of the flight, for messages.
-    `offset_s`: added to the track's times: by so much the samples' clock is ahead.
+    `offset_s`: how far the samples' clock is ahead; added to the track's times.
     `yaw_offset_deg`: antenna's boresight clockwise from the vehicle's nose.
     Raises `UsageError`: the track has no poses.
     """

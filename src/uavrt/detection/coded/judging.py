@@ -421,7 +421,7 @@ def decide(
     `limits`: least sums by the pulses of a burst, and by those that count.
     `before`: lost bursts that begin before this column are counted.
     `foreign_per_hour`: bursts on the channel that no listed code explains.
-    Returns: the accepted ones, and how many collided with others and could not be told.
+    Returns: the accepted ones, and how many collided with others and could not be identified.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, on_air, limits, before, foreign_per_hour, without)

@@ -180,7 +180,7 @@ class Refiner:
 
         `start`: expected index of its first sample.
         `half_width`, `offset_hz`, `half_band_hz`, `noise`, `spread`: as of `search`.
-        Returns: with the frequency asked for, as a broken pulse does not tell it, and with what
+        Returns: with the frequency asked for, as a broken pulse does not show it, and with what
         the freedom of the phase gives to noise taken off its power. None when the samples are
         not there.
         """

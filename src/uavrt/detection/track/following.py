@@ -64,7 +64,7 @@ class Follower:
         `settle`: called after each pulse: decides who is the tag and reports.
         `noise`: shape (rows,).
         `floor`: mean power of a sample without pulses.
-        `around`: tells what else is on air around a track's place.
+        `around`: reports what else is on air around a track's place.
         """
         self._tracks = tracks
         self._around = around
@@ -86,7 +86,7 @@ class Follower:
 
         `tracks`: changed in place; their seconds are those after the jump, from its first
         sample.
-        Returns: they must be confirmed anew: were samples missing, they find nothing and end.
+        Returns: they must be confirmed again: were samples missing, they find nothing and end.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)

@@ -46,7 +46,7 @@ class SearchBand:
     """The search of one stream in one band.
 
     `bounds`: half-width of the band, and what in it is not searched.
-    `batch_s`: samples come in pieces of at most so much [s].
+    `batch_s`: longest piece in which samples come [s].
     """
 
     def __init__(

@@ -63,7 +63,7 @@ it was weighed against is still in question."""
 
 
 def part(one: Tag, two: Tag) -> "Parting":
-    """Describe how far the intervals of two tags tell them apart, heard alone."""
+    """Describe how far the intervals of two tags, heard alone, distinguish them."""
     pairs = [(a, b) for a in one.pulse_intervals_s for b in two.pulse_intervals_s]
     gap_s, nominal_s = min((abs(a - b), max(a, b)) for a, b in pairs)
     room_s = gap_s - 2.0 * CLOCK_ERROR * nominal_s

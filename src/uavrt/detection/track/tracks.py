@@ -174,7 +174,7 @@ class Track:
 
         `pulses`: each (place, time_s, time_ns, Measured), in order of time; places count
         intervals from 0.
-        `around`: tells what else is on air around a track's place.
+        `around`: reports what else is on air around a track's place.
         """
         tag = self.tag
         nominal = tag.pulse_intervals_s[self.rate - 1]
@@ -239,7 +239,7 @@ class Track:
         """Take the new pulses of a group that was found without this track's help.
 
         `base`: place in the lattice of the group's place 0.
-        `around`: tells what else is on air around a track's place.
+        `around`: reports what else is on air around a track's place.
         `pulses`: each (place, time_s, time_ns, Measured).
         """
         width_s = self.tag.pulse_width_s

@@ -34,7 +34,7 @@ def joined(
 
     `tracks`: the groups so far.
     `pulses`: a group that reached the threshold.
-    `around`: tells what else is on air around a track's place.
+    `around`: reports what else is on air around a track's place.
     """
     onto = _continued(tracks, pulses, rate=rate, sample_rate_hz=sample_rate_hz)
     if onto is None:

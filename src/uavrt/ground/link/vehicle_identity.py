@@ -24,7 +24,7 @@ class VehicleIdentity:
     """The vehicle that we serve, and the others heard.
 
     `system_id`: its number; None takes the first that is heard.
-    `uid`: its autopilot's unique number, hexadecimal; None takes the first that is told.
+    `uid`: its autopilot's unique number, hexadecimal; None takes the first that is reported.
     """
 
     def __init__(self, system_id: int | None = None, uid: str | None = None) -> None:

@@ -109,7 +109,7 @@ class VehicleMissions:
 
         Raises `PlanError`: it does not; or it is no survey that can be a mission.
         Raises `CommandRefused`, `FormatError`, `LinkError`: as of `upload` and `fence`; or the
-        vehicle tells of no home.
+        vehicle reports no home.
         """
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
@@ -122,7 +122,7 @@ class VehicleMissions:
     async def home(self) -> tuple[float, float]:
         """Ask the vehicle for its home.
 
-        Raises `CommandRefused`: it tells of none, or is not known.
+        Raises `CommandRefused`: it reports none, or is not known.
         Raises `LinkError`: it is not heard.
         """
         self._homes.clear()
@@ -172,8 +172,8 @@ class VehicleMissions:
     async def fence(self) -> VehicleFence:
         """Read the vehicle's fence.
 
-        Raises `CommandRefused`: it tells of none, or is not known.
-        Raises `FormatError`: what it tells is no fence.
+        Raises `CommandRefused`: it reports none, or is not known.
+        Raises `FormatError`: what it sends is no fence.
         Raises `LinkError`: it does not answer.
         """
         async with self._busy:

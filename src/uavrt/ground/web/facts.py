@@ -10,7 +10,7 @@ from uavrt.errors import ConfigError, UsageError
 def told_facts(folder: Path) -> dict[str, str]:
     """Each field with its text; empty where nothing was told.
 
-    Raises `ConfigError`: somebody has written a file by hand that cannot be read.
+    Raises `ConfigError`: a file written by hand cannot be read.
     """
     path = folder / NAME
     found = read_facts(path) if path.is_file() else Facts()

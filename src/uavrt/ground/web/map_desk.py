@@ -11,9 +11,12 @@ import numpy as np
 
 from uavrt.analysis.export.png import chance, png_bytes
 from uavrt.errors import FormatError, UavrtError, UsageError
+from uavrt.log import get_logger
 
 if TYPE_CHECKING:
     from uavrt.planning.coverage import Coverage
+
+log = get_logger()
 
 Record = dict[str, Any]
 OnStep = Callable[[int, int], None]
@@ -42,8 +45,8 @@ class _GivenUpError(Exception):
 class MapDesk(Generic[Asked, Found]):
     """Makes maps, one at a time; keeps the last.
 
-    `make`: makes what is asked for, and tells its steps.
-    `record`: what a page is told of it.
+    `make`: makes what is asked for, and reports its steps.
+    `record`: what a page gets of it.
     `name`: of the thread.
     """
 
@@ -61,7 +64,7 @@ class MapDesk(Generic[Asked, Found]):
         """Tell how far the map is, or what it shows; begin it where it is a new one.
 
         `asked`: which map.
-        `again`: the same was asked for before: it is not begun anew when somebody else wanted
+        `again`: the same was asked for before: it is not begun again when another page wanted
         another one meanwhile, or two pages would take it from each other for ever.
         """
         with self._lock:
@@ -102,6 +105,7 @@ class MapDesk(Generic[Asked, Found]):
         except UavrtError as error:
             work.fault = str(error)
         except Exception as error:  # noqa: BLE001 - a page that asks must not wait forever
+            log.exception("map not made")
             work.fault = f"the map could not be made: {error}"
 
 

@@ -225,7 +225,7 @@ class LevelBelief:
         `missed_share`: pulses that are missed however strong they are.
         `chance_share`: pulses that are heard by chance wherever the tag is.
         `elsewhere`: density [1/dB] of a pulse of this level from another source.
-        `behind`: what `expected_db` was told.
+        `behind`: as given to `expected_db`.
         """
         learns = not self.known or self.error is not None
         variance: Any = fading_db**2

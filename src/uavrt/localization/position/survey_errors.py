@@ -81,7 +81,7 @@ class SurveyEvidence:
     """Log-likelihood of places, given powers along a track of uncertain height.
 
     `east_m`, `north_m` (n,): the track in the local plane.
-    `track`: heights as they are told, powers, antenna.
+    `track`: heights as reported, powers, antenna.
     `propagation`: prior of the path loss exponent.
     `height_sigma_m`: what may be wrong.
     `over_hills`: what the ground takes from the pulses; None is level.

@@ -29,7 +29,7 @@ def removable(flights: Sequence[Path]) -> list[Path]:
 
 
 class SecondStep:
-    """Tells the second step of a request from the first and its repetitions."""
+    """Distinguishes the second step of a request from the first and its repetitions."""
 
     def __init__(self, clock_s: Callable[[], float] = monotonic_s) -> None:
         self._clock_s = clock_s
