@@ -84,8 +84,9 @@ def parse_iso_utc(text: str) -> int:
 
     Raises `ValueError`: `text` is not an ISO 8601 time, or not one from 1970 to 2261:
     nanoseconds are kept in 64 bits.
-    Raises `>>> parse_iso_utc("2023-11-17T07:16:59.5Z")`.
-    Raises `1700205419500000000`.
+
+    >>> parse_iso_utc("2023-11-17T07:16:59.5Z")
+    1700205419500000000
     """
     stamp = datetime.fromisoformat(text)
     if stamp.tzinfo is None:

@@ -410,7 +410,7 @@ class Authority:
         if motion is not None and not motion.obeyed:
             raise CommandRefused("the command before is not yet seen to be obeyed")
         if motion is not None and not stops:
-            brakes = motion.arrives or motion.progress.brakes(now_s)
+            brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
             brakes &= not isinstance(wish, GoHome)
             if brakes or motion.progress.stands(now_s, SLOW_S):
                 raise CommandRefused("the drone comes no nearer to its target")

@@ -69,8 +69,8 @@ class Commanded:
     obeyed: bool = field(init=False, default=False)
     settled: bool = field(init=False, default=False)
     """It was at its target once."""
-    arrives: bool = field(init=False, default=False)
-    """It is about to settle: a pause would keep it so, and no message would show it."""
+    not_settled_yet: bool = field(init=False, default=False)
+    """It is near its target and may stop on its way: no message would show a pause."""
 
     def __post_init__(self, turning_deg_s: float, previous: "Commanded | None") -> None:
         wish, start = self.wish, self.start
@@ -259,7 +259,7 @@ class Commanded:
         along = radians(bearing)
         soon = hypot(left * cos(along) - stops[0], left * sin(along) - stops[1])
         self.settled |= left <= self.manners.settles_m
-        self.arrives = not self.settled and left <= ARRIVED_M
+        self.not_settled_yet = not self.settled and left <= ARRIVED_M
         near = ARRIVED_M if self.settled else self.manners.settles_m
         place = Left(now=left, soon=soon, least=NEARER_M, tolerance=near)
         up = Left(now=height, soon=height, least=HIGHER_M, tolerance=AT_HEIGHT_M)

@@ -44,8 +44,9 @@ class Manners:
     the command; a pause of the drone where it stands must differ from them."""
 
     settles_m: float
-    """So near to its target a drone comes before it stands; one that stands farther away was
-    stopped. PX4 approaches too slowly over the last metres to distinguish the two."""
+    """Greatest distance from the target at which a drone comes to rest by itself [m]; one that
+    rests farther away was stopped. ArduCopter: 0.6 m in 203 recorded legs of SITL without wind,
+    0.66 m in the simulator's gusts. PX4 approaches too slowly over the last metres for it."""
 
     target_lost_s: float
     """Without a report of the target for so long an order ends. ArduCopter reports none while

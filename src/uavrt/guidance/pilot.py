@@ -34,7 +34,7 @@ BEND_DEG = 30.0
 NEAR_M = 25.0
 """Nor when either place is nearer: there a small bend is a large one."""
 REFUSALS = 50
-"""So many one after the other end the order."""
+"""More than these, one after the other, end the order."""
 BATTERY_S = 1.0
 """Between two looks at what is left."""
 

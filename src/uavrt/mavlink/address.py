@@ -60,12 +60,13 @@ def parse_address(text: str, *, baud: int = DEFAULT_BAUD) -> Address:
     `text`: one of the four forms.
     `baud`: of a serial port, where the text names none.
     Raises `ConfigError`: it is none of the four forms.
-    Raises `>>> parse_address("udpin://127.0.0.1:14540").port`.
-    Raises `14540`.
-    Raises `>>> parse_address("serial:///dev/ttyAMA0:921600").baud`.
-    Raises `921600`.
-    Raises `>>> parse_address("serial://COM3").device`.
-    Raises `'COM3'`.
+
+    >>> parse_address("udpin://127.0.0.1:14540").port
+    14540
+    >>> parse_address("serial:///dev/ttyAMA0:921600").baud
+    921600
+    >>> parse_address("serial://COM3").device
+    'COM3'
     """
     try:
         parts = urlsplit(text)

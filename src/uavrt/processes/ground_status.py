@@ -114,9 +114,10 @@ class GroundStatus:
     def beep(self, beep: Beep) -> None:
         """Take a sender of pulses, or a newer measurement of one."""
         keep_beep(self._beeps, beep)
-        self._next_beep = self._beeps.index(beep)
-        self._next_ns.pop("beep", None)
         self.beeps_left_out += drop_beeps(self._beeps)
+        if beep in self._beeps:
+            self._next_beep = self._beeps.index(beep)
+            self._next_ns.pop("beep", None)
 
     def _send_beep(self) -> None:
         self._next_beep %= len(self._beeps)

@@ -104,7 +104,7 @@ class MapDesk(Generic[Asked, Found]):
             return
         except UavrtError as error:
             work.fault = str(error)
-        except Exception as error:  # noqa: BLE001 - a page that asks must not wait forever
+        except Exception as error:  # a page that asks must not wait forever
             log.exception("map not made")
             work.fault = f"the map could not be made: {error}"
 
