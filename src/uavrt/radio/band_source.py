@@ -43,6 +43,8 @@ class BandDatagramSource(LiveSource):
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
     alone.
     `block_s`: length of a block [s].
+    Raises `RadioError`: the port cannot be listened to.
+    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
     """
 
     def __init__(

@@ -61,6 +61,7 @@ def encode_channel_datagram(
     `samples` (n,): 1024 of them for the original detectors.
     `time_ns`: time of the first sample [ns, UTC].
     `style`: milliseconds are rounded down, as the original does.
+    Raises `ValueError`: a time that the stamp cannot hold.
     """
     try:
         if style == "seconds":
@@ -81,6 +82,7 @@ def decode_channel_datagram(
     `style`: how its stamp is written; None: the stamp itself shows it.
     Returns: `time_ns`: time of the first sample [ns, UTC].
     Returns: `samples` (n,): a copy.
+    Raises `FormatError`: not a stamp and at least one sample, or a stamp that is no time.
     """
     if len(payload) < 16 or len(payload) % 8:
         raise FormatError(
@@ -126,6 +128,8 @@ def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool =
     one.
     `scheme`: which of the original's port plans.
     `second`: the port for the second detector of a tag with two rates.
+    Raises `ValueError`: the thesis's plan has no second port, or the channel has no port
+    below 65536.
     """
     if second and scheme == "thesis":
         raise ValueError("the thesis's layout has no second port for a channel")

@@ -20,6 +20,7 @@ class ChannelOutput:
     `settings`: where to, and how.
     `tags`: whose channels; those of tags beyond the original's band are left out.
     `band_rate_hz`, `center_frequency_hz`: of the decimated band.
+    Raises `UavrtError`: no tag lies in the band, or it cannot be split.
     """
 
     def __init__(

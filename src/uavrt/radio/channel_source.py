@@ -42,6 +42,8 @@ class ChannelDatagramSource(LiveSource):
     `sample_rate_hz`: rate of the channel; the original's is 3750.
     `center_frequency_hz`: frequency of the channel's centre.
     `style`: how stamps are written; None: the first one shows it.
+    Raises `RadioError`: the port cannot be listened to.
+    Raises `ConfigError` or `FormatError`: not an address, or not a rate.
     """
 
     def __init__(

@@ -18,6 +18,7 @@ class JoinedRecording:
     """Samples of several SigMF recordings, gaps between them included.
 
     `paths`: in any order.
+    Raises `FormatError`: none of them holds samples, or they are not of one channel.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:

@@ -44,6 +44,7 @@ class LiveSource:
     `start_time_ns`: time of the first sample [ns, UTC]; then times follow from the nominal rate
     alone.
     `start_moves`: stamp the start again when the first arrivals turn out to have been held up.
+    Raises `FormatError`: a rate that is not possible.
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False

@@ -65,6 +65,8 @@ def open_radio(
     `settings`: which radio, how set.
     `center_frequency_hz`: where to tune it [Hz].
     `clock`: the system's clock.
+    Raises `RadioMissing`: its program or driver is not installed.
+    Raises `ConfigError`: a setting that the radio does not have.
     """
     if settings.kind in PROGRAMS:
         return ProgramSource(settings, center_frequency_hz, clock=clock)
@@ -111,6 +113,8 @@ def open_channel(
     `address`: ``udp://127.0.0.1:20090``.
     `sample_rate_hz`: rate of the channel; None: the original's, 3750 Hz.
     `center_frequency_hz`: frequency of the channel's centre; must be given.
+    Raises `FormatError`: the frequency is not given.
+    Raises `ConfigError` or `RadioError`: not an address, or not a free one.
     """
     return ChannelDatagramSource(
         address,
@@ -135,6 +139,7 @@ def open_recording(
     `sample_rate_hz`, `center_frequency_hz`: for raw files whose name does not say them. A rate
     that contradicts the file is refused; a frequency replaces it.
     `start_time_ns`: time of the first sample [ns, UTC].
+    Raises `FormatError`: the file cannot be read, or is not what it is said to be.
     """
     layout = _layout(
         path,

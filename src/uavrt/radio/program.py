@@ -54,6 +54,8 @@ class ProgramSource(StreamSource):
     `center_frequency_hz`: where to tune it.
     `clock`: where arrival times come from.
     `startup_s`, `stall_s`: how long without a byte is normal at the start, and later [s].
+    Raises `RadioMissing`: the program is not installed.
+    Raises `ConfigError`: a setting that the radio does not have.
     """
 
     MAY_BE_SLOW = False

@@ -95,6 +95,7 @@ class RecordingSource:
 
     `layout`: where they lie.
     `stored`: the file, if it is not one of this machine.
+    Raises `FormatError`: the file cannot be opened, or holds no samples.
     """
 
     def __init__(self, layout: Layout, stored: SampleBytes | None = None) -> None:
@@ -299,6 +300,8 @@ def raw_layout(
     `sample_rate_hz`, `center_frequency_hz`: the file does not hold them.
     `start_time_ns`: time of the first sample; None: the file's last change less its duration.
     `frequency_from`, `rate_from`, `start_from`: who says these, in words.
+    Raises `FormatError`: the file cannot be read, holds floats where integers were
+    declared, or a rate is not possible.
     """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)

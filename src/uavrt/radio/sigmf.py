@@ -38,6 +38,8 @@ def sigmf_layout(
     `path`: the ``.sigmf-meta`` file, the ``.sigmf-data`` file, or their common name.
     `center_frequency_hz`: in place of what the recording says.
     `start_time_ns`: time of the first sample, in place of what the recording says.
+    Raises `FormatError`: not SigMF, or SigMF of a kind that cannot be used; the text says
+    which.
     """
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)

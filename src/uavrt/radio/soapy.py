@@ -43,6 +43,8 @@ class SoapySource(LiveSource):
     number.
     `center_frequency_hz`: where to tune it.
     `clock`: where arrival times come from.
+    Raises `RadioMissing`: no SoapySDR module, or no such device.
+    Raises `RadioStopped`: the device does not take the sample rate or the frequency.
     """
 
     RATE_REMEDY = RADIO_RATE_REMEDY

@@ -52,6 +52,7 @@ class StreamSource(LiveSource):
     alone.
     `block_s`: length of a block [s].
     `name`: what to call it in errors.
+    Raises `FormatError`: a rate that is not possible.
     """
 
     MAY_BE_SLOW = True

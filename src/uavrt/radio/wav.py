@@ -95,6 +95,8 @@ def wav_layout(
     name.
     `start_time_ns`: time of the first sample; None: from the ``auxi`` chunk, else from the
     file's name, else from its age.
+    Raises `FormatError`: not WAV, not two channels, an encoding that cannot be used, or no
+    radio frequency.
     """
     size = file_size(path)
     try:

@@ -256,6 +256,9 @@ class FlightRecorder:
 
         `pulses_only`: pulses with their poses and what has reached the ground; the rest waits
         for a later commit, which then writes fewer half-full pages.
+        Raises `RecordingError`: the disk is full or cannot be written. Nothing recorded
+        is lost; what was taken waits in memory and the next commit tries again. The
+        caller counts and goes on.
         """
         try:
             if not self._begun:

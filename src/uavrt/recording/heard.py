@@ -15,6 +15,7 @@ def heard_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
     """Get how many confirmed pulses each tag has in the flight, and the end of the newest.
 
     Returns: by tag id: the count and the time [ns]; tags without any are left out.
+    Raises `RecordingError`: the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:

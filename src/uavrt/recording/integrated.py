@@ -154,6 +154,8 @@ def write_integrated(
 
     `verdicts`: one for each tag that was judged.
     Returns: the directory of the results.
+    Raises `RecordingError`: it cannot be written.
+    Raises `FormatError`: what is there already cannot be read.
     """
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)

@@ -32,6 +32,7 @@ class IQRecorder:
     `sample_rate_hz`, `center_frequency_hz`: of the blocks that will come [Hz].
     `minimum_free_mb`: nothing is written while the disk has less free space [MB].
     `description`, `hardware`: what is recorded, and the radio, for the metadata.
+    Raises `RecordingError`: the files cannot be made, or exist already.
     """
 
     def __init__(

@@ -34,6 +34,8 @@ class SampleFile:
     `bits`: of I and of Q: 16, or 8 with `append_stored` alone.
     `settled_after_s`: the clock of a radio that has just begun is corrected for so long: then,
     or where its stretch ends before, the stretch gets the time that its samples have by then.
+    Raises `FileExistsError`: the samples would be appended to another recording.
+    Raises `OSError`: the files cannot be made.
     """
 
     def __init__(
@@ -92,6 +94,7 @@ class SampleFile:
         `sample_index`: of the first in the radio's stream: what does not continue the samples
         before begins a stretch.
         `time_ns`: of the first [ns, UTC].
+        Raises `OSError`: nothing was written; what comes next begins a stretch.
         """
         count = values.size // 2
         try:

@@ -36,6 +36,7 @@ def undelivered(
     `limit`: how many at most.
     `without`: tag id and start time of pulses to leave out.
     Returns: the pulses; and whether there are more.
+    Raises `RecordingError`: the database cannot be read.
     """
     path = FlightLayout(Path(directory)).database
     try:
