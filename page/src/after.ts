@@ -29,14 +29,14 @@ export function afterPanel(made: FlightMap): HTMLElement {
     { id: "after", class: "after", hidden: true },
     h("h3", {}, "In the whole flight"),
     h("ul", { id: "verdicts", class: "verdicts" }),
-    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, "Look below the noise"),
+    h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, "Search below the noise"),
     h("p", { id: "integrate-told", class: "told", role: "status" }),
-    h("h3", {}, "Where it would have been heard"),
+    h("h3", {}, "Where it would have been detected"),
     h(
       "div",
       { class: "fields" },
       h("label", {}, h("span", {}, "Tag"), h("select", { id: "silence-tag", onchange: () => void forget() })),
-      h("label", {}, h("span", {}, "It radiates, dBm"), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
+      h("label", {}, h("span", {}, "Radiated power, dBm"), h("input", { id: "silence-power", value: "-25", inputmode: "decimal", autocomplete: "off", onchange: () => void forget() })),
     ),
     h("button", { id: "silence-make", class: "primary", onclick: () => void make() }, "Make the map"),
     ...heardElements("silence"),
@@ -71,7 +71,7 @@ function drawAfter(): void {
   const tags = store.hindsight?.tags ?? [];
   fill(
     by("verdicts"),
-    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, "Nobody has looked below the noise yet: uavrt integrate FLIGHT, where its samples are.")]),
+    ...(tags.length ? tags.map(verdict) : [h("li", { class: "note" }, "Not searched below the noise yet. Run uavrt integrate FLIGHT where the samples are.")]),
   );
   by("integrate-begin").hidden = review === null || tags.length > 0;
 }
@@ -82,7 +82,7 @@ async function lookBelow(): Promise<void> {
   if (!id) return;
   const button = by("integrate-begin") as HTMLButtonElement;
   button.disabled = true;
-  say(by("integrate-told"), "Looking: seconds to minutes.");
+  say(by("integrate-told"), "Searching; this takes seconds to minutes.");
   let told = "";
   try {
     for (;;) {
@@ -139,8 +139,8 @@ function silent(one: Verdict): string {
   if (!one.silent) return "";
   const { tag_power_dbm, probability, within_m } = one.silent;
   return within_m === null
-    ? ` Nowhere around the flight is it sure that a tag that radiates ${fixed(tag_power_dbm, 0)} dBm would have been found (p ≥ ${fixed(probability, 1)}).`
-    : ` Within ${metres(within_m)} of the flight a tag that radiates ${fixed(tag_power_dbm, 0)} dBm would have been found with p ≥ ${fixed(probability, 1)}.`;
+    ? ` No area around the flight would have detected a tag of ${fixed(tag_power_dbm, 0)} dBm with p ≥ ${fixed(probability, 1)}.`
+    : ` Within ${metres(within_m)} of the flight, a tag of ${fixed(tag_power_dbm, 0)} dBm would have been detected with p ≥ ${fixed(probability, 1)}.`;
 }
 
 function remarks(one: Verdict): HTMLElement | string {

@@ -11,9 +11,9 @@ export type Plan = { way: [number, number][] } | { outline: [number, number][]; 
 
 const MONOPOLE = "monopole";
 /** What a tag of no list is: `uavrt coverage` without --tags. */
-const NO_TAG = "A usual one: 150\u202fMHz, every 1.254\u202fs";
-const NO_LINES = "As if flown in lines 200\u202fm apart: a search chooses its own way.";
-const NO_TURNS = "As if flown from place to place, without the turns.";
+const NO_TAG = "A typical tag: 150\u202fMHz, every 1.254\u202fs";
+const NO_LINES = "Calculated for lines 200\u202fm apart; a search chooses its own path.";
+const NO_TURNS = "Calculated for a flight from place to place, without the turns.";
 
 let view: FlightMap;
 let plan: Plan | null = null;
@@ -31,13 +31,13 @@ export function beforeBox(shown: FlightMap): HTMLElement {
   return h(
     "details",
     { id: "before", class: "before", hidden: true },
-    h("summary", {}, "Where would a tag be heard?"),
+    h("summary", {}, "Where would a tag be detected?"),
     h(
       "div",
       { class: "fields" },
       h("label", {}, h("span", {}, "Tag"), h("select", { id: "before-tag", onchange: () => forget() }, h("option", { value: "" }, NO_TAG))),
-      input("before-power", "It radiates, dBm", { value: "-25", inputmode: "decimal" }),
-      input("before-heights", "From heights, m", { placeholder: "as above, or 60" }),
+      input("before-power", "Radiated power, dBm", { value: "-25", inputmode: "decimal" }),
+      input("before-heights", "Flight heights, m", { placeholder: "as above, or 60" }),
     ),
     h(
       "div",
@@ -94,7 +94,7 @@ async function make(): Promise<void> {
   forget();
   const wanted = heights();
   if (!plan || !wanted) {
-    say(by("before-fault"), "Heights are numbers with spaces between them");
+    say(by("before-fault"), "Write heights as numbers separated by spaces");
     return;
   }
   const ticket = ++asked;
@@ -111,6 +111,6 @@ async function make(): Promise<void> {
 function said(map: PlanMap): string {
   const others = map.heights.filter((one) => !one.best).map((one) => `${one.height_m}\u202fm`);
   const from = others.length ? `Best from ${map.height_m}\u202fm, better than from ${others.join(", ")}` : `From ${map.height_m}\u202fm`;
-  const antenna = map.antenna === MONOPOLE ? "an antenna that hears alike on all sides" : `the antenna ${map.antenna} looking ahead`;
+  const antenna = map.antenna === MONOPOLE ? "an omnidirectional antenna" : `the antenna ${map.antenna} pointing ahead`;
   return `${from} above the ground, at ${map.speed_m_s}\u202fm/s, with ${antenna}.`;
 }

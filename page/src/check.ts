@@ -60,16 +60,16 @@ async function ask(): Promise<void> {
   fill(by("check-list"), ...found.map(row));
 }
 
-/** In flight there is none: nobody shall put propellers on then. */
+/** In flight it gives no verdict: propellers must not be put on then. */
 function verdict(wrong: number, open: number, count: number): string {
   if (store.state?.armed) return "The vehicle is armed: this list is for the bench.";
-  if (wrong) return `${wrong} of ${count} to do`;
-  if (open) return "Nothing is wrong, but not all can be judged yet: see “?”. Then stop, put the propellers on, and fly.";
-  return "All is in order. Stop, put the propellers on, and fly.";
+  if (wrong) return `${wrong} of ${count} to fix`;
+  if (open) return "No fault found, but some points are not known yet: see “?”. Then stop, put the propellers on, and fly.";
+  return "Everything is in order. Stop, put the propellers on, and fly.";
 }
 
 function row(one: Finding): HTMLElement {
-  const [kind, mark, word] = one.ok ? ["good", "✓", "in order: "] : one.open ? ["open", "?", "open: "] : ["bad", "✗", "to do: "];
+  const [kind, mark, word] = one.ok ? ["good", "✓", "passed: "] : one.open ? ["open", "?", "open: "] : ["bad", "✗", "to fix: "];
   return h(
     "li",
     { class: `check-row ${kind}`, "data-check": one.what, "data-ok": String(one.ok) },

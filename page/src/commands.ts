@@ -9,20 +9,20 @@ export async function mayCommand(name: string, showTags: () => void): Promise<bo
   // What runs can always be stopped, whatever is looked at.
   if (name === "stop") return true;
   if (store.looksOn() && name !== "mark") {
-    toast("Another page commands: take command first", 5);
+    toast("Another page has command. Take command first", 5);
     return false;
   }
   if (store.review) {
-    toast("This is a past flight: go back to the live one first", 5);
+    toast("This is a past flight. Go back to the live flight first", 5);
     return false;
   }
   if (name === "start" && unsaved()) {
-    toast("The typed tags are not saved and not sent: send the tags first", 4);
+    toast("The edited tags are not saved and not sent. Send the tags first", 4);
     showTags();
     return false;
   }
   if (name === "send_tags" && unsaved() && !(await save())) {
-    toast("The typed tags are not saved, so nothing was sent: see Set-up", 4);
+    toast("The edited tags could not be saved, so nothing was sent. See Set-up", 4);
     showTags();
     return false;
   }

@@ -25,7 +25,7 @@ export function downloadSection(changed: () => void): HTMLElement {
       "div",
       { class: "toolbar" },
       h("h2", { id: "drone-title" }, "On the drone"),
-      h("button", { id: "drone-list", onclick: () => void list() }, "Look"),
+      h("button", { id: "drone-list", onclick: () => void list() }, "List flights"),
       h("label", { class: "check" }, h("input", { type: "checkbox", id: "drone-samples" }), "with recorded samples (large)"),
     ),
     h(
@@ -41,7 +41,7 @@ export function downloadSection(changed: () => void): HTMLElement {
 
 async function list(): Promise<void> {
   const holder = by("drone-flights");
-  fill(holder, h("p", { class: "note" }, "Asking the drone …"));
+  fill(holder, h("p", { class: "note" }, "Requesting the list …"));
   try {
     const found = await send<Remote[]>("POST", "/drone/flights", {});
     fill(

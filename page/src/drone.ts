@@ -47,7 +47,7 @@ async function press(name: string): Promise<void> {
   const button = by(`act-${name}`);
   const action = store.state?.actions[name];
   if (!action?.enabled) {
-    say(by("drone-note"), action?.reason ?? "Not now");
+    say(by("drone-note"), action?.reason ?? "Cancel");
     return;
   }
   if (FINAL[name] && !button.dataset.asking) {
@@ -99,7 +99,7 @@ async function ask(name: string, body: unknown): Promise<string> {
 
 async function read(): Promise<void> {
   const note = by("drone-note");
-  say(note, "Asking the drone …");
+  say(note, "Requesting the list …");
   try {
     const found = await send<Record<string, number>>("POST", "/parameters", {});
     const names = Object.keys(found).sort();

@@ -10,11 +10,11 @@ interface Field {
 }
 
 const FIELDS: Field[] = [
-  { key: "operator", label: "Operator", hint: "Who flies" },
+  { key: "operator", label: "Operator", hint: "Name of the operator" },
   { key: "aircraft", label: "Aircraft", hint: "Kind and registration" },
   { key: "permit", label: "Permit", hint: "Number of the permission to fly or to track" },
   { key: "species", label: "Species", hint: "Of the tagged animals" },
-  { key: "time_zone", label: "Time zone", hint: "Reports tell its time beside UTC: Europe/Zurich" },
+  { key: "time_zone", label: "Time zone", hint: "Reports show local time as well as UTC: Europe/Zurich" },
   { key: "altitude_datum", label: "Altitudes refer to", hint: "What heights above the sea refer to: EGM96, LN02" },
 ];
 
@@ -38,7 +38,7 @@ export function factsSection(): HTMLElement {
       ),
       h("datalist", { id: "time-zones" }, ...Intl.supportedValuesOf("timeZone").map((zone) => h("option", { value: zone }))),
       h("p", { id: "fact-fault", class: "fault-line", role: "alert" }),
-      h("p", { class: "note" }, "Kept in report.toml beside the flights; one in a flight's own folder goes first."),
+      h("p", { class: "note" }, "Saved in report.toml next to the flights. A report.toml in a flight's own folder takes precedence."),
     ),
   );
 }

@@ -160,7 +160,7 @@ function draw(flights: FlightSummary[]): void {
     h(
       "table",
       { class: "flights" },
-      h("thead", {}, h("tr", {}, ...["", "Start", "Length", "Pulses", "Tags", "Where from", "Look, save"].map((title) => h("th", { scope: "col" }, title)))),
+      h("thead", {}, h("tr", {}, ...["", "Start", "Length", "Pulses", "Tags", "Where from", "Open, save"].map((title) => h("th", { scope: "col" }, title)))),
       h("tbody", {}, ...rows),
     ),
   );
@@ -172,7 +172,7 @@ function starButton(flight: FlightSummary): HTMLElement {
   const draw = () => {
     say(button, flight.starred ? "★" : "☆");
     button.setAttribute("aria-pressed", String(flight.starred));
-    const words = flight.starred ? "Starred: never removed. Press to take the star away" : "Star: never remove this flight";
+    const words = flight.starred ? "Starred: never removed. Press to remove the star" : "Star: never remove this flight";
     describe(button, "aria-label", words);
     describe(button, "title", words);
   };

@@ -76,7 +76,7 @@ export function buildFly(go: (name: string) => void): void {
     h("div", { id: "progress", hidden: true }, h("progress", { id: "progress-bar" }), h("span", { id: "progress-text" })),
     h(
       "div",
-      { class: "segments", role: "group", "aria-label": "Beside the map" },
+      { class: "segments", role: "group", "aria-label": "Panel next to the map" },
       h("button", { id: "show-tags", "aria-pressed": "true", onclick: () => side("tags") }, "Tags"),
       h("button", { id: "show-move", "aria-pressed": "false", onclick: () => side("move") }, "Move"),
       h("button", { id: "show-after", "aria-pressed": "false", hidden: true, onclick: () => side("after") }, "After"),
@@ -141,10 +141,10 @@ export async function act(name: string): Promise<void> {
   if (!button || !action) return;
   if (!(await mayCommand(name, () => openView("setup")))) return;
   if (!store.state?.actions[name]?.enabled && !(name === "send_tags" && action.reason?.startsWith("No tags"))) {
-    toast(action.reason ?? "Not now", 5);
+    toast(action.reason ?? "Cancel", 5);
     return;
   }
-  const body = name === "mark" ? { text: prompt(told("Remark (may stay empty)")) ?? "" } : {};
+  const body = name === "mark" ? { text: prompt(told("Remark (optional)")) ?? "" } : {};
   try {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
     toast(`${action.label}: ${answer.message}`, 6);
@@ -199,7 +199,7 @@ function hint(): string {
   if (!actions) return "";
   if (store.review) return "A past flight is shown.";
   if (store.state?.drone.state === "detecting") return "Detecting. Turn slowly on the spot, then fly on.";
-  if (store.looksOn()) return "Another page commands: take command first";
+  if (store.looksOn()) return "Another page has command. Take command first";
   return actions.start?.reason ?? actions.send_tags?.reason ?? "Ready to start.";
 }
 
@@ -315,7 +315,7 @@ function factsOf(one: Latest, age: number, row: TagRow | undefined, now: number)
   const ghost = store.pulses.get("ghost")[one.last]!;
   const id = store.pulses.get("tag")[one.last]!;
   const parts = [
-    Number.isFinite(ghost) ? `ghost of ${ghost}` : Number.isFinite(also) ? `${id} or ${also}` : null,
+    Number.isFinite(ghost) ? `image of ${ghost}` : Number.isFinite(also) ? `${id} or ${also}` : null,
     store.review ? null : ago(age),
     `${Math.round(one.minute / minutes)}/min`,
     `${frequency.toFixed(4)}\u202fMHz`,
@@ -332,7 +332,7 @@ function usable(id: number): string | null {
   if (typeof report?.usable_share !== "number") return null;
   const weakest = report.weakest_enr_db;
   const share = `usable ${(100 * report.usable_share).toFixed(0)}\u202f%`;
-  return weakest === null ? share : `${share} · found from ${weakest.toFixed(0)}\u202fdB`;
+  return weakest === null ? share : `${share} · detectable from ${weakest.toFixed(0)}\u202fdB`;
 }
 
 /** The code: its gaps as measured in the last burst, or as listed. */
@@ -351,8 +351,8 @@ function nominal(row: TagRow | undefined): string {
 
 /** Of a past flight nothing is live: a tag was heard by then, or not. */
 function freshWord(state: Freshness): string {
-  if (store.review) return state === "never" ? "not heard" : "heard";
-  return { live: "live", stale: "stale", lost: "detector lost", never: "not heard" }[state];
+  if (store.review) return state === "never" ? "not detected" : "detected";
+  return { live: "live", stale: "stale", lost: "detector lost", never: "not detected" }[state];
 }
 
 function freshness(id: number, age: number, row: TagRow | undefined): Freshness {

@@ -9,7 +9,7 @@ const AGAIN_MS = 700;
 /** How far a map is, and why there is none; the ids begin with its name. */
 export function heardElements(name: string): HTMLElement[] {
   return [
-    h("progress", { id: `${name}-progress`, max: "1", value: "0", hidden: true, "aria-label": "How far the map is" }),
+    h("progress", { id: `${name}-progress`, max: "1", value: "0", hidden: true, "aria-label": "Progress of the map" }),
     h("p", { id: `${name}-fault`, class: "fault-line", role: "alert" }),
   ];
 }
@@ -54,13 +54,13 @@ export function tellHeard(name: string, map: HeardMap, notes: string[]): void {
   const percent = (value: number | null) => (value === null ? "unknown" : `${Math.round(100 * value)}\u202f%`);
   fill(
     by(`${name}-told`),
-    h("div", { class: "ramp heard-ramp", role: "img", "aria-label": "From dark blue, not heard, to yellow, surely heard" }),
+    h("div", { class: "ramp heard-ramp", role: "img", "aria-label": "From dark blue (not detected) to yellow (always detected)" }),
     h(
       "p",
       {},
       h("span", {}, `Heard with ${percent(map.mean_probability)} on average, with 90\u202f% or more on ${percent(map.share_above_90)} of ${map.known_km2.toFixed(1)}\u202fkm².`),
       " ",
-      h("span", {}, "Blue: not heard, yellow: sure."),
+      h("span", {}, "Blue: not detected. Yellow: always detected."),
     ),
     ...[...notes, ...map.limitations].map((text) => h("p", { class: "note" }, text)),
   );

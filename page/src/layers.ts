@@ -57,13 +57,13 @@ export function layerBox(made: FlightMap): HTMLElement {
     h("summary", {}, "Layers"),
     ...boxes,
     h("label", { id: "heights-label", class: "basemap", hidden: true }, "Heights", h("select", { id: "heights", onchange: chooseHeights })),
-    h("label", { class: "basemap" }, "Map", h("select", { id: "basemap" }, h("option", { value: "" }, "none: grid"))),
+    h("label", { class: "basemap" }, "Map", h("select", { id: "basemap" }, h("option", { value: "" }, "none (grid)"))),
     h(
       "div",
       { class: "layer-actions" },
       h("button", { id: "fit", onclick: () => view.fit() }, "Whole flight"),
       h("button", { id: "follow", onclick: toggleFollow, "aria-pressed": "true" }, "Follow"),
-      h("button", { id: "me", onclick: (event: Event) => toggleMe(event.currentTarget as HTMLElement), "aria-pressed": "false" }, "My place"),
+      h("button", { id: "me", onclick: (event: Event) => toggleMe(event.currentTarget as HTMLElement), "aria-pressed": "false" }, "My position"),
     ),
     h("div", { class: "layer-actions" }, mapImport()),
     h("p", { class: "note map-note" }, "A map is a .mbtiles or .pmtiles file, made once with internet: see \u201cMaps without internet\u201d in the manual."),
@@ -110,7 +110,7 @@ export function offerMaps(choices: Choices): void {
   const select = by("basemap") as HTMLSelectElement;
   fill(
     select,
-    h("option", { value: "" }, "none: grid"),
+    h("option", { value: "" }, "none (grid)"),
     ...choices.maps.map((file) => h("option", { value: file.name, disabled: file.fault !== null, translate: "no" }, file.fault ? `${file.name}: ${file.fault}` : file.name)),
   );
   const choose = (name: string) => {
@@ -127,7 +127,7 @@ export function offerMaps(choices: Choices): void {
 
 function mapImport(): HTMLElement {
   const input = h("input", { id: "map-import", type: "file", accept: ".mbtiles,.pmtiles", onchange: () => void bring(input) });
-  return h("label", { class: "file" }, "Bring a map", input);
+  return h("label", { class: "file" }, "Add a map", input);
 }
 
 async function bring(input: HTMLInputElement): Promise<void> {

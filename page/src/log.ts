@@ -12,7 +12,7 @@ let shown = false;
 let seen = 0;
 
 export function buildLog(): void {
-  const text = h("input", { id: "log-text", type: "search", placeholder: "Words", "aria-label": "Words in the text", oninput: draw });
+  const text = h("input", { id: "log-text", type: "search", placeholder: "Text", "aria-label": "Text to search for", oninput: draw });
   const severity = h("select", { id: "log-severity", "aria-label": "At least as severe as", onchange: draw },
     ...[["7", "everything"], ["6", "info"], ["5", "notices"], ["4", "warnings"], ["3", "errors"]].map(([value, label]) =>
       h("option", { value, selected: value === "6" }, label),
@@ -75,7 +75,7 @@ function draw(): void {
         h("span", { class: "log-said", translate: "no" }, line.text),
       ),
     ),
-    latest.length ? null : h("p", { class: "empty" }, "Nothing that matches."),
+    latest.length ? null : h("p", { class: "empty" }, "No matching lines."),
   );
   say(by("log-count"), `${found.length} of ${lines.length} lines, newest first, times UTC`);
 }

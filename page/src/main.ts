@@ -65,12 +65,12 @@ function buildHeader(): void {
       "div",
       { class: "chips", role: "group", "aria-label": "State" },
       h("nav", { id: "vehicles", class: "vehicles", "aria-label": "Vehicles", hidden: true }),
-      h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, "Looking on: take command"),
+      h("button", { id: "take-command", class: "chip warn", hidden: true, onclick: () => void send("POST", "/commander", {}) }, "View only: take command"),
       h(
         "div",
         { class: "states" },
         h("span", { id: "chip-state", class: "chip" }),
-        h("span", { id: "chip-computer", class: "chip", title: "Processor of the computer on board" }),
+        h("span", { id: "chip-computer", class: "chip", title: "Processor load of the drone's computer" }),
         h("span", { id: "chip-link", class: "chip" }),
         h("span", { id: "chip-drone", class: "chip" }),
         h("span", { id: "chip-flight", class: "chip" }),
@@ -106,17 +106,17 @@ function drawHeader(): void {
   const silent = store.online && !store.review && droneSilent(state);
   const others = store.online && !!state && (state.drone.foreign || (!state.drone.present && unserved().length > 0));
   offline.hidden = store.online && !store.review && !state?.flight.fault && !state?.connection.error && !silent && !others;
-  if (!store.online) say(offline, "The ground station does not answer. What was received is safe; this page goes on by itself.");
+  if (!store.online) say(offline, "The ground station does not answer. Received data are safe; this page reconnects by itself.");
   else if (state?.flight.fault) say(offline, state.flight.fault);
   else if (state?.connection.error) say(offline, state.connection.error);
   else if (others && state) drawOthers(offline, state);
-  else if (silent) say(offline, "The drone is not heard. What it finds it keeps, and sends when it is heard again; this page goes on by itself.");
-  else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `, dashed beside it that of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
+  else if (silent) say(offline, "No contact with the drone. It keeps recording and sends when contact returns.");
+  else if (store.review) say(offline, `Past flight of ${dateTime(store.review.start_time_ns)}${store.other ? `; dashed: flight of ${dateTime(store.other.summary.start_time_ns)}` : ""}`);
   offline.className = store.online && store.review && !state?.flight.fault ? "info" : "";
   if (!state) return;
   drawVehicles();
   by("take-command").hidden = !store.looksOn();
-  const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone heard") : "No drone";
+  const mode = state.drone.present ? (STATES[state.drone.state ?? ""] ?? "Drone connected") : "No drone";
   chip("state", mode, state.drone.present ? (state.drone.state === "detecting" ? "live" : "good") : "bad");
   const loss = state.link.loss;
   const delay = state.link.round_trip_s;
@@ -142,7 +142,7 @@ function drawOthers(banner: HTMLElement, state: State): void {
   const choices = state.drone.foreign ? [ours!] : unserved();
   const told = state.drone.foreign
     ? `Another autopilot answers as vehicle ${ours}. Give each a number of its own (MAV_SYS_ID).`
-    : `Vehicle ${ours} is not heard. This page keeps to it.`;
+    : `No contact with vehicle ${ours}. This page stays with it.`;
   const key = `${told}${choices.join()}`;
   if (banner.dataset.key === key && banner.querySelector("button")) return;
   banner.dataset.key = key;
@@ -153,7 +153,7 @@ function drawOthers(banner: HTMLElement, state: State): void {
       h(
         "button",
         { class: "take-vehicle", "data-vehicle": number, onclick: () => void send("POST", "/vehicle", { system_id: number }) },
-        state.drone.foreign ? "Take this one" : `Change to vehicle ${number}`,
+        state.drone.foreign ? "Use this one" : `Change to vehicle ${number}`,
       ),
     ),
   );

@@ -81,7 +81,7 @@ export function motionPanel(made: FlightMap): HTMLElement {
   const panel = h(
     "div",
     { id: "move", class: "move", hidden: true },
-    h("p", { id: "move-none", class: "note" }, "This drone says nothing of motion: set guidance.enabled = true in its uavrt.toml. Without a key only the simulator moves."),
+    h("p", { id: "move-none", class: "note" }, "This drone does not offer motion. Set guidance.enabled = true in its uavrt.toml. Without a key only the simulator moves."),
     h(
       "div",
       { id: "move-form", class: "move-form" },
@@ -105,22 +105,22 @@ export function motionPanel(made: FlightMap): HTMLElement {
           "select",
           { id: "move-pattern", onchange: () => void replan() },
           h("option", { value: "lines" }, "line by line"),
-          h("option", { value: "around" }, "around it"),
+          h("option", { value: "around" }, "around the area"),
           h("option", { value: "points" }, "turns at places"),
         ),
       ),
-      number("move-spacing", "Apart, m", "60"),
-      number("move-seconds", "Whole turn, s", "60"),
+      number("move-spacing", "Spacing, m", "60"),
+      number("move-seconds", "Time of a full turn, s", "60"),
       h(
         "label",
         { id: "move-left-row" },
         "To the",
         h("select", { id: "move-left" }, h("option", { value: "right" }, "right"), h("option", { value: "left" }, "left")),
       ),
-      number("move-radius", "Around the drone, m", "300"),
-      number("move-minutes", "At most, minutes", "15"),
-      number("move-wish", "Found within, m", "25"),
-      number("move-height", "Height, m", "", "as it is"),
+      number("move-radius", "Radius around the drone, m", "300"),
+      number("move-minutes", "Time limit, minutes", "15"),
+      number("move-wish", "Target accuracy, m", "25"),
+      number("move-height", "Height, m", "", "unchanged"),
       ),
       beforeBox(view),
       h("button", { id: "move-ask", class: "primary", onclick: () => void ask() }, "Ask the drone"),
@@ -129,12 +129,12 @@ export function motionPanel(made: FlightMap): HTMLElement {
     h(
       "div",
       { id: "offer", class: "offer", hidden: true, role: "group", "aria-label": "The drone's offer" },
-      h("strong", {}, "The drone would"),
+      h("strong", {}, "The drone will"),
       h("p", { id: "offer-text" }),
       h("p", { class: "note" }, "To take over, choose Pause, Position, Return or Land. On PX4, choosing Hold changes nothing."),
-      h("label", { class: "check" }, h("input", { id: "sticks-unseen", type: "checkbox" }), "It sees no sticks, and I know"),
+      h("label", { class: "check" }, h("input", { id: "sticks-unseen", type: "checkbox" }), "No RC link: I understand"),
       holdButton(),
-      h("button", { id: "offer-leave", onclick: () => leave() }, "Leave it"),
+      h("button", { id: "offer-leave", onclick: () => leave() }, "Cancel"),
     ),
   );
   store.on(["state", "online"], drawMotion);
@@ -179,20 +179,20 @@ function drawShape(): void {
   by("move-minutes-row").hidden = by("move-wish-row").hidden = kind !== "search";
   by("move-radius-row").hidden = kind !== "search" || area.length > 0;
   const hints: Record<Kind, string> = {
-    rotate: "A whole turn where it is.",
-    goto: goal ? `To ${goal[0].toFixed(6)}, ${goal[1].toFixed(6)}` : "Tap the map where to.",
+    rotate: "A full turn where it is.",
+    goto: goal ? `To ${goal[0].toFixed(6)}, ${goal[1].toFixed(6)}` : "Tap the destination on the map.",
     survey: area.length < 3 ? `Tap corners (${area.length} of 3 or more), or import.` : `${area.length} corners${kept()}.`,
     search: area.length ? `Within ${area.length} corners${kept()}.` : "Around the drone, or tap corners.",
     hold: "Stay where it is.",
     return: "Home, by the autopilot's own mode.",
-    takeoff: "Straight up to the height below, once the pilot has armed.",
+    takeoff: "Straight up to the height below, after the pilot has armed.",
   };
   say(by("move-hint"), hints[kind]);
 }
 
 /** Kept out of by every motion until the area is cleared. */
 function kept(): string {
-  return keepOut.length ? `, ${keepOut.length} kept out of` : "";
+  return keepOut.length ? `, ${keepOut.length} excluded` : "";
 }
 
 function setGoal(at: LonLat): void {
@@ -333,11 +333,11 @@ function planned(pattern: string): Plan | null {
 
 async function ask(): Promise<void> {
   if (store.looksOn()) {
-    say(by("move-fault"), "Another page commands: take command first");
+    say(by("move-fault"), "Another page has command. Take command first");
     return;
   }
   if (!ready()) {
-    say(by("move-fault"), kind === "goto" ? "Tap the map where to" : kind === "takeoff" ? "Give a height" : "An area has three corners or more");
+    say(by("move-fault"), kind === "goto" ? "Tap the destination on the map" : kind === "takeoff" ? "Give a height" : "An area has three corners or more");
     return;
   }
   asking = true;
@@ -360,7 +360,7 @@ let sure: ReturnType<typeof setTimeout> | null = null;
 async function upload(): Promise<void> {
   const button = by("move-upload");
   if (store.looksOn()) {
-    say(by("move-fault"), "Another page commands: take command first");
+    say(by("move-fault"), "Another page has command. Take command first");
     return;
   }
   if (numberIn("move-height") === null || !ready()) {
@@ -368,7 +368,7 @@ async function upload(): Promise<void> {
     return;
   }
   if (sure === null) {
-    say(button, "Replace the mission it holds?");
+    say(button, "Replace the mission in the autopilot?");
     sure = setTimeout(() => {
       sure = null;
       say(button, UPLOAD);
@@ -382,7 +382,7 @@ async function upload(): Promise<void> {
   button.classList.add("busy");
   try {
     const done = await send<{ items: number }>("POST", "/motion/upload", wish());
-    toast(`The vehicle holds the survey: ${done.items} items, read back. A pilot starts it.`, 5);
+    toast(`The autopilot holds the survey: ${done.items} items, verified. A pilot starts it.`, 5);
   } catch (error) {
     say(by("move-fault"), reasonOf(error));
   } finally {
@@ -417,7 +417,7 @@ async function takeBack(): Promise<void> {
   button.classList.add("busy");
   try {
     await send("POST", "/motion/stop", {});
-    toast("Taken back: the drone stands. The pilot flies.", 5);
+    toast("Taken back: the drone stops. The pilot flies.", 5);
   } catch (error) {
     toast(`Not taken back: ${reasonOf(error)}. Use the remote control.`, 2);
   } finally {
@@ -470,7 +470,7 @@ function drawMotion(): void {
   }
   const bar = by("motion-bar");
   bar.dataset.standing = motion.standing;
-  say(by("motion-standing"), motion.heard && store.online ? STANDINGS[motion.standing] : "The drone is not heard");
+  say(by("motion-standing"), motion.heard && store.online ? STANDINGS[motion.standing] : "No contact with the drone");
   say(by("motion-text"), motion.text);
   drawEnergy();
   const offer = motion.offer && motion.offer.page === PAGE && motion.offer.order_id !== left ? motion.offer : null;
@@ -478,7 +478,7 @@ function drawMotion(): void {
   by("move-form").hidden = offer !== null;
   const button = by("move-ask");
   button.setAttribute("aria-disabled", String(store.looksOn() || asking));
-  say(button, asking ? "Asking …" : store.looksOn() ? "Another page commands" : "Ask the drone");
+  say(button, asking ? "Waiting for the answer …" : store.looksOn() ? "Another page has command" : "Ask the drone");
   if (offer) say(by("offer-text"), `${offer.text}. Holds for ${Math.max(0, Math.ceil(offer.left_s))}\u202fs.`);
   drawOnMap();
 }
@@ -497,7 +497,7 @@ function drawEnergy(): void {
     box,
     svg(
       "svg",
-      { viewBox: "-22 -22 44 44", width: 44, height: 44, role: "img", "aria-label": percent === null ? "Energy left: not known" : `Energy left: ${percent} percent` },
+      { viewBox: "-22 -22 44 44", width: 44, height: 44, role: "img", "aria-label": percent === null ? "Energy left: unknown" : `Energy left: ${percent} percent` },
       svg("circle", { r: 18, class: "energy-rim" }),
       svg("circle", { r: 18, class: low ? "energy-left low" : "energy-left", "stroke-dasharray": `${part * round} ${round}`, transform: "rotate(-90)" }),
     ),

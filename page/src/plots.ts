@@ -28,13 +28,13 @@ export function buildPlots(): void {
       h(
         "figure",
         { class: "plot polar" },
-        h("figcaption", {}, "SNR over heading, with the antenna's pattern towards the bearing"),
+        h("figcaption", {}, "SNR by heading, with the antenna pattern at the bearing"),
         h("div", { id: "polar" }),
         h("p", { id: "polar-note", class: "note" }),
       ),
       figure("snr", "SNR over time, dB; times UTC"),
-      figure("fold", "Interval since the pulse before, ms"),
-      figure("frequency", "Frequency away from the tag's nominal one, Hz"),
+      figure("fold", "Interval since the previous pulse, ms"),
+      figure("frequency", "Offset from the tag's listed frequency, Hz"),
       waterfallFigure(),
     ),
   );
@@ -137,7 +137,7 @@ function drawPolar(): void {
   const half = POLAR / 2;
   fill(
     by("polar"),
-    svg("svg", { viewBox: `${-half} ${-half} ${POLAR} ${POLAR}`, role: "img", "aria-label": "SNR over heading" }, ...shapes, ...dots),
+    svg("svg", { viewBox: `${-half} ${-half} ${POLAR} ${POLAR}`, role: "img", "aria-label": "SNR by heading" }, ...shapes, ...dots),
   );
   const interval = bearing?.interval90_deg;
   say(

@@ -5,7 +5,7 @@ import { by, fill, h, say } from "./dom";
 import { dateTime, fixed } from "./format";
 import type { SeasonRecord } from "./types";
 
-const TITLES = ["Tag", "Frequency", "Flights", "Heard in", "Minutes searched", "Minutes to hear", "Last heard"];
+const TITLES = ["Tag", "Frequency", "Flights", "Detected in", "Minutes searched", "Minutes to detection", "Last detected"];
 
 export function seasonSection(): HTMLElement {
   return h(
@@ -15,7 +15,7 @@ export function seasonSection(): HTMLElement {
       "div",
       { class: "toolbar" },
       h("h2", { id: "h-season" }, "The season"),
-      h("button", { id: "season-show", onclick: () => void show() }, "Sum up"),
+      h("button", { id: "season-show", onclick: () => void show() }, "Summarise season"),
       h("span", { id: "season-note", class: "note", role: "status" }),
     ),
     h("div", { id: "season-table", class: "table-wrap" }),
@@ -58,12 +58,12 @@ function flown(found: SeasonRecord): string {
 }
 
 function heard(found: SeasonRecord): string {
-  const all = `${found.animals_heard} of ${found.animals.length} animals heard`;
-  return found.minutes_per_animal === null ? all : `${all} · ${fixed(found.minutes_per_animal, 1)} minutes of flight for each time`;
+  const all = `${found.animals_heard} of ${found.animals.length} animals detected`;
+  return found.minutes_per_animal === null ? all : `${all} · ${fixed(found.minutes_per_animal, 1)} minutes of flight per detection`;
 }
 
 function batteries(found: SeasonRecord): string {
-  if (!found.batteries) return "no flight tells of its battery";
-  const put = `${found.batteries} batteries put in, ${fixed(found.batteries_used, 1)} full ones used`;
-  return found.flights_without_battery ? `${put} · ${found.flights_without_battery} flights do not tell` : put;
+  if (!found.batteries) return "no flight has battery data";
+  const put = `${found.batteries} battery changes, charge of ${fixed(found.batteries_used, 1)} full batteries used`;
+  return found.flights_without_battery ? `${put} · ${found.flights_without_battery} flights without battery data` : put;
 }

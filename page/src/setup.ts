@@ -25,18 +25,18 @@ const DEFAULT_FALSE_ALARM_PERCENT = 1;
 const MOST_WARNINGS = 5;
 
 const FIELDS: Field[] = [
-  { key: "id", label: "Id", unit: "", hint: "A whole number of its own" },
-  { key: "name", label: "Name", unit: "", hint: "For people; may stay empty", text: true },
+  { key: "id", label: "Id", unit: "", hint: "A whole number, different for each tag" },
+  { key: "name", label: "Name", unit: "", hint: "Shown to people; optional", text: true },
   { key: "frequency_mhz", label: "Frequency", unit: "MHz", hint: "As on the tag's sheet: 148.71" },
-  { key: "kind", label: "Kind", unit: "", hint: "Beeping, or coded: bursts whose gaps say who it is", text: true, choices: ["beeping", "coded"] },
+  { key: "kind", label: "Kind", unit: "", hint: "Beeping, or coded: bursts whose gaps identify the tag", text: true, choices: ["beeping", "coded"] },
   { key: "interval_ms", label: "Interval", unit: "ms", hint: "From pulse to pulse; of a coded tag from burst to burst" },
   { key: "gaps_ms", label: "Gaps", unit: "ms", hint: "Of a coded tag: from pulse start to pulse start in a burst, with spaces between: 22 48.8 36.6", text: true },
   { key: "second_interval_ms", label: "2nd interval", unit: "ms", hint: "Of a tag with two rates; else empty" },
   { key: "pulse_width_ms", label: "Width", unit: "ms", hint: "Length of a pulse" },
-  { key: "interval_uncertainty_ms", label: "Uncertainty", unit: "ms", hint: "How far the interval may be off" },
-  { key: "interval_jitter_ms", label: "Jitter", unit: "ms", hint: "How far a single pulse may be off" },
-  { key: "k", label: "K", unit: "", hint: "Pulses summed for one decision; more reach farther" },
-  { key: "false_alarm_percent", label: "False alarms", unit: "%", hint: "Accepted for each decision" },
+  { key: "interval_uncertainty_ms", label: "Uncertainty", unit: "ms", hint: "Largest error of the interval" },
+  { key: "interval_jitter_ms", label: "Jitter", unit: "ms", hint: "Largest deviation of a single pulse" },
+  { key: "k", label: "K", unit: "", hint: "Pulses summed for one decision; more give more range" },
+  { key: "false_alarm_percent", label: "False alarms", unit: "%", hint: "Probability for each decision" },
 ];
 
 /** As `CODED_PULSE_WIDTH_MS`, `BURST_TOLERANCE_MS` and `CODED_K` in uavrt/config/code_rules.py. */
@@ -68,7 +68,7 @@ export function buildSetup(): void {
           { class: "toolbar" },
           h("h2", { id: "h-tags" }, "Tags"),
           h("button", { id: "tag-add", onclick: () => addRow() }, "Add a tag"),
-          h("select", { id: "tag-preset", "aria-label": "New tags like", title: "New tags like" }, h("option", { value: "" }, "like the last one")),
+          h("select", { id: "tag-preset", "aria-label": "New tags like", title: "New tags like" }, h("option", { value: "" }, "the last one")),
           importButton(),
           ...["tags.toml", "TagInfo.txt", "tags.csv"].map((name) => h("a", { class: "export", translate: "no", href: `${BASE}/api/tags/${name}`, download: name }, name)),
           h("span", { id: "tag-state", class: "note", role: "status" }),
@@ -81,7 +81,7 @@ export function buildSetup(): void {
           "div",
           { id: "tag-conflict", class: "conflict", role: "alert", hidden: true },
           h("span", {}, "Another page has changed the tags meanwhile."),
-          h("button", { id: "tag-theirs", onclick: () => takeTheirs() }, "Take theirs"),
+          h("button", { id: "tag-theirs", onclick: () => takeTheirs() }, "Use theirs"),
           h("button", { id: "tag-mine", onclick: () => void keepMine() }, "Keep mine"),
         ),
       ),
@@ -174,7 +174,7 @@ function draw(): void {
   fill(
     by("tag-table"),
     rows.length
-      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, h("th", { scope: "col", title: "Of the tags in the table, those to search for" }, "Fly"), ...head, h("th", {}))), h("tbody", {}, ...body))
+      ? h("table", { class: "tags" }, h("thead", {}, h("tr", {}, h("th", { scope: "col", title: "Tags of the table to search for in this flight" }, "Fly"), ...head, h("th", {}))), h("tbody", {}, ...body))
       : h("p", { class: "empty" }, "No tags. Add one, or import the file you have."),
   );
   drawFaults();
@@ -385,8 +385,8 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
     draw();
     drawWarnings(answer.warnings);
     if (leftOut?.length) {
-      toast(`${rows.length} tags read; look at them, then save. Not selected in the file, so left out of this flight: ${leftOut.join(", ")}`, 4);
-    } else toast(`${rows.length} tags read; look at them, then save`, 6);
+      toast(`${rows.length} tags read. Check them, then save. Not selected in the file, so left out of this flight: ${leftOut.join(", ")}`, 4);
+    } else toast(`${rows.length} tags read. Check them, then save`, 6);
   } catch (error) {
     say(by("tag-fault"), reasonOf(error));
   }
@@ -406,32 +406,32 @@ function connectionForm(): HTMLElement {
     h("label", {}, "How", h("select", { id: "link-kind", onchange: () => suggest() })),
     h("label", {}, "Address", h("input", { id: "link-address", autocomplete: "off", spellcheck: "false" })),
     h("label", { title: "A GPS receiver of this computer that speaks NMEA: serial:///dev/ttyACM0, udpin://127.0.0.1:10110, tcp://HOST:PORT" },
-      "My place, from a receiver",
+      "My position, from a GPS receiver",
       h("input", {
         id: "set-my-place",
         autocomplete: "off",
         spellcheck: "false",
-        placeholder: "none: the browser's",
+        placeholder: "empty: the browser's position",
         onchange: () => void change({ my_place: value("set-my-place") }, "set-my-place"),
       }),
       h("span", { class: "fault", id: "set-my-place-fault" }),
     ),
     h("label", { title: "Heights of the ground on the computer of the ground station: an SRTM tile (N47E008.hgt), a GeoTIFF, or a folder of them" },
-      "Hills, from a file or folder",
+      "Heights of the ground, file or folder",
       h("input", {
         id: "set-dem",
         autocomplete: "off",
         spellcheck: "false",
-        placeholder: "none: level ground",
+        placeholder: "empty: level ground",
         onchange: () => void change({ dem: value("set-dem") }, "set-dem"),
       }),
       h("span", { class: "fault", id: "set-dem-fault" }),
     ),
     h("label", {}, "Drone's software", h("select", { id: "set-generation", onchange: () => void change({ generation: value("set-generation") }) },
-      h("option", { value: "G1" }, "uavrt, TagTracker's of 2026"),
-      h("option", { value: "G0" }, "the thesis's of 2023"),
-      h("option", { value: "G2v1" }, "TagTracker's, version 1"),
-      h("option", { value: "G2" }, "TagTracker's, versions 4 to 7 (trial)"),
+      h("option", { value: "G1" }, "uavrt, or TagTracker of 2026"),
+      h("option", { value: "G0" }, "the thesis, 2023"),
+      h("option", { value: "G2v1" }, "TagTracker, version 1"),
+      h("option", { value: "G2" }, "TagTracker, versions 4 to 7 (trial)"),
     )),
     h("label", {}, "Language", h("select", { id: "set-language", onchange: () => speakIn(value("set-language")) },
       ...LANGUAGES.map(([name, own]) => h("option", { value: name, lang: name, translate: "no", selected: name === language }, own)),
@@ -469,18 +469,18 @@ function antennaForm(): HTMLElement {
     "form",
     { onsubmit: (event: Event) => event.preventDefault() },
     h("label", {}, "Antenna", h("select", { id: "set-antenna", onchange: () => void change({ antenna: value("set-antenna") }) })),
-    number("set-offset", "Turned clockwise from the told heading, °", "antenna_offset_deg", "0 when the drone's uavrt.toml holds the mounting"),
-    number("set-heading-error", "Headings err in common by, ° (0: trusted)", "heading_error_deg", "Compass, mounting, declination: one standard deviation for a whole flight"),
-    number("set-height-error", "Heights err in common by, m (monopole)", "height_error_m", "Ground, a tag on a tree, a take-off on a hill: one standard deviation for a whole flight"),
-    number("set-gain", "Gain (empty: the drone's)", "gain", "In the radio's own steps: Airspy 0 to 21"),
-    h("label", { title: "Shown where several vehicles are served, and with its flights" }, "Name of this vehicle", h("input", {
+    number("set-offset", "Antenna turned clockwise from the drone's heading, °", "antenna_offset_deg", "Keep 0 if the drone's uavrt.toml describes the mounting"),
+    number("set-heading-error", "Compass error of a whole flight, ° (0: none)", "heading_error_deg", "Compass, mounting, declination: one standard deviation for a whole flight"),
+    number("set-height-error", "Height error of a whole flight, m (monopole)", "height_error_m", "Ground, a tag on a tree, a take-off on a hill: one standard deviation for a whole flight"),
+    number("set-gain", "Gain (empty: the drone's)", "gain", "In steps of the radio: Airspy 0 to 21"),
+    h("label", { title: "Shown when there are several vehicles, and with its flights" }, "Name of this vehicle", h("input", {
       id: "set-vehicle-name",
       autocomplete: "off",
       maxlength: "40",
       "data-setting": "vehicle_name",
       onchange: () => void change({ vehicle_name: value("set-vehicle-name") }, "set-vehicle-name"),
     }), h("span", { class: "fault", id: "set-vehicle-name-fault" })),
-    number("set-roaming", "Animals go in a minute, m (0: rest)", "roaming_m", "Positions grow by it with their age"),
+    number("set-roaming", "Animals move in a minute, m (0: at rest)", "roaming_m", "The uncertainty of a position grows by it with age"),
     number("set-frequency", "Radio frequency, MHz (empty: chosen by the drone)", "center_frequency_mhz", "Centre of the band"),
   );
 }
@@ -524,9 +524,9 @@ function offer(): void {
   if (!choices) return;
   fill(
     by("link-kind"),
-    h("option", { value: "" }, "as below"),
+    h("option", { value: "" }, "the address below"),
     ...choices.ports.map((port) => h("option", { value: port.address, translate: "no" }, `${port.device} ${port.description}`)),
-    h("option", { value: "udpin://127.0.0.1:14550" }, "UDP, beside QGroundControl or a simulator"),
+    h("option", { value: "udpin://127.0.0.1:14550" }, "UDP, together with QGroundControl or a simulator"),
     h("option", { value: "udpin://0.0.0.0:14550" }, "UDP, from a telemetry Wi-Fi"),
     h("option", { value: "tcp://127.0.0.1:5760", translate: "no" }, "TCP"),
   );
@@ -564,9 +564,9 @@ function drawSettings(): void {
 function drawConnection(): void {
   const state = store.state;
   if (!state) return;
-  const told = state.connection.error ? "not connected: see above" : (state.connection.open ? (state.drone.present ? "drone heard" : "open; no drone heard yet") : "not connected");
+  const told = state.connection.error ? "not connected: see above" : (state.connection.open ? (state.drone.present ? "drone connected" : "open; no contact with a drone yet") : "not connected");
   say(by("link-state"), told);
   const me = state.me;
-  const heard = me && (me.latitude_deg === null ? (me.error ?? "no place told yet") : "");
+  const heard = me && (me.latitude_deg === null ? (me.error ?? "no position yet") : "");
   if (document.activeElement !== by("set-my-place") && !refused.has("set-my-place")) say(by("set-my-place-fault"), heard ?? "");
 }

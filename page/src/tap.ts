@@ -88,7 +88,7 @@ function say(at: LonLat, measured: string): void {
 async function mark([longitude, latitude]: LonLat, close: () => void): Promise<void> {
   // It would go into the flight that goes on, not into the past one that is shown.
   if (!(await mayCommand("mark", () => undefined))) return;
-  const text = prompt(told("Remark (may stay empty)"));
+  const text = prompt(told("Remark (optional)"));
   if (text === null) return;
   try {
     await send("POST", "/commands/mark", { text, latitude_deg: latitude, longitude_deg: longitude });
@@ -104,7 +104,7 @@ export function toggleMe(button: HTMLElement): void {
     navigator.geolocation.clearWatch(watching);
     [watching, browsers] = [null, null];
   } else if (!("geolocation" in navigator)) {
-    toast("This browser does not know where it is", 5);
+    toast("This browser has no position", 5);
     return;
   } else {
     watching = navigator.geolocation.watchPosition(
@@ -112,7 +112,7 @@ export function toggleMe(button: HTMLElement): void {
         browsers = [found.coords.longitude, found.coords.latitude];
         drawMe();
       },
-      (fault) => toast(`Your place is not known: ${fault.message}`, 5),
+      (fault) => toast(`Your position is unknown: ${fault.message}`, 5),
       { enableHighAccuracy: true, maximumAge: 5000 },
     );
   }

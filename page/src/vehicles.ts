@@ -30,7 +30,7 @@ export function unserved(): number[] {
 export async function serve(number: number): Promise<void> {
   try {
     await send("POST", "/vehicles", { system_id: number }, {}, "");
-    toast(`Vehicle ${number} is served, too. Its page is one tap away, above.`, 5);
+    toast(`Also connected to vehicle ${number}. Its page is one tap away, above.`, 5);
   } catch (error) {
     toast(String((error as Error).message), 3);
   }
@@ -50,13 +50,13 @@ export function drawVehicles(): void {
         "data-vehicle": String(one.system_id),
         "aria-current": one.page === `${BASE}/` ? "page" : null,
         "aria-label": nameOf(one),
-        title: `${nameOf(one)}: ${one.present ? (one.state ?? "heard").replace("_", " ") : "not heard"}, ${one.pulses} pulses`,
+        title: `${nameOf(one)}: ${one.present ? (one.state ?? "connected").replace("_", " ") : "no contact"}, ${one.pulses} pulses`,
       },
       one.name || `V${one.system_id ?? "?"}`,
     ),
   );
   const buttons = heard.map((number) =>
-    h("button", { class: "chip warn serve-vehicle", "data-vehicle": String(number), title: `Vehicle ${number} is heard besides: give it a page of its own`, onclick: () => void serve(number) }, `Serve V${number}, too`),
+    h("button", { class: "chip warn serve-vehicle", "data-vehicle": String(number), title: `Another vehicle, ${number}, is on the link: open a page for it`, onclick: () => void serve(number) }, `Also connect to V${number}`),
   );
   const place = by("vehicles");
   const key = JSON.stringify([fleet.map((one) => [one.page, one.name, one.present, one.state, one.system_id]), heard, location.hash]);
@@ -83,7 +83,7 @@ interface Answers {
 /** Buttons that ask all vehicles, and what each answered; nothing where there is but one. */
 export function toAllBox(): HTMLElement {
   const buttons = TO_ALL.map(([name, label]) =>
-    h("button", { id: `all-${name}`, class: name === "stop" ? "all-stop" : "", title: "All vehicles of this station, each as if asked alone", onclick: () => void askAll(name) }, label),
+    h("button", { id: `all-${name}`, class: name === "stop" ? "all-stop" : "", title: "Send to each vehicle of this station", onclick: () => void askAll(name) }, label),
   );
   const box = h(
     "section",

@@ -90,9 +90,9 @@ export function drawWalk(): void {
   say(
     by("walk-sure"),
     last
-      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}${last.from_drone ? ", from the drone" : ""}: now turn elsewhere`
+      ? `bearing ${Math.round(last.bearing_deg)}° ${compass(last.bearing_deg)}${last.from_drone ? ", from the drone" : ""}: now turn at another place`
       : store.settings?.antenna === "monopole"
-        ? "fly on: with a monopole the way itself locates it"
+        ? "fly on: with a monopole the flight path locates it"
         : "turn on the spot for a bearing",
   );
   const key = best.join();

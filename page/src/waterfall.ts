@@ -29,7 +29,7 @@ export function waterfallFigure(): HTMLElement {
   const address = h("input", {
     id: "waterfall-address",
     value: "udp://127.0.0.1:20000",
-    "aria-label": "Address at which the channel comes",
+    "aria-label": "Address of the channel's samples",
     size: "22",
   });
   store.on(["waterfall"], takeLive);
@@ -106,7 +106,7 @@ async function loadRecorded(): Promise<void> {
   try {
     const there = flight === null ? [] : await get<string[]>(`/flights/${encodeURIComponent(flight)}/recordings`);
     if (!there.length) {
-      say(note, "No recorded samples of this flight here: fetch it with its samples, or go live over a quick link.");
+      say(note, "No recorded samples of this flight on this computer. Fetch the flight with its samples, or go live over a fast link.");
     } else if (store.selected !== null) {
       say(note, "Reading …");
       const query = `tag=${store.selected}&start_s=${start}&length_s=${STRETCH_S}`;

@@ -23,16 +23,16 @@ const STEPS: Step[] = [
   {
     name: "name",
     title: "Name",
-    told: "Each drone has a name of its own. Its Wi-Fi and the address of this page are called so.",
+    told: "Each drone has its own name. It names its Wi-Fi and the address of this page.",
     fields: (setup) => [field("name", "Name", setup.values.name, "Small letters, digits and hyphens: lynx-1")],
   },
   {
     name: "antenna",
     title: "Antenna",
-    told: "Which antenna it carries, and where the antenna looks.",
+    told: "Which antenna it carries, and its direction.",
     fields: (setup) => [
       select("antenna", "Antenna", setup.choices.antennas.map((name) => [name, name]), setup.values.antenna),
-      field("yaw_offset_deg", "Looks clockwise from the nose, °", String(setup.values.yaw_offset_deg), "0 ahead, 90 to the right, 180 back"),
+      field("yaw_offset_deg", "Pointing direction, clockwise from the nose, °", String(setup.values.yaw_offset_deg), "0 ahead, 90 to the right, 180 back"),
     ],
   },
   {
@@ -45,14 +45,14 @@ const STEPS: Step[] = [
   {
     name: "autopilot",
     title: "Autopilot",
-    told: "Switch the autopilot on before the test. Empty: there is none, and pulses get no position.",
+    told: "Switch on the autopilot before the test. If empty, there is no autopilot and pulses get no position.",
     test: "Test the link",
     fields: autopilotFields,
   },
   {
     name: "keys",
     title: "Keys",
-    told: "What is left empty stays as it is. Passwords count from the next start.",
+    told: "Empty fields stay unchanged. Passwords take effect at the next start.",
     fields: keyFields,
   },
 ];
@@ -165,13 +165,13 @@ function radioFields(): Node[] {
   const row = radios.find((one) => one.kind === chosen);
   const rate = chosen === setup.values.kind ? setup.values.sample_rate_msps : (row?.rate_msps ?? 3);
   return [
-    h("p", { class: "note" }, found ? `Plugged in: ${found}` : "No radio that is known by its USB number is plugged in."),
+    h("p", { class: "note" }, found ? `Plugged in: ${found}` : "No known USB radio is plugged in."),
     select("kind", "Radio", radios.map((one) => [one.kind, one.title]), chosen, () => {
       const now = radios.find((one) => one.kind === input("kind").value);
       if (now) input("sample_rate_msps").value = String(now.rate_msps);
     }),
-    field("gain", "Gain", setup.values.gain === null ? "" : String(setup.values.gain), "empty: the usual one"),
-    field("sample_rate_msps", "Samples a second, million", String(rate)),
+    field("gain", "Gain", setup.values.gain === null ? "" : String(setup.values.gain), "empty: the default"),
+    field("sample_rate_msps", "Sample rate, MS/s", String(rate)),
     labelled("bias_tee", "Power for an amplifier at the antenna", h("input", { id: "wizard-bias_tee", name: "bias_tee", type: "checkbox", checked: setup.values.bias_tee })),
   ];
 }
@@ -180,12 +180,12 @@ function autopilotFields(): Node[] {
   const ports = h("select", { id: "wizard-port", onchange: () => {
     if (ports.value) input("address").value = ports.value;
     forgetTest();
-  } }, h("option", { value: "" }, "as below"));
+  } }, h("option", { value: "" }, "the address below"));
   void getOnceThere<Choices>("/choices").then((choices) =>
     choices.ports.forEach((port) => ports.append(h("option", { value: port.address, translate: "no" }, `${port.device} ${port.description}`))),
   );
   return [
-    h("label", {}, h("span", {}, "Serial ports that are here"), ports),
+    h("label", {}, h("span", {}, "Serial ports found"), ports),
     field("address", "Address", setup.values.address, "serial:///dev/ttyAMA0:57600"),
   ];
 }
@@ -197,11 +197,11 @@ function keyFields(): Node[] {
     field("page_password", "New password of this page", "", "8 to 63 letters and digits", "password"),
     field("wifi_password", "New password of its Wi-Fi", "", "8 to 63 letters and digits", "password"),
     field("command_key", "Key for commands", "", setup.values.command_key ? "there is one; paste another, or type: new" : "none yet: type new, or paste one"),
-    h("p", { class: "note" }, setup.values.command_key ? h("a", { class: "export", id: "wizard-key", href: "/api/set-up/command.key", download: "command.key" }, "Save it for a laptop") : "", h("span", {}, " Who has it may command the drone.")),
-    field("ssh_key", "Public ssh key of who looks after it", "", "ssh-ed25519 AAAA…, as in a .pub file"),
+    h("p", { class: "note" }, setup.values.command_key ? h("a", { class: "export", id: "wizard-key", href: "/api/set-up/command.key", download: "command.key" }, "Save it for a laptop") : "", h("span", {}, " Anyone who has this key can command the drone.")),
+    field("ssh_key", "Public ssh key of the maintainer", "", "ssh-ed25519 AAAA…, as in a .pub file"),
     setup.values.update_key
-      ? h("p", { class: "note" }, "Whose updates are taken is settled; an update can change it.")
-      : labelled("update_key", "Public key of who makes updates", h("span", {}, file, update)),
+      ? h("p", { class: "note" }, "The update key is set already; an update can change it.")
+      : labelled("update_key", "Public key of the update signer", h("span", {}, file, update)),
   ];
 }
 
@@ -264,7 +264,7 @@ async function test(): Promise<boolean> {
     fill(list, ...found.map(row));
     tested = JSON.stringify(typed());
     const good = found.every((one) => one.ok);
-    say(dialog.querySelector("#wizard-next")!, good ? "Next" : "Go on all the same");
+    say(dialog.querySelector("#wizard-next")!, good ? "Next" : "Continue anyway");
     return good;
   } catch (error) {
     fill(list);
@@ -281,7 +281,7 @@ function row(one: Finding): HTMLElement {
     "li",
     { class: one.ok ? "check-row good" : "check-row bad", "data-ok": String(one.ok) },
     h("span", { class: "check-mark", "aria-hidden": "true" }, one.ok ? "✓" : "✗"),
-    h("span", { class: "wizard-said" }, h("span", { class: "hidden-word" }, one.ok ? "in order: " : "to do: "), h("span", {}, one.text)),
+    h("span", { class: "wizard-said" }, h("span", { class: "hidden-word" }, one.ok ? "passed: " : "to fix: "), h("span", {}, one.text)),
     one.remedy ? h("span", { class: "wizard-said remedy" }, one.remedy) : null,
   );
 }
@@ -302,7 +302,7 @@ async function finish(): Promise<void> {
     fill(
       dialog,
       h("header", {}, h("h2", { id: "wizard-title" }, "This computer is set up")),
-      h("p", {}, "Now switch it off and on: all of it counts from then on."),
+      h("p", {}, "Now switch it off and on. The settings take effect then."),
       h("dl", { class: "wizard-end" },
         h("dt", {}, "Its Wi-Fi"), h("dd", { translate: "no" }, told.name),
         h("dt", {}, "This page"), h("dd", { translate: "no" }, `http://${told.name}.local:${location.port || "8650"}`),

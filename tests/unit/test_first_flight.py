@@ -67,7 +67,7 @@ def test_all_is_in_order_with_one_tag_on_the_bench() -> None:
         "battery",
     ]
     assert all(one.ok for one in found.values())
-    assert found["tags"].text == "1 of 2 heard: Luna"
+    assert found["tags"].text == "1 of 2 detected: Luna"
     assert found["battery"].text == "96 % left, 16.4 V"
 
 
@@ -80,7 +80,7 @@ def test_without_a_drone_nothing_is_advised_but_to_let_it_be_heard() -> None:
     silent = FlightFacts(tags=FACTS.tags, state=None, heard=False)
     found = items(silent, Bench())
     for what in ("radio", "noise", "time", "poses", "disk", "battery"):
-        assert found[what].text == "not known: the drone is not heard"
+        assert found[what].text == "unknown: no contact with the drone"
         assert "BATT" not in found[what].remedy
 
 
@@ -92,18 +92,18 @@ def test_free_space_is_told_in_gigabytes() -> None:
 @pytest.mark.parametrize(
     ("what", "facts", "text"),
     [
-        ("drone", {"heard": False}, "not heard"),
-        ("radio", {"state": SystemState.HAS_TAGS}, "nothing is being searched for"),
+        ("drone", {"heard": False}, "no contact"),
+        ("radio", {"state": SystemState.HAS_TAGS}, "no detection is running"),
         ("time", {"clock_off_s": 1.7e9}, "clock is 19676 days behind this"),
         ("time", {"clock_off_s": -7200.0}, "clock is 2 h ahead of this"),
         ("time", {"time_known": False}, "not known"),
         ("poses", {"pose_age_s": 7.0}, "7 s old"),
         ("poses", {"pose_age_s": None}, "no position yet"),
-        ("tags", {"tags": ()}, "none in the table"),
+        ("tags", {"tags": ()}, "no tags in the table"),
         ("disk", {"disk_free_mb": 80.0}, "0.1 GB free"),
-        ("disk", {"disk_free_mb": None}, "not told"),
+        ("disk", {"disk_free_mb": None}, "has not reported"),
         ("battery", {"battery_percent": 30.0}, "30 % left"),
-        ("battery", {"battery_percent": None}, "does not tell"),
+        ("battery", {"battery_percent": None}, "not reported"),
     ],
 )
 def test_one_thing_wrong_is_named(what: str, facts: dict[str, Any], text: str) -> None:
@@ -118,7 +118,7 @@ def test_a_silent_detector_and_a_tag_that_was_heard_long_ago_count_no_more() -> 
     found = items(FACTS, heard(), NOW_NS + 20 * SECOND)
     assert "no detector" in found["radio"].text
     assert found["tags"].ok
-    assert "none heard" in items(FACTS, heard(), NOW_NS + 59 * SECOND)["tags"].text
+    assert "none detected" in items(FACTS, heard(), NOW_NS + 59 * SECOND)["tags"].text
 
 
 def test_noise_that_rises_or_lies_on_one_frequency_is_named() -> None:
@@ -161,8 +161,8 @@ def test_without_a_past_flight_nobody_says_that_the_noise_is_normal() -> None:
     for noise_psd in (1e-3, 1e-9):
         found = items(facts, one_tag(noise_psd))["noise"]
         assert (found.ok, found.open) == (False, True)
-        assert found.text.startswith("cannot be judged yet: even to 0 dB and steady")
-        assert "after the first flight" in found.remedy
+        assert found.text.startswith("not known yet: within 0 dB on all tags, and steady")
+        assert "compared with the first" in found.remedy
     # What is wrong is so without any flight.
     risen = one_tag(1e-9)
     risen.take(report(4, 1e-8), NOW_NS)
@@ -173,7 +173,7 @@ def test_without_a_past_flight_nobody_says_that_the_noise_is_normal() -> None:
 
 def test_a_pulse_without_position_and_one_too_loud_are_named() -> None:
     assert "clock is not known" in items(FACTS, heard(pose=None))["time"].text
-    assert "at its limits" in items(FACTS, heard(clipped=True))["tags"].text
+    assert "overloads" in items(FACTS, heard(clipped=True))["tags"].text
 
 
 def test_positions_of_the_drone_count_when_they_come() -> None:

@@ -175,20 +175,20 @@ def map_around(
     row = np.rint((north_m - ground.south_m) / size.cell_m).astype(np.intp)
     beneath = float(ground.known[row, column].mean())
     if not beneath:
-        said = "the elevation files do not cover the way: the ground is taken as level"
+        said = "the elevation files do not cover the flight path; the ground is taken as level"
         return MapArea(
             ground=ground_grid(None, plane, **area), hills=False, limitations=(said,)
         )
     limitations = []
     if beneath < 1.0:
         limitations.append(
-            f"the elevation files do not tell the ground beneath {1.0 - beneath:.0%} of the "
-            "way: there it is taken from the nearest place"
+            f"the elevation files have no height for {1.0 - beneath:.0%} of the flight path; "
+            "the nearest height is used there"
         )
     if ground.unknown_share:
         limitations.append(
-            f"the elevation files do not tell {ground.unknown_share:.1%} of the map: it has no "
-            "figure there"
+            f"the elevation files have no height for {ground.unknown_share:.1%} of the map; it "
+            "is empty there"
         )
     limitations += elevation.cautions
     return MapArea(ground=ground, hills=True, limitations=tuple(limitations))

@@ -66,7 +66,7 @@ def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNois
     poses = PoseColumns.of(flight.poses)
     if not told or not len(poses.time_ns):
         raise RecordingError(
-            f"{directory} tells nothing of its noise",
+            f"{directory} does not contain its noise level",
             remedy="Take a flight of uavrt in which a detector ran, with poses",
         )
     tag_id = np.array([one[0] for one in told], np.int64)
@@ -81,7 +81,8 @@ def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNois
     air = height > _ON_GROUND_M
     if not air.any():
         raise RecordingError(
-            f"{directory} tells nothing of its noise in the air", remedy="Take another flight"
+            f"{directory} does not contain its noise level in the air",
+            remedy="Take another flight",
         )
     tags = np.unique(tag_id)
     on_ground = all(np.count_nonzero(before & (tag_id == one)) >= _LEAST for one in tags)

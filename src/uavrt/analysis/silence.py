@@ -38,24 +38,21 @@ _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
 """Along the longer side: a flight of twenty minutes takes some seconds."""
-_NOT_JUDGED = (
-    "nobody has looked for it over the whole flight yet (uavrt integrate), which hears weaker "
-    "tags"
-)
+_NOT_JUDGED = "the whole flight is not searched for it yet; uavrt integrate finds weaker tags"
 _NOBODY_LISTENED = (
-    "nothing tells that a detector ran in this flight, no report of a search and no pulse: the "
-    "map is of one that would have; uavrt integrate tells what its samples hold"
+    "no record shows that a detector ran in this flight (no search report, no pulse); the map "
+    "assumes one. uavrt integrate shows what its samples contain"
 )
 _NOT_TOLD = (
-    "an earlier version looked for it over the whole flight, and did not write down with which "
-    "frequencies and antenna: they are taken to be the flight's own"
+    "an earlier version searched the whole flight for it and did not record the frequencies "
+    "and the antenna: those of the flight are assumed"
 )
 _NOT_SILENT = (
-    "the search of the whole flight (uavrt integrate) says nothing here, as it was for {}: "
-    "groups of pulses are told of; integrate again"
+    "the search of the whole flight does not apply here, because it was for {}: only groups of "
+    "pulses count. Run uavrt integrate again"
 )
 _WITHIN = "of a tag farther than {:g} Hz from its listed frequency it says nothing"
-_ANTENNA_ASSUMED = "nobody told which antenna the drone carried: it is taken for an {}"
+_ANTENNA_ASSUMED = "antenna not specified: {} assumed"
 _AMBIGUOUS = (
     "a train on its frequency may be its own (uavrt integrate names it): it cannot be said to "
     "be silent"
@@ -141,7 +138,7 @@ class ListenedFlight:
         of_track = directory.is_file()
         try:
             if of_track:
-                raise RecordingError("a track tells nothing of it", remedy="Take a flight")
+                raise RecordingError("a track does not contain it", remedy="Take a flight")
             noise = flight_noise_of(directory, flight)
             said = f"+{noise.median_db:.1f} dB in the air over {noise.quiet}"
         except (RecordingError, FormatError) as error:

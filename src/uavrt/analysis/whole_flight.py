@@ -272,7 +272,7 @@ def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
     if not searched.antenna_assumed:
         return ()
     return (
-        f"nobody told which antenna the drone carried: it is taken for an {searched.antenna}; "
+        f"antenna not specified: {searched.antenna} assumed; "
         "another one weighs pulses differently (name it with --antenna)",
     )
 

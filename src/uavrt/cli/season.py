@@ -70,8 +70,8 @@ def _show(found: "Season") -> None:
     lines = [
         f"{counted(found.flights, 'flight')}, {found.minutes:.0f} minutes, "
         f"{_day(found.first_ns)} to {_day(found.last_ns)}",
-        f"{found.animals_heard} of {len(found.animals)} animals heard"
-        + ("" if per_animal is None else f", {per_animal:.1f} minutes of flight for each time"),
+        f"{found.animals_heard} of {len(found.animals)} animals detected"
+        + ("" if per_animal is None else f", {per_animal:.1f} minutes of flight per detection"),
         f"{counted(found.batteries, 'battery', 'batteries')} flown with, "
         f"{found.batteries_used:.1f} full charges used"
         if found.batteries
@@ -89,7 +89,7 @@ def _show(found: "Season") -> None:
     for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False)
-    for title in ("tag", "name", "MHz", "flights", "heard", "minutes", "to hear", "last heard"):
+    for title in ("tag", "name", "MHz", "flights", "detected", "min", "min each", "last"):
         table.add_column(title, justify="left" if title == "name" else "right")
     for one in found.animals:
         table.add_row(

@@ -33,7 +33,7 @@ class Need:
 
     name: str
     value: float | None
-    """None: the autopilot does not tell it."""
+    """None: not reported by the autopilot."""
     wanted: float
     why: str
 

@@ -155,7 +155,7 @@ def _without_drone(finding: Finding) -> Finding:
     """What only the drone tells waits for it; no remedy of its own sends anybody astray."""
     if finding.ok or finding.what in ("drone", "tags"):
         return finding
-    return _bad(finding.what, "not known: the drone is not heard", "First let it be heard")
+    return _bad(finding.what, "unknown: no contact with the drone", "Waiting for the drone")
 
 
 def _good(what: str, text: str) -> Finding:
@@ -172,8 +172,10 @@ def _bad(what: str, text: str, remedy: str) -> Finding:
 
 def _drone(facts: FlightFacts) -> Finding:
     if facts.heard:
-        return _good("drone", "heard")
-    return _bad("drone", "not heard", "Check its power, the telemetry radio and the connection")
+        return _good("drone", "connected")
+    return _bad(
+        "drone", "no contact", "Check its power, the telemetry radio and the connection"
+    )
 
 
 def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
@@ -181,15 +183,15 @@ def _radio(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if facts.state is not SystemState.DETECTING:
         return _bad(
             what,
-            "not tried: nothing is being searched for",
+            "not tested: no detection is running",
             "Send the tags and press Start, with the propellers off",
         )
     ages = [_age_s(one.detector_ns, now_ns) for one in bench.tags.values()]
     if min(ages, default=inf) <= DETECTOR_SILENT_S:
-        return _good(what, "its samples are searched")
+        return _good(what, "its samples arrive and are searched")
     return _bad(
         what,
-        "no detector is heard",
+        "no detector reports",
         "Press Radio status under Set-up; check the radio's cable and its supply",
     )
 
@@ -219,13 +221,13 @@ def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
     """Judge what is even and steady: that loud noise is, too, only past flights tell."""
-    even = f"even to {apart_db:.0f} dB and steady"
+    even = f"within {apart_db:.0f} dB on all tags, and steady"
     if usual_db is None:
         return _open(
             what,
-            f"cannot be judged yet: {even}, but there is no past flight to compare it with",
-            "Switch camera, video link and motors on, one after the other, and see that it "
-            "stays; after the first flight it is compared with that",
+            f"not known yet: {even}, but there is no past flight for comparison",
+            "Switch on camera, video link and motors, one after the other, and check that the "
+            "noise stays the same. Later flights are compared with the first",
         )
     more_db = median(levels.values()) - usual_db
     if more_db > NOISE_RISE_DB:
@@ -256,10 +258,10 @@ def _time(facts: FlightFacts, bench: Bench) -> Finding:
     waiting = facts.time_known is None and bench.posed is None
     return _bad(
         what,
-        "not known before a pulse is heard"
+        "unknown until a pulse is detected"
         if waiting
         else "the autopilot's clock is not known",
-        "Let it hear the bench tag"
+        "Switch on the bench tag"
         if waiting
         else "Check the drone's cable to the autopilot, both wires, and its MAVLink port",
     )
@@ -284,7 +286,7 @@ def _poses(facts: FlightFacts) -> Finding:
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     what = "tags"
     if not facts.tags:
-        return _bad(what, "none in the table", "Type them in under Set-up")
+        return _bad(what, "no tags in the table", "Type them in under Set-up")
     nobody = _Heard()
     heard = [
         (tag, bench.tags.get(tag.tag_id, nobody))
@@ -294,24 +296,24 @@ def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     if not heard:
         return _bad(
             what,
-            "none heard in the last minute",
+            "none detected in the last minute",
             "Put one a few metres away, switched on; check its frequency and interval",
         )
     if all(one.clipped for _, one in heard):
         return _bad(
             what,
-            "heard so loud that the radio is at its limits",
+            "so strong that the radio overloads",
             "Put the tag farther away, or lower the gain",
         )
     names = ", ".join(tag.name or str(tag.tag_id) for tag, _ in heard[:3])
-    return _good(what, f"{len(heard)} of {len(facts.tags)} heard: {names}")
+    return _good(what, f"{len(heard)} of {len(facts.tags)} detected: {names}")
 
 
 def _disk(facts: FlightFacts) -> Finding:
     what = "disk"
     free_mb = facts.disk_free_mb
     if free_mb is None:
-        return _bad(what, "the drone has not told its free space", "Wait ten seconds")
+        return _bad(what, "the drone has not reported its free space", "Wait ten seconds")
     if free_mb < facts.disk_needed_mb:
         return _bad(
             what,
@@ -327,11 +329,11 @@ def _battery(facts: FlightFacts) -> Finding:
     if percent is None:
         return _bad(
             what,
-            "the autopilot does not tell it",
+            "not reported by the autopilot",
             "Set up the autopilot's battery monitor (BATT_MONITOR, BAT1_SOURCE)",
         )
     if percent < BATTERY_PERCENT:
-        return _bad(what, f"{percent:.0f} % left", "Charge it, or take a full one")
+        return _bad(what, f"{percent:.0f} % left", "Charge it, or use a full one")
     if facts.battery_v is None:
         return _good(what, f"{percent:.0f} % left")
     return _good(what, f"{percent:.0f} % left, {facts.battery_v:.1f} V")

@@ -236,7 +236,7 @@ def check_card(settings: Settings) -> Finding:
     present = next(path for path in (directory, *directory.parents) if path.exists())
     card = card_of(present)
     if card is None:
-        return Finding(what=what, ok=True, text="this computer does not tell of it")
+        return Finding(what=what, ok=True, text="not reported by this computer")
     text = f"{card.device} ({card.kind})"
     if card.written_gb is not None:
         text += f" · {card.written_gb:,.0f} GB written so far"

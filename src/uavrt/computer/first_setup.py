@@ -182,7 +182,7 @@ class FirstSetup:
         faults = []
         antenna, turned = _text(values, "antenna"), _number(values, "yaw_offset_deg")
         if antenna not in PATTERNS:
-            faults.append(StepFault(field="antenna", text="choose one of the list"))
+            faults.append(StepFault(field="antenna", text="choose one from the list"))
         if turned is None or not -360.0 <= turned <= 360.0:
             faults.append(StepFault(field="yaw_offset_deg", text="degrees from -360 to 360"))
         if not faults:
@@ -194,7 +194,7 @@ class FirstSetup:
     def _radio(self, values: dict[str, Any]) -> tuple[StepFault, ...]:
         row = RADIOS.get(_text(values, "kind"))
         if row is None:
-            return (StepFault(field="kind", text="choose one of the list"),)
+            return (StepFault(field="kind", text="choose one from the list"),)
         faults = []
         gain, rate_msps = _number(values, "gain"), _number(values, "sample_rate_msps")
         left_out = values.get("gain") in (None, "")
@@ -252,7 +252,7 @@ class FirstSetup:
             text = "one line that begins with ssh-ed25519, ssh-rsa or ecdsa-sha2, or empty"
             faults.append(StepFault(field="ssh_key", text=text))
         elif ssh_key and self._may_log_in().exists():
-            text = "somebody may log in already, and changes the key there"
+            text = "a maintainer's key exists already. Log in with it to change it"
             faults.append(StepFault(field="ssh_key", text=text))
         if faults:
             return tuple(faults)
@@ -280,7 +280,7 @@ class FirstSetup:
         if not self.wanted:
             raise UsageError(
                 "this computer has been set up",
-                remedy=f"Remove the file {DONE} beside its settings to be asked again",
+                remedy=f"Remove the file {DONE} next to its settings to repeat the set-up",
             )
 
     def _handed_over(self) -> dict[str, str]:

@@ -48,5 +48,7 @@ class Commander:
         if page is None or page == self.page:
             return
         if self.present is not None:
-            raise CommandRefused("another page commands, this one looks on: take command first")
+            raise CommandRefused(
+                "another page has command; this page can only view. Take command first"
+            )
         self.page = page

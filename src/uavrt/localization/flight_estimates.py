@@ -754,7 +754,7 @@ def power_track(heard: Heard, tag_id: int, height_m: float | None = None) -> Pow
     own, poses = heard.pulses[tag_id], heard.poses
     if len(own.time_ns) < 3:
         raise UsageError(
-            f"heard {len(own.time_ns)} times at a known place",
+            f"detected {len(own.time_ns)} times at a known place",
             remedy="At least three pulses are needed",
         )
     columns = [own.latitude_deg, own.longitude_deg, own.height_m, own.snr_db]

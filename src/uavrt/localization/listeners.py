@@ -61,7 +61,7 @@ def strengths_of(
         return _levels(listener, pulses, yaw, height_m, pattern, [], why)
     clear = [part for part in stood if _heard_share(pulses, part, rhythm) >= _HEARD_SHARE]
     clear = sorted(sorted(clear, key=len, reverse=True)[:_MOST_PLACES], key=lambda one: one[0])
-    missed = None if clear else "it missed more of them than it heard"
+    missed = None if clear else "more of them were missed than detected"
     return _levels(listener, pulses, yaw, height_m, pattern, clear, missed, rhythm)
 
 

@@ -63,7 +63,7 @@ class Bearing:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether another direction is nearly as good, or a reflection is likely."""
+        """Whether another direction fits nearly as well, or a reflection is likely."""
         second = self.second_lobe_probability
         return self.multipath_suspected or (
             second is not None and second >= BIMODAL_PROBABILITY
@@ -75,8 +75,8 @@ class Bearing:
         if not self.accepted:
             return ("there is no clear direction",)
         if self.multipath_suspected:
-            return ("a reflection is likely, or another antenna than said",)
-        return ("another direction is nearly as good",) if self.ambiguous else ()
+            return ("a reflection is likely, or the antenna differs from the setting",)
+        return ("another direction fits nearly as well",) if self.ambiguous else ()
 
 
 PositionMethod = Literal["bayes", "track", "mle", "rmr", "mest", "rmr_ahead", "mest_lenth"]

@@ -152,7 +152,7 @@ class MonitorView:
                 "usable",
                 "per minute",
                 "pulses",
-                "heard",
+                "detected",
             )
         )
         assert self.status is not None

@@ -195,15 +195,16 @@ class Placer:
         return block
 
     def _log(self, lost: int) -> None:
-        """Say a first loss at once, then what has gathered in ten seconds of the stream."""
+        """Log a first loss at once, later losses summed over ten seconds of the stream."""
         self._unsaid += lost
         if self.index >= self._say_again:
             log.warning(
                 "samples lost",
                 count=self._unsaid,
+                seconds=round(self._unsaid / self._rate_hz, 3),
+                total=self.lost,
                 before_sample=self.index,
-                lost_in_all=self.lost,
-                perhaps_the_clocks_rate=self.unsure,
+                **({"perhaps_clock_error": self.unsure} if self.unsure else {}),
             )
             self._unsaid = 0
             self._say_again = self.index + round(_LOG_S * self._rate_hz)

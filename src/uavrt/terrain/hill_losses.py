@@ -151,8 +151,8 @@ class HillLosses:
             return self.limitations
         return (
             *self.limitations,
-            f"the elevation files do not tell {max(unknown, 0.001):.1%} of the ground around "
-            "the flight: there it is taken as high as the nearest place that they tell",
+            f"the elevation files have no height for {max(unknown, 0.001):.1%} of the ground "
+            "around the flight; the nearest height is used there",
         )
 
     def rise_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:

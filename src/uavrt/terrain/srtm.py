@@ -44,7 +44,7 @@ def srtm_raster(path: Path) -> Raster:
     named = _NAME.match(path.name)
     if named is None:
         raise FormatError(
-            f"{path.name} does not tell where it lies",
+            f"{path.name} has no position in it",
             remedy="Give it back its name: N47E008.hgt is 47 to 48° north, 8 to 9° east",
         )
     south = int(named[2]) * (1 if named[1].upper() == "N" else -1)

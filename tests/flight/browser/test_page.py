@@ -56,7 +56,7 @@ def fall_silent(page: Page, radio: QuietRadio) -> None:
     flight = "() => window.uavrt.store.state.flight.flight_id"
     was, begun_ns = page.evaluate(flight), page.evaluate(NOW)
     radio.silent = True
-    expect(page.locator("#banner")).to_contain_text("drone is not heard")
+    expect(page.locator("#banner")).to_contain_text("No contact with the drone")
     expect(page.locator("#chip-link")).to_have_text("no link")
     expect(page.locator("#chip-state")).to_have_text("No drone")
     assert page.evaluate("() => window.uavrt.store.online")
@@ -146,7 +146,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     page.click("#tab-setup")
     page.fill("#link-address", f"udpin://127.0.0.1:{link_port}")
     page.click("#link-connect")
-    expect(page.locator("#link-state")).to_have_text("drone heard", timeout=WAIT_MS)
+    expect(page.locator("#link-state")).to_have_text("drone connected", timeout=WAIT_MS)
     watched.picture("setup")
 
     page.click("#tab-fly")
@@ -322,7 +322,7 @@ def test_the_drones_own_bearing_is_marked_and_every_generation_can_be_chosen(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.connect(("127.0.0.1", port))
         sock.send(writer.encode(heartbeat()))
-        expect(page.locator("#chip-state")).to_have_text("Drone heard")
+        expect(page.locator("#chip-state")).to_have_text("Drone connected")
         sock.send(writer.encode(tunnel))
     expect(page.locator("#legend-on-board")).to_be_visible()
     mark = page.locator(".on-board")
@@ -359,7 +359,7 @@ def test_names_and_texts_are_never_markup_and_maps_come_from_the_folder(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.connect(("127.0.0.1", port))
         sock.send(writer.encode(heartbeat()))
-        expect(page.locator("#chip-state")).to_have_text("Drone heard")
+        expect(page.locator("#chip-state")).to_have_text("Drone connected")
         sock.send(writer.encode(dialect.Statustext(severity=3, text=evil)))
     expect(page.locator(".toast.warning").last).to_contain_text(evil)
     page.click("#tab-log")

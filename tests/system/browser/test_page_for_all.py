@@ -135,7 +135,11 @@ def test_the_page_finds_the_words_that_the_tests_find(
 ) -> None:
     watched = watch(start_ground(tmp_path, 0).address, locale="de-DE", plain_map=False)
     texts = [*filled_forms("7"), *filled_forms(GOES_ON), *filled_forms("link. Try again")]
-    texts += ["no answer about x. Nobody has words for this", GOES_ON, "17 m · not heard · new"]
+    texts += [
+        "no answer about x. Nobody has words for this",
+        GOES_ON,
+        "17 m · not detected · new",
+    ]
     said = watched.page.evaluate(
         """texts => texts.map((text) => {
           window.uavrt.missing.clear();

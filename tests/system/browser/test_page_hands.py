@@ -262,7 +262,7 @@ def test_on_a_tablet_everything_is_shown_and_can_be_touched(
     page.click(f'tr[data-flight="{flight}"] .open-flight')
     page.wait_for_selector(".fix")
     page.wait_for_selector(".rose-silence, .rose-petal")
-    expect(page.locator("#cards .card .fresh").first).to_have_text("heard")
+    expect(page.locator("#cards .card .fresh").first).to_have_text("detected")
     expect(page.locator("#cards .card .facts").first).not_to_contain_text("ago")
     page.click(".layers summary")
     assert page.evaluate(TARGETS) == [], "layers"
@@ -398,7 +398,7 @@ def test_two_pages_one_commander_and_no_lost_tags(
     expect(second.page.locator("#take-command")).to_be_visible()
     expect(first.page.locator("#take-command")).to_be_hidden()
     expect(second.page.locator("#act-reason")).to_have_text(
-        "Another page commands: take command first"
+        "Another page has command. Take command first"
     )
     expect(second.page.locator(".act.next")).to_have_count(0)
     expect(first.page.locator("#act-reason")).not_to_contain_text("Another page")

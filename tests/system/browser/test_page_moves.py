@@ -134,7 +134,7 @@ def test_an_area_is_imported_drawn_and_surveyed_and_any_page_takes_it_back(
     watching = Watched(here.browser, here.address, color_scheme="light")
     expect(watching.page.locator("#take-command")).to_be_visible()
     watching.page.click("#show-move")
-    expect(watching.page.locator("#move-ask")).to_have_text("Another page commands")
+    expect(watching.page.locator("#move-ask")).to_have_text("Another page has command")
     watching.page.click("#take-back")
     expect(page.locator("#motion-standing")).to_have_text("The pilot flies")
     assert watching.errors == []
@@ -228,7 +228,7 @@ def test_a_drone_without_guidance_shows_no_motion(
 ) -> None:
     ground = start_ground(tmp_path)
     watched = watch(ground.address, color_scheme="light")
-    expect(watched.page.locator("#act-reason")).to_contain_text("not heard")  # it is alive
+    expect(watched.page.locator("#act-reason")).to_contain_text("No contact")  # it is alive
     watched.page.click("#show-move")
     expect(watched.page.locator("#move-none")).to_be_visible()
     expect(watched.page.locator("#move-form")).to_be_hidden()

@@ -41,7 +41,7 @@ def test_a_script_reads_the_state(served: Any) -> None:
     assert state["actions"]["start"] == {
         "label": "Start",
         "enabled": False,
-        "reason": "The drone is not heard: check its power and the radio",
+        "reason": "No contact with the drone: check its power and the radio",
     }
 
 
@@ -70,7 +70,7 @@ def test_a_command_without_a_drone_is_refused_with_the_reason(standing: Any) -> 
     answer = standing.ask("POST", "/api/commands/start", {})
     assert answer.status == 409
     assert answer.json["accepted"] is False
-    assert "not heard" in answer.json["message"]
+    assert "No contact" in answer.json["message"]
 
 
 @pytest.mark.parametrize(

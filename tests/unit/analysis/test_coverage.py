@@ -127,7 +127,7 @@ def test_elevation_files_of_another_place_are_a_limitation_and_no_zero(
     records = told(capsys)
     assert len(records) == 2
     for record in records:
-        assert "do not cover the way" in str(record["limitations"])
+        assert "do not cover the flight path" in str(record["limitations"])
         assert float(str(record["mean_probability"])) > 0.1
 
 

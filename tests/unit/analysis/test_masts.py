@@ -215,7 +215,7 @@ def test_a_mast_that_missed_most_pulses_is_left_out_by_name(
     both = read_positions(mast.path, drone.path)
     assert radius_m(both) == radius_m(read_positions(drone.path))
     assert (
-        "its strengths (67 pulses) are not used: it missed more of them than it heard"
+        "its strengths (67 pulses) are not used: more of them were missed than detected"
         in " ".join(some(both[0].position).remarks)
     )
 
@@ -253,7 +253,7 @@ def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) ->
     mast = of_mast(tmp_path / "mast", Mast())
     both = read_positions(drone.path, mast.path, how=ReadAs(elevation=elevation))
     (told,) = some(both[0].position).listeners
-    assert told.endswith("not used: what hills take from them is not reckoned with")
+    assert told.endswith("not used: losses by hills are not included")
 
 
 def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:

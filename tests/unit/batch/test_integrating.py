@@ -63,7 +63,7 @@ def test_an_archive_tells_which_tags_whole_flights_show(
     for name in ("tag_id", "false_alarm_probability", "interval_s", "frequency_hz"):
         assert row[name] == alone[name], name
     assert abs((row["bearing_deg"] - weak.bearing_deg + 180.0) % 360.0 - 180.0) < 15.0
-    assert row["remarks"].startswith("nobody told which antenna the drone carried")
+    assert row["remarks"].startswith("antenna not specified")
 
     # Ground that lies elsewhere than the flight says: it is judged again, and that is told.
     dem = tmp_path / "N35W111.hgt"

@@ -352,7 +352,7 @@ def test_what_is_quoted_may_be_in_any_language_and_is_noticed() -> None:
 
 
 def test_names_of_people_fit_every_gap() -> None:
-    assert told("1 of 2 heard: alter Luchs") == ("1 von 2 gehört: alter Luchs", [])
+    assert told("1 of 2 detected: alter Luchs") == ("1 von 2 entdeckt: alter Luchs", [])
     assert told("Tag 7 junger luchs: strongest signal")[0] == (
         "Sender 7 junger luchs: stärkstes Signal"
     )

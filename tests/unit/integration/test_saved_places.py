@@ -138,9 +138,9 @@ def test_a_flight_that_does_not_tell_its_antenna_says_so_in_words_and_json(
     assert uavrt(*asked) == 0
     words = capsys.readouterr().out
     assert "antenna: RA-23K" in words
-    assert "nobody told which antenna the drone carried" in words
+    assert "antenna not specified" in words
     (verdict,), _ = read_integrated(tmp_path / "old")
-    assert "nobody told which antenna" in verdict.remarks
+    assert "antenna not specified" in verdict.remarks
     assert verdict.searched is not None
     assert verdict.searched.antenna_assumed
     assert uavrt(*asked, "--json", "--antenna", "RA-23K", "--no-save") == 0

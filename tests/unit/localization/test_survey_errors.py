@@ -106,7 +106,7 @@ def test_a_height_that_is_far_off_is_told() -> None:
     told = [estimate_position(None, flown(rng, told_m=80.0)[0]).cautions for _ in range(6)]
     texts = [one.text for each in told for one in each if one.name == "height"]
     assert texts
-    assert all("less than the told one" in text for text in texts)
+    assert all("less than reported" in text for text in texts)
 
 
 def test_a_told_height_that_is_20_m_off_leaves_the_circle_or_is_warned_of() -> None:

@@ -129,7 +129,7 @@ def test_a_void_is_not_taken_for_sea(tmp_path: Path) -> None:
     ("name", "content", "says"),
     [
         ("N47E008.hgt", b"\0" * 1_000_000, "cut off"),
-        ("heights.hgt", b"\0" * 2_884_802, "does not tell where it lies"),
+        ("heights.hgt", b"\0" * 2_884_802, "has no position in it"),
         ("N47E008.hgt.zip", b"PK\x03\x04 nothing", "cannot be read"),
         ("ground.tif", b"II*\0", "cut off"),
         ("ground.tif", b"not a picture at all", "no GeoTIFF"),

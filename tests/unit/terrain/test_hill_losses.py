@@ -82,7 +82,7 @@ def test_a_void_is_told() -> None:
     hills = around(elevation_of(with_void))
     hills.cover([400.0], [400.0])
     (told,) = hills.told()
-    assert "do not tell 2" in told  # a quarter of the ground
+    assert "have no height for 2" in told  # a quarter of the ground
 
 
 def test_who_asks_the_same_again_is_answered_from_memory_and_others_are_not() -> None:

@@ -170,7 +170,7 @@ class Downloads:
         link = self._session.link
         if link is None or link.protocol.drone is None:
             raise LinkError(
-                "The drone is not heard", remedy="Check its power and the radio link"
+                "No contact with the drone", remedy="Check its power and the radio link"
             )
         drone = link.protocol.drone
         link.send(

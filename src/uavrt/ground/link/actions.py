@@ -61,7 +61,7 @@ def unreachable(now: Situation) -> str | None:
     if not now.link_open:
         return "Not connected: choose the connection under Set-up"
     if not now.drone_present:
-        return "The drone is not heard: check its power and the radio"
+        return "No contact with the drone: check its power and the radio"
     return wait_for(now)
 
 
@@ -75,7 +75,7 @@ def cannot_command(now: Situation) -> str | None:
 
 def wait_for(now: Situation) -> str | None:
     """Name the command that must end before another can be sent; None if there is none."""
-    return None if now.busy is None else f"Wait: {now.busy.text}"
+    return None if now.busy is None else f"Please wait: {now.busy.text}"
 
 
 def _reason(action: str, now: Situation) -> str | None:
@@ -88,7 +88,7 @@ def _reason(action: str, now: Situation) -> str | None:
         return "No tags: type them in under Set-up"
     command = COMMAND_OF_ACTION[action].name
     if now.state is not None and not isinstance(outcome(now.state, command), Accepted):
-        return "Nothing runs" if action == "stop" else NOT_NOW[now.state]
+        return "Nothing is running" if action == "stop" else NOT_NOW[now.state]
     if action == "start" and not now.tags_sent and now.tags:
         return "The tag table has changed: send the tags first"
     return None

@@ -93,7 +93,7 @@ class Flying:
         return {
             "standing": state.standing,
             "text": state.text,
-            "heard": heard,
+            "detected": heard,
             "way": [] if self._flown is None else _listed(self._flown.way),
             "offer": None
             if offered is None
@@ -149,7 +149,7 @@ class Flying:
         unseen = wish.get("sticks_unseen") if isinstance(wish, dict) else None
         offered = self._offered
         if offered is None or number != offered.state.order_id or page != offered.page:
-            raise CommandRefused("this offer no longer stands", remedy="Ask again")
+            raise CommandRefused("this offer has expired", remedy="Ask again")
         self._offered = None
         if self._session.clock.now_ns() - offered.time_ns > OFFER_NS:
             raise CommandRefused("the offer has run out", remedy="Ask again")

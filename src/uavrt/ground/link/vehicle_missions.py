@@ -135,7 +135,7 @@ class VehicleMissions:
                 if peer.system_id in self._homes:
                     return self._homes[peer.system_id]
         raise CommandRefused(
-            "the vehicle tells of no home: whether it keeps to its fence cannot be checked",
+            "home position unknown: cannot check the fence",
             remedy="Wait for its position; or save the survey, and check it in QGroundControl",
         )
 
@@ -243,7 +243,7 @@ class VehicleMissions:
             raise CommandRefused(
                 f"the vehicle is in {manners.mode_name(mode)}: another mission would change "
                 "its way",
-                remedy="Let the pilot hold it first",
+                remedy="Let the pilot hold position first",
             )
 
     def _send_all(self, messages: Sequence[Message]) -> None:

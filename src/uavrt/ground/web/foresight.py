@@ -101,7 +101,7 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
     farthest_m = max(distance_m(*places[0], *one) for one in places)
     if not farthest_m <= _FARTHEST_M:
         raise UsageError(
-            f"the plan reaches {farthest_m / 1000.0:.0f} km far",
+            f"the plan reaches {farthest_m / 1000.0:.0f} km from its first place",
             remedy=f"Plan {_FARTHEST_M / 1000.0:.0f} km or less",
         )
     if way is not None:

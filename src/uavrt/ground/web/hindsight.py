@@ -102,7 +102,7 @@ class SilenceDesk:
             )
         if found.heard:
             raise UsageError(
-                f"tag {asked.tag_id} was heard: it is not silence that tells of it"
+                f"tag {asked.tag_id} was detected, so there is no map of places without it"
             )
         coverage = found.coverage
         plane = coverage.ground.plane

@@ -24,7 +24,7 @@ OnStep = Callable[[int, int], None]
 Asked = TypeVar("Asked")
 Found = TypeVar("Found")
 _POWER_DBM = (-100.0, 40.0)
-_ANOTHER = "another map was asked for meanwhile: make this one again"
+_ANOTHER = "another map was requested meanwhile. Make this one again"
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -186,8 +186,8 @@ def _level_evidence(
     )
 
 
-_HILLS_UNKNOWN = "what hills take from them is not reckoned with"
-_NO_LEVELS = "not every bearing tells how strong the tag was"
+_HILLS_UNKNOWN = "losses by hills are not included"
+_NO_LEVELS = "not every bearing has a signal strength"
 
 
 def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:

@@ -239,14 +239,14 @@ def _inlier(residual: _Floats, sigma: _Floats, outlier_share: float) -> _Floats:
 
 UNCHECKED = Caution(
     name="unchecked",
-    text="a common error (compass, a tag that walks) cannot be checked: that takes "
+    text="a shared error (compass, a moving tag) cannot be checked: that needs "
     f"{LEAST_STATIONS} bearings from around the tag",
 )
 
 UNKNOWN_SIGMAS = Caution(
     name="unchecked",
-    text="a common error (compass, a tag that walks) cannot be checked: nobody says how far "
-    "each bearing may err",
+    text="a shared error (compass, a moving tag) cannot be checked: the bearings have no error "
+    "estimates",
 )
 
 

@@ -357,9 +357,9 @@ def cautions_of_survey(evidence: SurveyEvidence) -> tuple[Caution, ...]:
     found = []
     if evidence.height_told_probability < 0.1:
         text = (
-            f"the strengths are those of a height {abs(evidence.height_shift_m):.0f} m "
-            f"{'greater' if evidence.height_shift_m > 0.0 else 'less'} than the told one: "
-            "check the terrain and where the take-off was"
+            f"signal strengths fit a height {abs(evidence.height_shift_m):.0f} m "
+            f"{'greater' if evidence.height_shift_m > 0.0 else 'less'} than reported: "
+            "check the terrain and the take-off position"
         )
         found.append(Caution(name="height", text=text))
     if evidence.foreign >= max(2, 0.01 * len(evidence.kept)):
