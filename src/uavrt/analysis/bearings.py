@@ -81,7 +81,7 @@ class Recorded:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:
             raise UsageError(
-                "the drone was set up with an upright whip, which tells no directions",
+                "the drone was set up with an upright whip, which gives no bearings",
                 remedy="uavrt localize finds tags by their strength; or name the --antenna",
             )
         return self.antenna

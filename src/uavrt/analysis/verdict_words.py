@@ -27,12 +27,12 @@ def where_in_words(
             f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"
             for one in parts
         )
-        return [f"in one of {len(parts)} places that {flown} cannot tell apart: {each}"]
+        return [f"in one of {len(parts)} places that {flown} cannot distinguish: {each}"]
     known = place.radius95_m is not None and place.radius95_m <= POSITION_M
     lines = []
     if place.bearing_deg is not None and place.arc50_deg is not None and place.arc95_deg:
         if place.arc95_deg > ALL_ROUND_DEG and not known:
-            return [f"neither place nor direction are known: {flown} tells them too roughly"]
+            return [f"position and direction are unknown: {flown} does not constrain them"]
         lines.append(
             f"from the middle of {flown} at {place.bearing_deg:.0f}°, "
             f"± {0.5 * place.arc50_deg:.0f}° (50 %), ± {0.5 * place.arc95_deg:.0f}° (95 %)"

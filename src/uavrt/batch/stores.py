@@ -85,7 +85,7 @@ def _size_of(system: Any, path: str, url: str) -> int:
     size = system.info(path).get("size")
     if not isinstance(size, int) or not 0 <= size <= MOST_BYTES:
         raise StoreError(
-            f"{url}: the server does not tell how long it is ({size})",
+            f"{url}: the server does not report its length ({size})",
             remedy="Fetch the file, or have it served with its length",
         )
     return size

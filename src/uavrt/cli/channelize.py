@@ -133,6 +133,6 @@ def _numbers(text: str) -> list[int]:
 def _sentence(summary: ChannelizeSummary) -> str:
     return (
         f"{summary.samples} samples, {summary.samples_lost} lost; {summary.datagrams} datagrams"
-        f" sent, {summary.unheard} times nobody listened, {summary.dropped} not sent for want "
+        f" sent, {summary.unheard} without a listener, {summary.dropped} not sent for want "
         "of room"
     )

@@ -282,7 +282,7 @@ def _print(found: list[MappedTag]) -> None:
         best = " (best)" if one.best and len(found) > 1 and one.height_m is not None else ""
         print(f"tag {one.tag.tag_id} {where}{best}: {_percent(one.coverage.mean)} on average")
         if one.coverage.whole_flight:
-            print("  as uavrt integrate would have found it, which looked for it in vain")
+            print("  calculated for uavrt integrate, which did not find it")
         share50, share90 = (_percent(one.coverage.share_above(share)) for share in (0.5, 0.9))
         print(
             f"  heard with .9 or more on {share90} of {one.coverage.known_km2:.1f} km², "

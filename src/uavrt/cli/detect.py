@@ -466,7 +466,7 @@ def _report(
     ]
     lines += [
         f"tag {tag.tag_id}: {count} of its confirmed pulses may be of another tag "
-        "(also_possible_tag_ids; `uavrt tags check` says what would tell them apart)"
+        "(also_possible_tag_ids; `uavrt tags check` says how to distinguish them)"
         for tag in tags
         if (count := summary.ambiguous.get(tag.tag_id, 0))
     ]

@@ -18,7 +18,7 @@ def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
     """
     if dem is None and sea:
         raise ConfigError(
-            "--sea tells what lies beyond the files of --dem, and there are none",
+            "--sea applies outside the files of --dem, and there are none",
             remedy="Name them with --dem, or leave it out: without files the ground is level",
         )
     if dem is None:

@@ -7,7 +7,7 @@ from cyclopts import App
 EXPERIMENTS = {
     "autopilots": "Rehearse every order and takeover on the autopilots that will fly.",
     "capacity": "Packet loss in an autopilot's forwarding, 0 to 10 ms apart (thesis §5.4).",
-    "coverage": "Check what silence says: are areas as empty as a map tells?",
+    "coverage": "Check maps of silence: are areas as empty as the map says?",
     "detection": "Compare the detector with its target figures, the original and theory.",
     "integrate": "Judge whole flights: false alarms, range, place and cost.",
     "localization": "Compare bearings and positions with their target figures and theory.",

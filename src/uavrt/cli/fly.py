@@ -432,7 +432,8 @@ class _Terminal:
             return True
         if not sys.stdin.isatty():
             raise ConfigError(
-                "nobody is there to confirm", remedy="Run it in a terminal, and type the word"
+                "the order cannot be confirmed: no terminal",
+                remedy="Run it in a terminal, and type the word",
             )
         prompt = (
             f'Type "{WORD}" within {OFFER_HOLDS_S:.0f} s to confirm, '

@@ -387,8 +387,7 @@ def _check_told_by_channels(opened: dict[str, Any]) -> None:
     for name, option in options.items():
         if opened[name] is not None:
             raise ConfigError(
-                f"{option} is of a --recording, and the channels that a flight kept tell it "
-                "themselves",
+                f"{option} applies to a --recording; the channels kept in a flight contain it",
                 remedy=f"Leave {option} out, or name the recording",
             )
 

@@ -76,7 +76,7 @@ def _other(other: "OtherTrain") -> str:
     if other.ratio is None:
         return told
     above, below = other.ratio
-    return f"{told}: {above}/{below} of its interval, its times alone do not tell them apart"
+    return f"{told}: {above}/{below} of its interval, times alone cannot distinguish them"
 
 
 def _silence(silent: "SilentMap") -> list[str]:
@@ -116,7 +116,7 @@ def sentence_of_flights(one: "TagOfFlights", silent: "Sequence[SilentMap | None]
     for alone, flight, name, own in zip(one.alone, one.flights, one.names, silent, strict=True):
         by_itself = f"by itself: {chance_in_words(alone)}"
         if not flight.found:
-            told = "; too weak to tell its pulses" if one.found else ""
+            told = "; single pulses are too weak to list" if one.found else ""
             lines.append(f"{name}: {by_itself}{told}")
             lines += [] if own is None else [f"  {text}" for text in _silence(own)]
             continue

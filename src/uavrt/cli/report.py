@@ -99,7 +99,7 @@ def _silences(
 
     if survey.info is None or not FlightLayout(flight).database.is_file():
         raise UsageError(
-            "a pulse log does not tell where the drone listened in vain",
+            "a pulse log does not show where the drone detected nothing",
             remedy="Name the flight's directory, or leave --tag-power out",
         )
     flown = read_flight(flight)

@@ -105,7 +105,7 @@ def without_autopilot(settings: Settings) -> Settings:
     if settings.mavlink.address not in ("", MavlinkSettings().address):
         raise ConfigError(
             f'pose.source = "{settings.pose.source}" and mavlink.address '
-            f"{settings.mavlink.address} would both tell the pose",
+            f"{settings.mavlink.address} both set the pose",
             remedy="Leave mavlink.address out; a radio to the ground goes to "
             "mavlink.direct_links",
         )

@@ -80,9 +80,7 @@ def _show(found: "Season") -> None:
     if found.batteries and found.flights_without_battery:
         count = found.flights_without_battery
         tell = "flights have no battery data"
-        lines.append(
-            "1 flight does not tell of its battery" if count == 1 else f"{count} {tell}"
-        )
+        lines.append("1 flight without battery data" if count == 1 else f"{count} {tell}")
     if found.copies:
         copies = "copy of a flight" if found.copies == 1 else "copies of flights"
         lines.append(f"{found.copies} second {copies} left out")

@@ -74,14 +74,14 @@ def operator_failsafe(px4: bool, values: Mapping[str, float | None]) -> tuple[bo
     """
     if px4:
         action = values.get("NAV_DLL_ACT")
-        text = {None: "not told", 0.0: "none"}.get(action, f"NAV_DLL_ACT = {action}")
+        text = {None: "unknown", 0.0: "none"}.get(action, f"NAV_DLL_ACT = {action}")
         return True, f"action when the operator's ground station is lost: {text}", ""
     enabled = values.get("FS_GCS_ENABLE")
     operator = values.get("MAV_GCS_SYSID", None) or values.get("SYSID_MYGCS")
     if operator == STATION_SYSTEM_ID:
         text = f"the operator's ground station is system {operator:g}, as `uavrt ground` is"
         return False, f"{text}: its loss would go unnoticed", "Set MAV_GCS_SYSID to 255"
-    text = {None: "not told", 0.0: "none"}.get(enabled, f"FS_GCS_ENABLE = {enabled}")
+    text = {None: "unknown", 0.0: "none"}.get(enabled, f"FS_GCS_ENABLE = {enabled}")
     return True, f"action when the operator's ground station is lost: {text}", ""
 
 

@@ -74,7 +74,7 @@ async def _examine(place: Address, port: str | None, baud: int, fix: bool) -> li
             found.append(finding)
             changed = changed or done
         if px4 and not has_serial_ports(values):
-            text = "this PX4 tells no serial ports (simulated?): forwarding was not checked"
+            text = "this PX4 reports no serial ports (simulated?): forwarding was not checked"
             found.append(Finding(what=WHAT, ok=True, text=text))
         good, text, remedy = operator_failsafe(px4, values)
         found.append(Finding(what=WHAT, ok=good, text=text, remedy=remedy))
@@ -97,7 +97,7 @@ async def _judge(client: ParameterClient, need: Need, fix: bool) -> tuple[Findin
         return Finding(what=WHAT, ok=True, text=f"{need.name} = {need.wanted:g}"), False
     if need.value is None:
         remedy = "It appears when its port is switched on: set the others, restart, run again"
-        text = f"{need.name} is not told; {need.wanted:g} is needed: {need.why}"
+        text = f"{need.name} is not reported; {need.wanted:g} is needed: {need.why}"
         return Finding(what=WHAT, ok=False, text=text, remedy=remedy), False
     text = f"{need.name} = {need.value:g}, must be {need.wanted:g}: {need.why}"
     if not fix:

@@ -223,7 +223,7 @@ def _check_headers(path: Path) -> None:
             kind = block[156:157]
             plain = kind in (b"0", b"\0")
             if not 0 <= size <= (there if plain else MOST_MANIFEST_BYTES):
-                raise ValueError(f"its headers tell of {size:,} bytes of {there:,}")
+                raise ValueError(f"its headers declare {size:,} bytes of {there:,}")
             more = file.read(size) if kind in (b"x", b"X") else b""
             if kind in (b"S", b"g") or b" size=" in more or b" GNU.sparse" in more:
                 raise ValueError("it is packed in another way")

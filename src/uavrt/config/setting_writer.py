@@ -126,7 +126,7 @@ def _require_only(before: str, after: str, changes: Changes, path: Path) -> None
         names = ", ".join(f"[{table}] {key}" for table, key in changes)
         raise ConfigError(
             f"{path.name} is written in a way in which {names} cannot be changed from here",
-            remedy="Change it with an editor, or move the file away and begin anew",
+            remedy="Change it with an editor, or move the file away and start again",
         )
 
 

@@ -288,7 +288,7 @@ def not_started(ground: Program, where: str = "") -> UavrtError:
     last = ground.last_line()
     return UavrtError(
         f"detection did not start{where}" + (f": {last}" if last else ""),
-        remedy=f"Look at {ground.log} and the other log files beside it",
+        remedy=f"Read {ground.log} and the other log files in its folder",
     )
 
 

@@ -232,7 +232,7 @@ class SearchDemo:
             self._watch()
             if time.monotonic() > deadline_s:
                 raise UavrtError(
-                    "the ground station does not tell the drones of each other",
+                    "the ground station does not report the drones to each other",
                     remedy="Run it again; give fewer drones where this computer is slow",
                 )
 

@@ -209,7 +209,7 @@ def _shapes(found: Any, properties: Any, every: bool) -> Iterator[_Outline]:
 
 def _not_understood(name: str, kind: object) -> ValueError:
     """Of a place that must not be left out in silence."""
-    return ValueError(f'"{name[:MOST_NAME]}" is a {kind} that tells no outline')
+    return ValueError(f'"{name[:MOST_NAME]}" is a {kind} without an outline')
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:

@@ -149,7 +149,7 @@ TOPICS: dict[str, Topic] = {
         Topic(
             name="neighbour",
             record=messages.Neighbour,
-            meaning="what the ground tells of another drone",
+            meaning="another drone's state, from the ground station",
             lossless=False,
             backlog=32,
         ),

@@ -58,8 +58,8 @@ number is two tags."""
 LEAST_TURNS = 3
 """Fewer do not teach a pattern."""
 NEVER_TURNED = (
-    "it was heard, but in no turn in place; strengths of receivers that do not turn go into a "
-    "position only beside the bearings of others"
+    "it was detected, but in no turn in place; receivers that do not turn add their strengths "
+    "to a position only with bearings of others"
 )
 _GOES_ON_NS = 10_000_000_000
 """A turn whose end is this near to the last pose may go on."""

@@ -36,7 +36,7 @@ _REFUSALS: dict[int, str] = {
     MavMissionResult.MISSION_ERROR: "it cannot take a mission now",
     MavMissionResult.MISSION_UNSUPPORTED_FRAME: "it does not know the frame",
     MavMissionResult.MISSION_UNSUPPORTED: "it does not know such items",
-    MavMissionResult.MISSION_NO_SPACE: "it has no room for so many items",
+    MavMissionResult.MISSION_NO_SPACE: "it has no room for that number of items",
     MavMissionResult.MISSION_DENIED: "it takes none from us",
     MavMissionResult.MISSION_OPERATION_CANCELLED: "it was cancelled",
 }
@@ -253,7 +253,7 @@ class MissionDownload(MissionTransfer):
 
     def _begin(self, count: int, now_s: float) -> list[Message]:
         if count > MOST_ITEMS:
-            self.fault = f"the autopilot tells of {count} items, more than {MOST_ITEMS}"
+            self.fault = f"the autopilot reports {count} items, more than {MOST_ITEMS}"
             return [self._ack(MavMissionResult.MISSION_NO_SPACE)]
         self._count = count
         return self._next(now_s)

@@ -315,13 +315,13 @@ class SearchArea:
         for void in self.voids:
             if float(void.off_m(*home)[0]) <= self.margin_m:
                 raise PlanError(
-                    f"home lies in or beside {_named(void)}",
+                    f"home lies in or at the edge of {_named(void)}",
                     remedy=f"Take off more than {self.margin_m:.0f} m from it",
                 )
         for area in self.within:
             if float(area.depth_m(*home)[0]) <= self.margin_m:
                 raise PlanError(
-                    f"home lies outside of {_named_within(area)}, or beside its edge",
+                    f"home lies outside of {_named_within(area)}, or too close to its edge",
                     remedy=f"Take off more than {self.margin_m:.0f} m within it, or redraw it",
                 )
 

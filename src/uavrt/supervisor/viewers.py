@@ -71,7 +71,7 @@ class Viewers:
                 return await asyncio.start_unix_server(self._serve_one, path, limit=262144)
         except OSError as error:
             if error.errno in TAKES_NOTHING:
-                log.error("nobody can look on: no status socket", reason=error.strerror)
+                log.error("monitor unavailable: no status socket", reason=error.strerror)
                 return None
             raise ConfigError(
                 f"cannot open the status socket {path}: {error.strerror}",

@@ -227,7 +227,7 @@ def _system(tags: dict[int, Any]) -> tuple[int, str | None, bool]:
     warp = "gdalwarp -t_srs EPSG:4326"
     listed = tags.get(34735)
     if listed is None:
-        raise _Unread("tells no coordinates", "gdal_translate -a_srs EPSG:4326")
+        raise _Unread("has no coordinate system", "gdal_translate -a_srs EPSG:4326")
     keys = {
         listed[at]: listed[at + 3] for at in range(4, len(listed) - 3, 4) if not listed[at + 1]
     }

@@ -113,7 +113,7 @@ def test_a_server_that_does_not_tell_a_files_length_is_named(
 ) -> None:
     store, address = web
     store.length = length
-    with pytest.raises(StoreError, match="does not tell how long it is"):
+    with pytest.raises(StoreError, match="does not report its length"):
         stores.open_stored(f"{address}/walk.cf32")
 
 

@@ -249,4 +249,4 @@ def test_a_tag_that_was_heard_in_no_turn_has_a_reason(tmp_path: Path) -> None:
     ]
     (found,) = read_positions(as_log(tmp_path / "line.jsonl", moved))
     assert found.position is None
-    assert some(found.reason).startswith("it was heard, but in no turn in place")
+    assert some(found.reason).startswith("it was detected, but in no turn in place")

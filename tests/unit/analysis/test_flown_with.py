@@ -60,7 +60,7 @@ def test_a_flight_with_a_whip_is_a_survey_of_strength(write_flight: WriteFlight)
         read_positions(flight, how=ReadAs(antenna="monopole")),
     )
     assert some(own.position).latitude_deg == some(named.position).latitude_deg
-    with pytest.raises(UsageError, match="an upright whip, which tells no directions"):
+    with pytest.raises(UsageError, match="an upright whip, which gives no bearings"):
         read_bearings(flight)
 
 

@@ -286,7 +286,7 @@ def test_a_mast_alone_says_what_is_missing(tmp_path: Path) -> None:
     mast = of_mast(tmp_path / "mast", Mast())
     (one,) = read_positions(mast.path)
     assert one.position is None
-    assert "only beside the bearings of others" in some(one.reason)
+    assert "only with bearings of others" in some(one.reason)
 
 
 def test_circles_with_masts_hold_what_they_say() -> None:

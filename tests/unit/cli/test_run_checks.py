@@ -51,7 +51,7 @@ def test_a_mast_needs_no_autopilot_and_refuses_a_second_pose() -> None:
     alone = without_autopilot(replace(Settings(), pose=mast))
     assert alone.mavlink.address == ""
     both = replace(settings(address="tcp://127.0.0.1:5760"), pose=mast)
-    with pytest.raises(ConfigError, match="both tell the pose"):
+    with pytest.raises(ConfigError, match="both set the pose"):
         without_autopilot(both)
     with pytest.raises(ConfigError, match="heading_deg"):
         without_autopilot(replace(Settings(), pose=replace(mast, heading_deg=None)))

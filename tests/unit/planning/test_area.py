@@ -118,7 +118,7 @@ def test_behind_a_building_there_is_no_straight_way_home(void: Polygon | Circle)
 
 def test_home_is_not_beside_a_building() -> None:
     area = SearchArea(search=SQUARE, voids=(SHED,), margin_m=5.0, home_m=(97.0, 100.0))
-    with pytest.raises(PlanError, match="home lies in or beside the keep-out 'shed'"):
+    with pytest.raises(PlanError, match="home lies in or at the edge of the keep-out 'shed'"):
         area.check_home()
 
 

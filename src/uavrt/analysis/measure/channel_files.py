@@ -84,7 +84,7 @@ def _check_as_the_original(front_end: FrontEnd) -> None:
         f"{plan.sample_rate_hz:g} samples a second make {count} channels of {rate_hz:g}, not "
         f"the original's {ORIGINAL_CHANNELS} of {ORIGINAL_CHANNEL_RATE_HZ:g}",
         remedy="Take 375e3, 750e3, 1.5e6, 3e6 or 6e6 samples a second; or, for detectors that "
-        "are told rate and centre, --mode default",
+        "take rate and centre as options, --mode default",
     )
 
 

@@ -27,9 +27,9 @@ _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 HINDSIGHT_METHOD = (
     "In hindsight. `uavrt integrate` judged all pulses of the flight together; a tag counts as "
-    "found when noise alone shows as much in at most one of a hundred flights, unless another "
-    "share was asked for. Its pulses are rings in the plots, and *integrated* in exports; the "
-    "bearings and positions of this report are not made of them: their place is told beside it."
+    "found when noise alone shows as much in at most one of a hundred flights, or in the share "
+    "that was set. Its pulses are rings in the plots, and *integrated* in exports. "
+    "They are not used for the bearings and positions of this report, but listed apart."
 )
 METHODS = (
     "Pulses. A detector for each tag sums K pulses at the listed interval and reports what "
@@ -65,7 +65,7 @@ SIGNAL_CAPTION = (
     "line around it holds the tag with 95 %."
 )
 HEIGHT_CAPTION = (
-    "SNR of each pulse over the drone's height; line: median of each layer. Beside it, of a "
+    "SNR of each pulse over the drone's height; line: median of each layer. Right, for a "
     "survey at several heights: SNR from the side, by the distance from the estimated place."
 )
 LAYER_CAPTION = (
@@ -342,7 +342,7 @@ def _finding(survey: Survey, tag_id: int) -> Finding:
     if position.at_edge:
         parts.append("it may be farther out")
     if position.stations == 1:
-        parts.append("one bearing tells the direction, hardly the distance")
+        parts.append("one bearing gives the direction but hardly the distance")
     parts += remarks_of(position)
     parts += _way(survey, position)
     return Finding(

@@ -394,7 +394,7 @@ class _Common:
         zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
         if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():
             remedy = (
-                "A clock that was set to local time is so many hours off: if that is so, give "
+                "If the clock was set to local time, give "
                 f"--clock-offset {zones_s:+.0f}. {remedy}"
             )
         minutes = round(abs(ahead_s) / 60.0)

@@ -137,7 +137,7 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
             raise UsageError("a directional antenna without headings", remedy="Give yaw_deg")
         if stations is None and powers.antenna is None and _extent_m(powers) < LEAST_EXTENT_M:
             raise UsageError(
-                "powers heard from one place alone tell neither direction nor distance",
+                "signal strengths from one place give neither direction nor distance",
                 remedy=f"Fly {LEAST_EXTENT_M:.0f} m or more past the tag, or turn an antenna",
             )
 

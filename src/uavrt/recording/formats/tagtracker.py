@@ -376,7 +376,7 @@ def _warnings(found: Sequence[PulsePose], layout: _Layout | None) -> list[str]:
     if len(found) > 3 and len(times) <= len(found) // 3:
         texts.append(
             "The times of this log are rounded so far that pulses share them; only the order "
-            "of its rows tells which came first."
+            "of its rows shows which came first."
         )
     if layout is not None and layout.quaternion and found:
         texts.append(
