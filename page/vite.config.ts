@@ -1,6 +1,6 @@
 import { defineConfig } from "vite";
 
-// Everything is bundled; the page asks nobody but its own server for anything.
+// Everything is bundled; the page requests data from its own server only.
 export default defineConfig({
   base: "/",
   build: {

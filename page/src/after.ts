@@ -30,7 +30,7 @@ export function afterPanel(made: FlightMap): HTMLElement {
     h("h3", {}, "In the whole flight"),
     h("ul", { id: "verdicts", class: "verdicts" }),
     h("button", { id: "integrate-begin", hidden: true, onclick: () => void lookBelow() }, "Search below the noise"),
-    h("p", { id: "integrate-told", class: "told", role: "status" }),
+    h("p", { id: "integrate-status", class: "status-line", role: "status" }),
     h("h3", {}, "Where it would have been detected"),
     h(
       "div",
@@ -46,8 +46,8 @@ export function afterPanel(made: FlightMap): HTMLElement {
       h("button", { id: "absence-draw", "aria-pressed": "false", onclick: () => draw() }, "Draw an area"),
       h("button", { id: "absence-clear", onclick: () => clear() }, "Clear"),
     ),
-    h("p", { id: "absence-told", class: "told absence", role: "status" }),
-    h("div", { id: "silence-told", class: "told", role: "status" }),
+    h("p", { id: "absence-status", class: "status-line absence", role: "status" }),
+    h("div", { id: "silence-status", class: "status-line", role: "status" }),
   );
 }
 
@@ -82,8 +82,8 @@ async function lookBelow(): Promise<void> {
   if (!id) return;
   const button = by("integrate-begin") as HTMLButtonElement;
   button.disabled = true;
-  say(by("integrate-told"), "Searching; this takes seconds to minutes.");
-  let told = "";
+  say(by("integrate-status"), "Searching; this takes seconds to minutes.");
+  let fault = "";
   try {
     for (;;) {
       const answer = await send<IntegrationAnswer>("POST", `/flights/${encodeURIComponent(id)}/integrate`, {});
@@ -93,9 +93,9 @@ async function lookBelow(): Promise<void> {
     }
     await store.hindsightAgain();
   } catch (error) {
-    told = reasonOf(error);
+    fault = reasonOf(error);
   }
-  say(by("integrate-told"), told);
+  say(by("integrate-status"), fault);
   button.disabled = false;
 }
 
@@ -116,7 +116,7 @@ function verdict(one: Verdict): HTMLElement {
   const where = isPlace(one)
     ? h("span", { class: "place" }, ` ${fixed(one.latitude_deg!, 5)}, ${fixed(one.longitude_deg!, 5)}, within ${metres(one.radius95_m!)} (95\u202f%)`)
     : one.places > 1
-      ? ` In one of ${one.places} places that this flight cannot tell apart: ${one.parts.map(partOf).join("; ")}`
+      ? ` In one of ${one.places} places that this flight cannot distinguish: ${one.parts.map(partOf).join("; ")}`
       : one.bearing_deg !== null
         ? ` At ${fixed(one.bearing_deg, 0)}°, ±\u202f${fixed((one.arc95_deg ?? 360) / 2, 0)}° (95\u202f%), from the middle of the flight`
         : "";
@@ -164,7 +164,7 @@ function forget(): void {
   if (shown) view.setHeard(null);
   shown = null;
   forgetHeard("silence");
-  say(by("absence-told"), "");
+  say(by("absence-status"), "");
   clear();
 }
 
@@ -187,7 +187,7 @@ function draw(): void {
   drawing = !drawing;
   by("absence-draw").setAttribute("aria-pressed", String(drawing));
   catchTaps(drawing ? corner : null);
-  if (drawing) say(by("absence-told"), "Tap the corners of the area on the map.");
+  if (drawing) say(by("absence-status"), "Tap the corners of the area on the map.");
 }
 
 function corner(at: LonLat): void {
@@ -201,14 +201,14 @@ function clear(): void {
   outline = [];
   view.setMeasure([]);
   if (drawing) draw();
-  say(by("absence-told"), "");
+  say(by("absence-status"), "");
 }
 
 async function judge(): Promise<void> {
   const id = store.review?.flight_id;
   if (!id || outline.length < 3) return;
   if (!shown) {
-    say(by("absence-told"), "Make the map first.");
+    say(by("absence-status"), "Make the map first.");
     return;
   }
   const ticket = asked;
@@ -216,10 +216,10 @@ async function judge(): Promise<void> {
     const found = await send<Absence>("POST", `/flights/${encodeURIComponent(id)}/absence`, { ...question(), outline });
     if (ticket !== asked) return;
     say(
-      by("absence-told"),
+      by("absence-status"),
       `Not here, p ${found.not_here > 0.9995 ? "> 0.999" : `= ${found.not_here.toFixed(3)}`}. There it would have been heard with ${Math.round(100 * found.heard)}\u202f%; before the flight it was there with ${found.prior.toFixed(3)}, were it anywhere on the map alike.`,
     );
   } catch (error) {
-    if (ticket === asked) say(by("absence-told"), reasonOf(error));
+    if (ticket === asked) say(by("absence-status"), reasonOf(error));
   }
 }

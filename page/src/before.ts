@@ -46,7 +46,7 @@ export function beforeBox(shown: FlightMap): HTMLElement {
       h("button", { id: "before-hide", onclick: () => forget() }, "Hide the map"),
     ),
     ...heardElements("before"),
-    h("div", { id: "before-told", class: "told", role: "status" }),
+    h("div", { id: "before-status", class: "status-line", role: "status" }),
   );
 }
 

@@ -1,6 +1,6 @@
 /**
  * One scale for SNR: viridis, which is even to the eye and safe for the colour-blind, cut at its
- * darkest so that it can be told from a dark ground.
+ * darkest so that it differs from a dark ground.
  */
 
 export const SNR_LOW = 5;
@@ -46,7 +46,7 @@ function mix(from: string, to: string, part: number): string {
 /**
  * Lines of different tags: Okabe and Ito's, with a dark brown for their yellow, which is too pale
  * on white; lighter ones of the same hues on a dark ground, where their blue has a contrast of 3
- * only. A test computes that the colour-blind tell them apart.
+ * only. A test computes that the colour-blind can distinguish them.
  */
 const TAG_COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#481800", "#56b4e9"];
 const TAG_COLOURS_DARK = ["#4fb0ee", "#f5854a", "#33c79b", "#e5a0c8", "#f0bd3a", "#b3c7ff"];

@@ -3,7 +3,7 @@
  * shown in the chosen language, but in elements with translate="no".
  */
 
-import { told } from "./i18n";
+import { translated } from "./i18n";
 
 type Child = Node | string | number | null | undefined | false;
 type Properties = Record<string, unknown>;
@@ -53,7 +53,7 @@ export function describe(element: Element, name: string, text: string): void {
 }
 
 function inLanguage(place: Node, text: string): string {
-  return place instanceof Element && place.getAttribute("translate") === "no" ? text : told(text);
+  return place instanceof Element && place.getAttribute("translate") === "no" ? text : translated(text);
 }
 
 export function by(id: string): HTMLElement {

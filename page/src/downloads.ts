@@ -86,7 +86,7 @@ function draw(): void {
     bar.value = now.ended && !now.error ? bar.max : now.done_bytes;
   }
   by("download-stop").hidden = now.ended;
-  say(by("download-text"), told(now));
+  say(by("download-text"), progressOf(now));
   if (now.ended && !ended) {
     refreshHere();
     if (by("drone-flights").childElementCount) void list();
@@ -94,7 +94,7 @@ function draw(): void {
   ended = now.ended;
 }
 
-function told(now: Download): string {
+function progressOf(now: Download): string {
   const name = now.flight_id.replace("flight_log_", "").replace("_", " ");
   if (now.error) return `${name}: ${now.error}`;
   if (now.ended) return `${name}: here, ${size(now.done_bytes)}`;

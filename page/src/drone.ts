@@ -66,7 +66,7 @@ async function press(name: string): Promise<void> {
   drawButtons();
 }
 
-/** Tell what would go and what stays; let the second press count when the drone takes it. */
+/** Show what will be removed and what stays; the second press counts if the drone accepts. */
 function secondStep(button: HTMLElement, waitS: number, count: string, stays: string): void {
   const what = count === "1" ? `Remove ${count} flight` : `Remove ${count} flights`;
   const kept = stays[0]!.toUpperCase() + stays.slice(1);

@@ -1,4 +1,4 @@
-/** Who flew what: told once, printed by the reports of all flights. */
+/** Who flew what: entered once, printed in the reports of all flights. */
 
 import { get, reasonOf, send } from "./api";
 import { by, h, say } from "./dom";

@@ -162,21 +162,21 @@ function wayOf(one: PositionRecord, colour: string): Feature[] {
 /** A circle of 95 % that is wider is no position. */
 const POSITION_M = 2000;
 
-/** Whether a whole flight tells one place of a tag. */
+/** Whether a whole flight gives a single place of a tag. */
 export function isPlace(one: Verdict): boolean {
   return one.found && one.places === 1 && one.latitude_deg !== null && one.longitude_deg !== null && (one.radius95_m ?? Infinity) <= POSITION_M;
 }
 
-/** Pulses seen in hindsight, and the places that a whole flight tells: of several that it cannot tell apart all, and the region with 95 %. */
+/** Pulses found after the flight, and the places given by the whole flight: all that it cannot distinguish, and the region of 95 %. */
 export function hindsightFeatures(): GeoJSON.FeatureCollection {
-  const told = store.hindsight;
-  if (!told) return collection([]);
+  const found = store.hindsight;
+  if (!found) return collection([]);
   const features: Feature[] = [];
-  for (const one of told.pulses) {
+  for (const one of found.pulses) {
     if (store.hidden.has(one.tag_id) || one.time_ns > store.until) continue;
     features.push(point([one.longitude_deg, one.latitude_deg], { part: "pulse", colour: tagColour(store.tagOrder(one.tag_id)) }));
   }
-  for (const one of told.tags) {
+  for (const one of found.tags) {
     if (!one.found || store.hidden.has(one.tag_id) || Number.isFinite(store.until)) continue;
     const colour = tagColour(store.tagOrder(one.tag_id));
     if (isPlace(one)) {

@@ -3,7 +3,7 @@
  * shows what the other shows but vector maps, turned views and the strength over the ground.
  */
 
-import { told } from "./i18n";
+import { translated } from "./i18n";
 import { PMTiles } from "pmtiles";
 import { snrColour, tagColour } from "./colour";
 import { h } from "./dom";
@@ -132,7 +132,7 @@ export class FlatMap implements FlightMap {
     this.basemap = file && !file.fault && file.tiles !== "mvt" ? file : null;
     this.tiles.clear();
     this.archive = this.basemap?.format === "pmtiles" ? new PMTiles(this.placeOf(this.basemap)) : null;
-    this.note.textContent = file?.tiles === "mvt" ? told("This map is of lines: it needs WebGL2") : (this.basemap?.attribution ?? "");
+    this.note.textContent = file?.tiles === "mvt" ? translated("This map is of lines: it needs WebGL2") : (this.basemap?.attribution ?? "");
     this.redraw();
     return Promise.resolve();
   }

@@ -21,7 +21,7 @@ let ticked: string[] = [];
 let after = 0;
 /** The last that was asked: an older answer is not shown. */
 let asked = 0;
-/** What is drawn: a row that is made anew for the same would lose the press that is on it. */
+/** What is drawn: replacing an unchanged row would lose a press that has begun on it. */
 let drawn = "";
 let listed: FlightSummary[] = [];
 
@@ -182,8 +182,8 @@ function starButton(flight: FlightSummary): HTMLElement {
       const asDrawn = drawn === keyOf(listed);
       flight.starred = answer.starred;
       draw();
-      if (asDrawn) drawn = keyOf(listed); // this row is not made anew
-      void refresh(); // an answer that is on its way tells the star as it was
+      if (asDrawn) drawn = keyOf(listed); // this row is not replaced
+      void refresh(); // an answer under way still has the star's old state
     } catch (error) {
       toast(reasonOf(error), 3);
     }

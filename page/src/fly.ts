@@ -7,7 +7,7 @@ import { snrColour, SNR_HIGH, tagColour } from "./colour";
 import { mayCommand } from "./commands";
 import { append, by, describe, fill, h, say } from "./dom";
 import { ago, fixed, UNKNOWN } from "./format";
-import { told } from "./i18n";
+import { translated } from "./i18n";
 import { drawFollow, drawLegend, layerBox, legend, offerMaps, recall } from "./layers";
 import { FlatMap, hasWebGl2 } from "./flatmap";
 import { MapView } from "./map";
@@ -85,10 +85,10 @@ export function buildFly(go: (name: string) => void): void {
     beepBox(),
   );
   const map = h("div", { id: "map", class: "map" });
-  const beside = h("div", { class: "map-wrap" }, map, walkBox(), legend());
-  fill(by("view-fly"), panel, beside);
+  const mapArea = h("div", { class: "map-wrap" }, map, walkBox(), legend());
+  fill(by("view-fly"), panel, mapArea);
   view = recall("plain") || !hasWebGl2() ? new FlatMap(map) : new MapView(map);
-  append(beside, [layerBox(view), replayBar(), tapBox(view)]);
+  append(mapArea, [layerBox(view), replayBar(), tapBox(view)]);
   panel.appendChild(motionPanel(view));
   panel.appendChild(afterPanel(view));
   map.addEventListener("follow", () => drawFollow());
@@ -114,7 +114,7 @@ export function buildFly(go: (name: string) => void): void {
   void getOnceThere<Choices>("/choices").then(offerMaps);
 }
 
-/** Beside the map: the tags, what moves the drone, or what is said after the landing. */
+/** Panel next to the map: the tags, the motion of the drone, or the results after landing. */
 function side(name: "tags" | "move" | "after"): void {
   for (const one of ["tags", "move", "after"]) by(`show-${one}`).setAttribute("aria-pressed", String(name === one));
   by("cards").hidden = name !== "tags";
@@ -144,7 +144,7 @@ export async function act(name: string): Promise<void> {
     toast(action.reason ?? "Cancel", 5);
     return;
   }
-  const body = name === "mark" ? { text: prompt(told("Remark (optional)")) ?? "" } : {};
+  const body = name === "mark" ? { text: prompt(translated("Remark (optional)")) ?? "" } : {};
   try {
     const answer = await send<{ message: string }>("POST", `/commands/${name}`, body);
     toast(`${action.label}: ${answer.message}`, 6);

@@ -12,7 +12,7 @@ const LON_APART_PX = 120;
 
 export class Graticule {
   private labels: HTMLElement;
-  /** Of the map; asked for once, because to ask in each frame has the page laid out anew. */
+  /** Of the map; read once, because reading it in each frame forces a new layout of the page. */
   private size: { width: number; height: number };
   private drawn: { west: number; east: number; south: number; north: number; zoom: number } | null = null;
 

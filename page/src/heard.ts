@@ -1,4 +1,4 @@
-/** Maps of where a tag is heard: asked for until they are there, and told in words. */
+/** Maps of where a tag is detected: requested until they are ready, with a summary in words. */
 
 import { ApiError, reasonOf, send } from "./api";
 import { by, fill, h, say } from "./dom";
@@ -14,11 +14,11 @@ export function heardElements(name: string): HTMLElement[] {
   ];
 }
 
-/** Tell nothing. */
+/** Clear the summary. */
 export function forgetHeard(name: string): void {
   by(`${name}-progress`).hidden = true;
   say(by(`${name}-fault`), "");
-  fill(by(`${name}-told`));
+  fill(by(`${name}-status`));
 }
 
 /** Ask until the map is there; null where it cannot be made, or is wanted no longer. */
@@ -53,7 +53,7 @@ export async function askForMap<Made extends HeardMap>(name: string, path: strin
 export function tellHeard(name: string, map: HeardMap, notes: string[]): void {
   const percent = (value: number | null) => (value === null ? "unknown" : `${Math.round(100 * value)}\u202f%`);
   fill(
-    by(`${name}-told`),
+    by(`${name}-status`),
     h("div", { class: "ramp heard-ramp", role: "img", "aria-label": "From dark blue (not detected) to yellow (always detected)" }),
     h(
       "p",

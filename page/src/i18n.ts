@@ -14,7 +14,7 @@ export const LANGUAGES: [string, string][] = [
 ];
 const CATALOGUES: Record<string, Record<string, string>> = { de: german };
 const KEPT_MOST = 5000;
-/** Two words beside each other: something said, no number, hardly a name. */
+/** Two words in a row: a sentence, not a number and hardly a name. */
 const SAID = /\p{L}{2} \p{Ll}{2}/u;
 /** What no name has in it, whoever gave it; a path may. */
 const CLAUSE = /^(?![/']|[A-Z]:\\)(?:.*\s)?(?:the|this|that|there|is|are|be|has|have|cannot|of|from|and|or|it|its|each|than|with)(?:\s|$)/su;
@@ -68,7 +68,7 @@ export function choose(name: string): void {
 }
 
 /** A text in the chosen language; as it is where there are no words for it. */
-export function told(text: string): string {
+export function translated(text: string): string {
   if (!catalogue) return text;
   const known = kept.get(text);
   if (known !== undefined) return known;

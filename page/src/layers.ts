@@ -1,4 +1,4 @@
-/** Beside the map: what is drawn on it, on which ground, and what the colours mean. */
+/** Box on the map: what is drawn, on which background, and the meaning of the colours. */
 
 import { gradient, SNR_HIGH, SNR_LOW } from "./colour";
 import { by, fill, h } from "./dom";

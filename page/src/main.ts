@@ -8,7 +8,7 @@ import { drawVehicles, unserved } from "./vehicles";
 import { append, by, fill, h, say } from "./dom";
 import { all, buildFlights } from "./flights";
 import { dateTime, fixed, span } from "./format";
-import { language, missing, told } from "./i18n";
+import { language, missing, translated } from "./i18n";
 import { motionBar } from "./motion";
 import { buildLog, showLog } from "./log";
 import { buildPlots, recolourPlots, showPlots } from "./plots";
@@ -140,15 +140,15 @@ function drawHeader(): void {
 function drawOthers(banner: HTMLElement, state: State): void {
   const ours = state.drone.system_id;
   const choices = state.drone.foreign ? [ours!] : unserved();
-  const told = state.drone.foreign
+  const text = state.drone.foreign
     ? `Another autopilot answers as vehicle ${ours}. Give each a number of its own (MAV_SYS_ID).`
     : `No contact with vehicle ${ours}. This page stays with it.`;
-  const key = `${told}${choices.join()}`;
+  const key = `${text}${choices.join()}`;
   if (banner.dataset.key === key && banner.querySelector("button")) return;
   banner.dataset.key = key;
   fill(
     banner,
-    told,
+    text,
     ...choices.map((number) =>
       h(
         "button",
@@ -199,7 +199,7 @@ function keys(event: KeyboardEvent): void {
   const target = event.target as HTMLElement;
   if (event.ctrlKey || event.metaKey || event.altKey || target.matches("input, select, textarea")) return;
   const place = Number(event.key);
-  // Caps Lock changes the letter that is told, not the key that is meant.
+  // Caps Lock changes the reported letter, not the key.
   const key = event.key.length === 1 ? (event.shiftKey ? event.key.toUpperCase() : event.key.toLowerCase()) : event.key;
   if (place >= 1 && place <= VIEWS.length) show(VIEWS[place - 1]![0]);
   else if (event.shiftKey && key in ACTION_KEYS) void act(ACTION_KEYS[key]!);
@@ -220,7 +220,7 @@ try {
 // Before the map is made: its ground has the theme's colour.
 document.documentElement.dataset.theme = theme;
 document.documentElement.lang = language;
-document.title = told(document.title);
+document.title = translated(document.title);
 say(document.querySelector(".skip")!, "Skip to the view");
 buildHeader();
 by("banner").after(motionBar());
@@ -239,4 +239,4 @@ by("banner").hidden = false;
 store.connect();
 void offerSetUp();
 // For the tests, which look at the map's frames.
-(window as unknown as { uavrt: unknown }).uavrt = { store, told, missing, map: () => (mapView() as unknown as { map: unknown }).map };
+(window as unknown as { uavrt: unknown }).uavrt = { store, translated, missing, map: () => (mapView() as unknown as { map: unknown }).map };

@@ -1,6 +1,6 @@
 /** The map: whatever file the user has below it, or none, and everything of the flight on it. */
 
-import { told } from "./i18n";
+import { translated } from "./i18n";
 import {
   AttributionControl,
   GeoJSONSource,
@@ -114,7 +114,7 @@ export class MapView implements FlightMap {
     });
     this.map.on("click", (event) => this.onTap({ at: [event.lngLat.lng, event.lngLat.lat], x: event.point.x, y: event.point.y }));
     const canvas = this.map.getCanvas();
-    canvas.setAttribute("aria-label", told("Map of the flight. Enter taps its middle"));
+    canvas.setAttribute("aria-label", translated("Map of the flight. Enter taps its middle"));
     canvas.addEventListener("keydown", (event) => {
       if (event.key !== "Enter") return;
       const [at, size] = [this.map.getCenter(), canvas.getBoundingClientRect()];

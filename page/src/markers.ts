@@ -38,7 +38,7 @@ export function roseElement(one: BearingRecord): HTMLElement {
   const shapes: SVGElement[] = [svg("circle", { r: half - 1, class: "rose-rim" })];
   const listened = listenedIn(one);
   one.rose_snr_db.forEach((value, sector) => {
-    // Listened in vain: a short grey petal; where nobody listened there is none.
+    // Pointed there without a detection: a short grey petal; directions not pointed at have none.
     if (value === null && !listened.has(sector)) return;
     const radius = value === null ? SILENCE_PX : (half - 3) * (0.25 + (0.75 * (value - low)) / (top - low));
     const middle = (sector * 2 * Math.PI) / one.rose_snr_db.length;
@@ -78,7 +78,7 @@ export function meElement(): HTMLElement {
   return h("div", { class: "me", role: "img", "aria-label": "You" });
 }
 
-/** In place of a rose, where the drone told a bearing and not its pulses: a square, with its ray's direction. */
+/** In place of a rose, where the drone sent a bearing without its pulses: a square, with its ray's direction. */
 export function onBoardElement(one: BearingRecord): HTMLElement {
   const label = `Turn ${one.turn + 1}: bearing ${Math.round(one.bearing_deg)} degrees, estimated on the drone from ${one.pulses} pulses`;
   const element = h("div", { class: "on-board", role: "img", "aria-label": label });

@@ -65,12 +65,12 @@ export function motionBar(): HTMLElement {
     "div",
     { id: "motion-bar", class: "motion-bar", hidden: true, role: "region", "aria-label": "Motion" },
     h("div", { id: "energy", class: "energy" }),
-    h("div", { class: "motion-told" }, h("strong", { id: "motion-standing" }), h("span", { id: "motion-text", role: "status" })),
+    h("div", { class: "motion-status" }, h("strong", { id: "motion-standing" }), h("span", { id: "motion-text", role: "status" })),
     h("button", { id: "take-back", class: "take-back", onclick: () => void takeBack() }, "Take back"),
   );
 }
 
-/** The panel beside the map. */
+/** The panel next to the map. */
 export function motionPanel(made: FlightMap): HTMLElement {
   view = made;
   const kinds = KINDS.map(([name, label]) =>

@@ -1,7 +1,7 @@
 /** Short messages at the edge of the screen; warnings stay until they are read. */
 
 import { h } from "./dom";
-import { told } from "./i18n";
+import { translated } from "./i18n";
 import { speak, speaking } from "./speech";
 
 let holder: HTMLElement | null = null;
@@ -22,5 +22,5 @@ export function toast(text: string, severity: number): void {
   holder.appendChild(box);
   while (holder.childElementCount > 4) holder.firstElementChild?.remove();
   setTimeout(() => box.remove(), warning ? 12_000 : 4_000);
-  if (warning && speaking()) speak(told(text));
+  if (warning && speaking()) speak(translated(text));
 }

@@ -79,7 +79,7 @@ export class Pace {
   private draw(share: number): void {
     const ratio = share * this.full;
     if (this.map.getPixelRatio() === ratio) return;
-    // MapLibre tells of a new size as of a move; it empties the canvas, so draw at once.
+    // MapLibre reports a new size as a move; it empties the canvas, so draw at once.
     this.resizing = true;
     this.map.setPixelRatio(ratio);
     this.map.redraw();

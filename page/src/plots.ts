@@ -47,7 +47,7 @@ export function buildPlots(): void {
   for (const id of ["snr", "fold", "frequency"]) watch.observe(by(`plot-${id}`));
 }
 
-/** Nothing is drawn while nobody looks. */
+/** Nothing is drawn while the view is hidden. */
 export function showPlots(visible: boolean): void {
   shown = visible;
   if (visible) requestAnimationFrame(draw);
@@ -258,7 +258,7 @@ function resize(): void {
   }
 }
 
-/** The theme has changed: axes are drawn anew. */
+/** The theme has changed: draw the axes again. */
 export function recolourPlots(): void {
   for (const { plot: one } of plots) one.redraw(false, true);
 }

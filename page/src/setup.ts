@@ -446,7 +446,7 @@ function connectionForm(): HTMLElement {
   );
 }
 
-/** The page is loaded anew: what is typed must be saved before. */
+/** The page is loaded again: edits must be saved first. */
 function speakIn(name: string): void {
   if (!changed) {
     choose(name);
@@ -564,8 +564,8 @@ function drawSettings(): void {
 function drawConnection(): void {
   const state = store.state;
   if (!state) return;
-  const told = state.connection.error ? "not connected: see above" : (state.connection.open ? (state.drone.present ? "drone connected" : "open; no contact with a drone yet") : "not connected");
-  say(by("link-state"), told);
+  const text = state.connection.error ? "not connected: see above" : (state.connection.open ? (state.drone.present ? "drone connected" : "open; no contact with a drone yet") : "not connected");
+  say(by("link-state"), text);
   const me = state.me;
   const heard = me && (me.latitude_deg === null ? (me.error ?? "no position yet") : "");
   if (document.activeElement !== by("set-my-place") && !refused.has("set-my-place")) say(by("set-my-place-fault"), heard ?? "");

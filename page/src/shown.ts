@@ -6,7 +6,7 @@ import type { BearingRecord, PositionRecord } from "./types";
 
 /** Roses and wedges of older turns than these are left to the layer of positions. */
 const TURNS_SHOWN = 6;
-/** Such a sector says nothing but that somebody turned. */
+/** Such a sector shows only that the drone turned. */
 const WIDE_DEG = 300;
 
 /** Bearings of the last turns, and positions, of the tags that are not hidden. */
@@ -64,7 +64,7 @@ export function paddingIn(width: number, height: number): { top: number; left: n
   return { top: Math.min(190, height * 0.32), left: width * 0.09, right: width * 0.14, bottom: Math.min(below, height * 0.28) };
 }
 
-/** Names what must be in the view: another name, and the view is set anew. */
+/** Names what must be in the view: another name sets the view again. */
 export function frameKey(): string {
   return `${store.flightId() ?? "none"}:${store.placed().map((one) => one.tag_id).join()}`;
 }

@@ -92,7 +92,7 @@ class Store {
   hindsight: Hindsight | null = null;
   folds: Folds = {};
   download: Download | null = null;
-  /** Columns of the live waterfall that nobody has drawn yet. */
+  /** Columns of the live waterfall that are not drawn yet. */
   waterfall: WaterfallRecord[] = [];
   /** Replay: nothing later than this is shown. */
   until = Infinity;
@@ -117,7 +117,7 @@ class Store {
     }
   }
 
-  /** Tell the listeners, once for each frame of the screen. */
+  /** Notify the listeners, once for each frame of the screen. */
   emit(topic: Topic): void {
     if (this.due.size === 0) {
       // A hidden tab draws no frames; what it shows when it comes back must be right.

@@ -18,7 +18,7 @@ const LEAST_CELL_M = 2;
 const M_PER_DEG = 111_195;
 /** Drawn at most so often while pulses come [ms]. */
 const PAUSE_MS = 1000;
-/** Heights are parted where so much is empty, and what is higher than 15 m every 10 m. */
+/** Heights are split at gaps of this size, and layers above 15 m every 10 m. */
 const GAP_M = 5;
 const LAYER_M = 10;
 

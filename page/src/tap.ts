@@ -1,6 +1,6 @@
 /** A tap on the map: where that is, how far from me and the drone; marks and measuring. */
 
-import { told } from "./i18n";
+import { translated } from "./i18n";
 import { get, reasonOf, send } from "./api";
 import { mayCommand } from "./commands";
 import { by, fill, h } from "./dom";
@@ -88,7 +88,7 @@ function say(at: LonLat, measured: string): void {
 async function mark([longitude, latitude]: LonLat, close: () => void): Promise<void> {
   // It would go into the flight that goes on, not into the past one that is shown.
   if (!(await mayCommand("mark", () => undefined))) return;
-  const text = prompt(told("Remark (optional)"));
+  const text = prompt(translated("Remark (optional)"));
   if (text === null) return;
   try {
     await send("POST", "/commands/mark", { text, latitude_deg: latitude, longitude_deg: longitude });

@@ -16,7 +16,7 @@ export function emptyTrack(): Track {
   return { time: cells(), lat: cells(), lon: cells(), height: cells(), yaw: cells(), count: 0 };
 }
 
-/** Of a flight's poses the page asks for so many: three a second of a flight of two hours. */
+/** Largest number of poses requested: three a second for a flight of two hours. */
 export const MOST_POSES = 20_000;
 export const POSE_NAMES = ["time_ns", "latitude_deg", "longitude_deg", "altitude_relative_m", "yaw_deg"] as const;
 

@@ -78,7 +78,7 @@ export interface State {
   /** The page that commands; null: none does. */
   commander: string | null;
   marks: MarkRecord[];
-  /** Where it took off, as the autopilot tells. */
+  /** Take-off position, from the autopilot. */
   home: { latitude_deg: number; longitude_deg: number } | null;
   /** This computer's place by its GPS receiver; null: it has none. */
   me: { latitude_deg: number | null; longitude_deg: number | null; age_s: number | null; error: string | null } | null;
@@ -166,7 +166,7 @@ export interface Settings {
   height_error_m: number;
   roaming_m: number;
   vehicle_name: string;
-  /** Where a GPS receiver tells this computer's place; empty: nowhere. */
+  /** Address of this computer's GPS receiver; empty: none. */
   my_place: string;
   dem: string;
   /** Tags of the table that are not flown with. */
@@ -337,11 +337,11 @@ export interface Verdict {
   pulses: number;
   heard_live: number;
   remarks: string;
-  /** The places that the flight cannot tell apart, the likeliest first. */
+  /** The places that the flight cannot distinguish, the likeliest first. */
   parts: { latitude_deg: number; longitude_deg: number; radius95_m: number; probability: number }[];
   /** Latitudes and longitudes around its parts. */
   region95: [number, number][][];
-  /** What a search in vain says around the flight; null where the tag was heard. */
+  /** Map of a search without detection; null if the tag was detected. */
   silent: { tag_power_dbm: number; probability: number; within_m: number | null; whole_flight: boolean } | null;
 }
 
@@ -397,7 +397,7 @@ export interface Finding {
   text: string;
   /** What to do; empty where all is in order. */
   remedy: string;
-  /** Cannot be judged yet, and hinders nobody. */
+  /** Not known yet; does not stop the start. */
   open: boolean;
 }
 

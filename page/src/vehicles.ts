@@ -19,7 +19,7 @@ export function nameOf(one: FleetRecord): string {
   return one.name || `vehicle ${one.system_id ?? "?"}`;
 }
 
-/** Vehicles that are heard and that nobody serves. */
+/** Vehicles on the link without a page. */
 export function unserved(): number[] {
   const state = store.state;
   if (!state) return [];

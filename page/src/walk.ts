@@ -1,6 +1,6 @@
 /** Where to go: the position of the chosen tag, large, in the form that the people use. */
 
-import { told } from "./i18n";
+import { translated } from "./i18n";
 import { get } from "./api";
 import { by, h, say } from "./dom";
 import { strongestSignal } from "./features";
@@ -13,7 +13,7 @@ import { myPlace } from "./tap";
 import type { Readout } from "./types";
 
 let format: keyof Readout = "decimal";
-/** A position is told with its age from here on. */
+/** Age from which a position is shown with its age [s]. */
 const OLD_S = 60;
 let strongest: { key: string; readout: Readout } | null = null;
 
@@ -72,7 +72,7 @@ export function drawWalk(): void {
     box.classList.toggle("old", old !== "");
     say(by("walk-place"), fix.readout[format] ?? fix.readout.decimal);
     say(by("walk-way"), wayTo([fix.longitude_deg, fix.latitude_deg]));
-    tell(fix.remarks, fix.cautions.length);
+    showRemarks(fix.remarks, fix.cautions.length);
     return;
   }
   const best = strongestSignal(id);
@@ -81,7 +81,7 @@ export function drawWalk(): void {
     return;
   }
   box.hidden = false;
-  tell([], 0);
+  showRemarks([], 0);
   const turns = store.bearings.filter(
     (one) => one.tag_id === id && one.accepted && one.start_time_ns <= store.until,
   );
@@ -107,11 +107,11 @@ export function drawWalk(): void {
   say(by("walk-way"), wayTo(best));
 }
 
-/** Beside the circle: the cautions first. */
-function tell(remarks: string[], cautions: number): void {
+/** Remarks on the position: the cautions first. */
+function showRemarks(remarks: string[], cautions: number): void {
   const list = by("walk-remarks");
-  if (list.dataset.told === remarks.join("\n")) return;
-  list.dataset.told = remarks.join("\n");
+  if (list.dataset.shown === remarks.join("\n")) return;
+  list.dataset.shown = remarks.join("\n");
   list.replaceChildren(
     ...remarks.map((text, number) => h("li", { class: number < cautions ? "caution" : "" }, text)),
   );
@@ -143,7 +143,7 @@ export function takeOff(): { at: LonLat; named: string } | null {
 
 function spelled(): string {
   const place = by("walk-place").textContent ?? "";
-  return `${by("walk-title").textContent}. ${place.split("").join(" ").replaceAll(".", told("point")).replaceAll("-", told("minus"))}. ${by("walk-way").textContent}`;
+  return `${by("walk-title").textContent}. ${place.split("").join(" ").replaceAll(".", translated("point")).replaceAll("-", translated("minus"))}. ${by("walk-way").textContent}`;
 }
 
 function copyPlace(): void {

@@ -13,7 +13,7 @@ type Values = Record<string, string | boolean>;
 interface Step {
   name: string;
   title: string;
-  told: string;
+  about: string;
   /** What the step can try, if anything. */
   test?: string;
   fields: (setup: SetUp) => Node[];
@@ -23,13 +23,13 @@ const STEPS: Step[] = [
   {
     name: "name",
     title: "Name",
-    told: "Each drone has its own name. It names its Wi-Fi and the address of this page.",
+    about: "Each drone has its own name. It names its Wi-Fi and the address of this page.",
     fields: (setup) => [field("name", "Name", setup.values.name, "Small letters, digits and hyphens: lynx-1")],
   },
   {
     name: "antenna",
     title: "Antenna",
-    told: "Which antenna it carries, and its direction.",
+    about: "Which antenna it carries, and its direction.",
     fields: (setup) => [
       select("antenna", "Antenna", setup.choices.antennas.map((name) => [name, name]), setup.values.antenna),
       field("yaw_offset_deg", "Pointing direction, clockwise from the nose, °", String(setup.values.yaw_offset_deg), "0 ahead, 90 to the right, 180 back"),
@@ -38,21 +38,21 @@ const STEPS: Step[] = [
   {
     name: "radio",
     title: "Radio",
-    told: "Plug the radio in before the test.",
+    about: "Plug the radio in before the test.",
     test: "Test the radio",
     fields: radioFields,
   },
   {
     name: "autopilot",
     title: "Autopilot",
-    told: "Switch on the autopilot before the test. If empty, there is no autopilot and pulses get no position.",
+    about: "Switch on the autopilot before the test. If empty, there is no autopilot and pulses get no position.",
     test: "Test the link",
     fields: autopilotFields,
   },
   {
     name: "keys",
     title: "Keys",
-    told: "Empty fields stay unchanged. Passwords take effect at the next start.",
+    about: "Empty fields stay unchanged. Passwords take effect at the next start.",
     fields: keyFields,
   },
 ];
@@ -60,7 +60,7 @@ const STEPS: Step[] = [
 let dialog: HTMLDialogElement;
 let setup: SetUp;
 let at = 0;
-/** What the last test that was well, or that somebody went on without, was made with. */
+/** Values of the last test that passed, or that was skipped. */
 let tested = "";
 let busy = false;
 
@@ -112,7 +112,7 @@ function draw(): void {
           void next();
         },
       },
-      h("p", { class: "note" }, step.told),
+      h("p", { class: "note" }, step.about),
       h("div", { class: "wizard-fields" }, ...step.fields(setup)),
       h("ul", { id: "wizard-found", class: "check-list", role: "status" }),
       h("p", { id: "wizard-fault", class: "fault-line", role: "alert" }),
@@ -242,12 +242,12 @@ async function keep(): Promise<boolean> {
       dialog.querySelector(`[name="${fault.field}"]`)?.setAttribute("aria-invalid", "true");
     }
     if (faults[0]) dialog.querySelector<HTMLElement>(`[name="${faults[0].field}"]`)?.focus();
-    else tell(error);
+    else showFault(error);
     return false;
   }
 }
 
-function tell(error: unknown): void {
+function showFault(error: unknown): void {
   say(dialog.querySelector("#wizard-fault")!, reasonOf(error));
 }
 
@@ -268,7 +268,7 @@ async function test(): Promise<boolean> {
     return good;
   } catch (error) {
     fill(list);
-    tell(error);
+    showFault(error);
     return false;
   } finally {
     busy = false;
@@ -298,20 +298,20 @@ async function next(): Promise<void> {
 
 async function finish(): Promise<void> {
   try {
-    const told = await send<{ name: string }>("POST", "/set-up/finish", {});
+    const finished = await send<{ name: string }>("POST", "/set-up/finish", {});
     fill(
       dialog,
       h("header", {}, h("h2", { id: "wizard-title" }, "This computer is set up")),
       h("p", {}, "Now switch it off and on. The settings take effect then."),
       h("dl", { class: "wizard-end" },
-        h("dt", {}, "Its Wi-Fi"), h("dd", { translate: "no" }, told.name),
-        h("dt", {}, "This page"), h("dd", { translate: "no" }, `http://${told.name}.local:${location.port || "8650"}`),
+        h("dt", {}, "Its Wi-Fi"), h("dd", { translate: "no" }, finished.name),
+        h("dt", {}, "This page"), h("dd", { translate: "no" }, `http://${finished.name}.local:${location.port || "8650"}`),
       ),
       h("p", { class: "note" }, "Before it flies: type in the tags under Set-up, then go through Check."),
       h("footer", {}, h("span", { class: "gap" }), h("button", { id: "wizard-close", class: "primary", onclick: () => dialog.close() }, "Close")),
     );
     focusFirst();
   } catch (error) {
-    tell(error);
+    showFault(error);
   }
 }

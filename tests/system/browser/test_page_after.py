@@ -128,7 +128,7 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
     expect(page.locator("#silence-fault")).to_contain_text("must be a number")
     page.fill("#silence-power", "-62")
     page.click("#silence-make")
-    told = page.locator("#silence-told")
+    told = page.locator("#silence-status")
     expect(told).to_contain_text("on average", timeout=60_000)
     expect(told).to_contain_text("without --dem the ground is taken as level")
     box = page.locator("#map").bounding_box()
@@ -137,7 +137,7 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(
     for right, down in ((0.35, 0.4), (0.6, 0.4), (0.6, 0.7), (0.35, 0.7)):
         page.mouse.click(box["x"] + right * box["width"], box["y"] + down * box["height"])
         page.wait_for_timeout(350)  # two quick taps zoom
-    absence = page.locator("#absence-told")
+    absence = page.locator("#absence-status")
     expect(absence).to_contain_text(re.compile(r"Not here, p [=>] 0\.\d{3}"))
     at = (round(box["x"] + 0.3 * box["width"]), round(box["y"] + 0.3 * box["height"]))
     page.wait_for_timeout(500)

@@ -143,7 +143,7 @@ def test_the_page_finds_the_words_that_the_tests_find(
     said = watched.page.evaluate(
         """texts => texts.map((text) => {
           window.uavrt.missing.clear();
-          return [window.uavrt.told(text), [...window.uavrt.missing]];
+          return [window.uavrt.translated(text), [...window.uavrt.missing]];
         })""",
         texts,
     )

@@ -186,7 +186,7 @@ def test_before_a_flight_the_page_maps_where_a_tag_would_be_heard(
         page.fill("#before-heights", "30 90")
         page.locator("#before-make").focus()
         page.keyboard.press("Enter")
-        told = page.locator("#before-told")
+        told = page.locator("#before-status")
         expect(told).to_contain_text("on average", timeout=60_000)
         expect(told).to_contain_text("Best from ")
         expect(told).to_contain_text("the ground is taken as level")
