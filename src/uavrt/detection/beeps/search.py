@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 
 from uavrt.config.ghost_places import Receiver
+from uavrt.config.tag_corrections import shared_offset_in_words
 from uavrt.detection.beeps.gaps import gapped_tags
-from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
+from uavrt.detection.beeps.naming import name_trains
 from uavrt.detection.beeps.points import NO_POINTS, PointSearch
 from uavrt.detection.beeps.trains import Train, find_trains
 from uavrt.dsp.block_times import BlockTimes
@@ -203,8 +204,4 @@ class BeepSearch:
 
 def words_of_beeps(named: Sequence[Beep]) -> list[str]:
     """Describe what is not as listed, one line each."""
-    lines = [str(one) for one in named if one.odd]
-    ppm = shared_offset_ppm(named)
-    if ppm is not None:
-        lines.append(f"all tags are {ppm:+.0f} ppm off their labels: the receiver's own error")
-    return lines
+    return [str(one) for one in named if one.odd] + shared_offset_in_words(named)

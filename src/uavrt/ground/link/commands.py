@@ -57,7 +57,7 @@ def _correction(session: HeldSession, request: Any) -> TagCorrection:
         raise FormatError("frequency_hz must be a number")
     for beep in session.beeps:
         if tag.tag_id in beep.tag_ids and abs(beep.frequency_hz - frequency_hz) < 1.0:
-            correction = correction_of(tag, beep, now_ns)
+            correction = correction_of(tag, beep, now_ns, session.beeps)
             if correction is not None:
                 return correction
     raise FormatError(
