@@ -185,6 +185,7 @@ class GroundSession:
         self._stopped_ns: int | None = None
         self._skew = ClockSkew()
         self._was_present = False
+        self._contact_ns = clock.now_ns()
         self._last_pose_ns = 0
         self._faults_told = 0
         self.last_pulse_s = 0.0
@@ -331,8 +332,8 @@ class GroundSession:
 
     def situation(self) -> Situation:
         """The state that decides which buttons are enabled."""
-        link = self.link
-        present = link is not None and link.protocol.present(self.clock.now_ns())
+        link, now_ns = self.link, self.clock.now_ns()
+        present = link is not None and link.protocol.present(now_ns)
         return Situation(
             link_open=link is not None and link.link is not None,
             drone_present=present,
@@ -341,7 +342,8 @@ class GroundSession:
             tags_sent=self.sent_tags == self.store.chosen_tags,
             busy=self.busy,
             flight_open=self.flight.flight_id is not None,
-            foreign=self.identity.foreign(self.clock.now_ns()),
+            foreign=self.identity.foreign(now_ns),
+            silent_s=(now_ns - self._contact_ns) / NANOSECONDS_PER_SECOND,
         )
 
     def usual_noise_db(self) -> float | None:
@@ -610,6 +612,8 @@ class GroundSession:
         self.send_state()
 
     def _watch_presence(self, present: bool) -> None:
+        if present:
+            self._contact_ns = self.clock.now_ns()
         if present != self._was_present:
             self._was_present = present
             self.note(6 if present else 3, "drone found" if present else "drone lost")
