@@ -465,7 +465,7 @@ def _likenesses(found: "Sequence[Tag]") -> Iterator[str]:
                 continue
             yield (
                 f"{begin} while only one is heard. With ± {1e3 * parting.uncertainty_s:.3g} ms "
-                f"or less for each, one alone is told apart after {parting.pulses} pulses "
+                f"or less for each, one alone is identified after {parting.pulses} pulses "
                 f"({parting.seconds:.3g} s); `uavrt tags measure` measures intervals"
             )
 
