@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -323,9 +324,9 @@ def _judged(name: str, value: Any) -> Any:
         case "my_place":
             return _receiver(str(value).strip())
         case "dem":
-            return _elevation(str(value).strip())
+            return _readable(str(value).strip(), open_elevation)
         case "archive":
-            return _archive(str(value).strip())
+            return _readable(str(value).strip(), check_archive)
         case "vehicle_name" if isinstance(value, str) and len(value.strip()) <= MOST_NAME:
             return " ".join(value.split())
         case "generation" if value in get_args(Generation):
@@ -365,26 +366,14 @@ def _receiver(text: str) -> str:
         ) from error
 
 
-def _elevation(text: str) -> str:
-    """Judge elevation files by opening them; empty for none."""
-    if not text:
-        return ""
+def _readable(text: str, read: Callable[[Path], object]) -> str:
+    """Judge a path by reading what is there; empty for none."""
     try:
-        open_elevation(Path(text))
+        if text:
+            read(Path(text))
     except FormatError as error:
         raise UsageError(error.message, remedy=error.remedy) from error
-    return str(Path(text).absolute())
-
-
-def _archive(text: str) -> str:
-    """Judge an archive by the table that each has; empty for none."""
-    if not text:
-        return ""
-    try:
-        check_archive(Path(text))
-    except FormatError as error:
-        raise UsageError(error.message, remedy=error.remedy) from error
-    return str(Path(text).absolute())
+    return text and str(Path(text).absolute())
 
 
 def _number(name: str, value: Any, low: float, high: float) -> float:
