@@ -29,7 +29,8 @@ from uavrt.cli.progress import progress_bar
 from uavrt.clock import cpu_s, parse_iso_utc
 from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import DetectionSettings, OperatingModeName
-from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
+from uavrt.config.tag_corrections import words_of_beeps
+from uavrt.detection.beeps.search import BeepSearch
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search_costs import search_cost
 from uavrt.errors import ConfigError, RecordingError, UavrtError

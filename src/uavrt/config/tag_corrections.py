@@ -151,6 +151,11 @@ def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
     return [f"all tags are {ppm:+.1f} ppm off their labels: the receiver's own error; {remedy}"]
 
 
+def words_of_beeps(found: Sequence[Beep]) -> list[str]:
+    """Describe what is not as listed, one line each."""
+    return [str(one) for one in found if one.odd] + shared_offset_in_words(found)
+
+
 def correction_of(
     tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
 ) -> TagCorrection | None:

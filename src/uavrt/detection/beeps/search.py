@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from uavrt.config.ghost_places import Receiver
-from uavrt.config.tag_corrections import shared_offset_in_words
 from uavrt.detection.beeps.gaps import gapped_tags
 from uavrt.detection.beeps.naming import name_trains
 from uavrt.detection.beeps.points import NO_POINTS, PointSearch
@@ -200,8 +199,3 @@ class BeepSearch:
         gapped = gapped_tags(self._near.points, silent, self._window_hz, start_ns)
         explained = {one.tag_ids for one in gapped}
         return [one for one in named if one.tag_ids not in explained] + gapped
-
-
-def words_of_beeps(named: Sequence[Beep]) -> list[str]:
-    """Describe what is not as listed, one line each."""
-    return [str(one) for one in named if one.odd] + shared_offset_in_words(named)
