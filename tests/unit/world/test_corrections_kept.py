@@ -7,54 +7,27 @@ from typing import Any
 
 import made
 import pytest
-from asked_page import Answer, AskedPage
+from asked_page import AskedPage
+from corrected import (
+    AWAY_HZ,
+    CORRECT,
+    HERE_HZ,
+    UNDO,
+    flown,
+    listed,
+    press,
+)
 
 from uavrt.config.tag_corrections import correction_of
-from uavrt.config.tag_files import read_tags
 from uavrt.errors import ConfigError
 from uavrt.ground.store import settings
 from uavrt.ground.store.settings import GroundStore
-from uavrt.messages import Tag
 from world import World, until
-
-HERE_HZ, AWAY_HZ = 148_710_000.0, 148_710_640.0
-ROW: dict[str, Any] = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254}
-ROW |= {"pulse_width_ms": 20}
-CORRECT = {"tag_id": 2, "frequency_hz": AWAY_HZ}
-UNDO = {"tag_id": 2, "undo": True}
-
-
-async def press(page: AskedPage, request: dict[str, Any]) -> Answer:
-    return await page.ask("POST", "/api/commands/correct_tag", request)
 
 
 async def edit(page: AskedPage, **changed: Any) -> None:
     (row,) = (await page.ask("GET", "/api/tags")).json
     assert (await page.ask("PUT", "/api/tags", [row | changed])).status == 200
-
-
-def listed(page: AskedPage) -> Tag:
-    (tag,) = read_tags(page.directory / "tags.toml")
-    return tag
-
-
-async def flown(world: World, page: AskedPage) -> None:
-    """Begin a flight, and find its tag off its label."""
-    await page.until(lambda state: state["drone"]["state"] == "idle")
-    assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
-    for name in ("send_tags", "start"):
-        assert (await page.ask("POST", f"/api/commands/{name}", {})).status == 200
-    await page.until(lambda state: state["drone"]["state"] == "detecting")
-    away_hz = (AWAY_HZ - HERE_HZ,)
-    world.beeps.append(
-        made.beep(
-            time_ns=world.clock.now_ns(),
-            frequency_hz=AWAY_HZ,
-            tag_ids=(2,),
-            offsets_hz=away_hz,
-        )
-    )
-    await page.until(lambda state: len(state["beeps"]) == 1)
 
 
 async def test_what_is_edited_while_the_drone_answers_stays_and_is_undone_around(
