@@ -54,7 +54,7 @@ function words({ tag_id, what }: BeepRecord["corrects"][number]): string {
 
 function common(ppm: number): HTMLElement {
   const signed = `${ppm > 0 ? "+" : ""}${ppm.toFixed(1)}`;
-  const text = `All tags are ${signed} ppm off their labels: the receiver's own error`;
+  const text = `The tags are ${signed} ppm off their labels: the receiver's own error`;
   return h("p", { class: "note" }, text, " ", button("Correct the receiver", () => correctReceiver(ppm)));
 }
 

@@ -17,10 +17,12 @@ _DRIFT_HZ: Final = 100.0
 """Distance from a label that is worth listing [Hz]; a fifth of the usual search."""
 _SEARCH_HZ: Final = 530.0
 """Half-width of the usual search, with the error of a measured frequency [Hz]."""
-_SHARED_PPM: Final = (0.5, 3.0)
-"""Least offset that is the receiver's, and the largest difference between tags [ppm]."""
-_SHARED_DIFFERENCE: Final = 1 / 3
-"""Largest difference between tags, as a part of the offset that they share."""
+_LEAST_SHARED_PPM: Final = 0.5
+"""Smallest offset of all tags that is the receiver's."""
+_AGREE_PPM: Final = 1.5
+"""Largest difference of a tag from the offset that all share, at most a sixth of that."""
+_SHARE: Final = 0.75
+"""Least share of the tags that agree; one of four may have drifted by itself."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
@@ -124,9 +126,10 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
 
 
 def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
-    """Offset that all tags share, if they do: the receiver's own error.
+    """Offset that the tags share, if they do: the receiver's own error.
 
-    At least two tags show it. Trains that may be of two tags, or of another rate, are ignored.
+    Two tags, and three of four, show it. Trains that may be of two tags, or of another rate,
+    are ignored.
     """
     off = {
         one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
@@ -136,10 +139,13 @@ def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
     if len(off) < 2:
         return None
     shared_ppm = median(off.values())
-    least_ppm, difference_ppm = _SHARED_PPM
-    difference_ppm = min(difference_ppm, _SHARED_DIFFERENCE * abs(shared_ppm))
-    apart_ppm = max(off.values()) - min(off.values())
-    return shared_ppm if abs(shared_ppm) >= least_ppm and apart_ppm <= difference_ppm else None
+    agree = sum(_agrees(one, shared_ppm) for one in off.values())
+    shared = agree >= max(2.0, _SHARE * len(off)) and abs(shared_ppm) >= _LEAST_SHARED_PPM
+    return shared_ppm if shared else None
+
+
+def _agrees(ppm: float, shared_ppm: float) -> bool:
+    return abs(ppm - shared_ppm) <= min(_AGREE_PPM, abs(shared_ppm) / 6.0)
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
@@ -148,7 +154,7 @@ def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
     if ppm is None:
         return []
     remedy = f"{'lower' if ppm > 0.0 else 'raise'} frequency_correction_ppm by {abs(ppm):.1f}"
-    return [f"all tags are {ppm:+.1f} ppm off their labels: the receiver's own error; {remedy}"]
+    return [f"the tags are {ppm:+.1f} ppm off their labels: the receiver's own error; {remedy}"]
 
 
 def words_of_beeps(found: Sequence[Beep]) -> list[str]:
@@ -164,8 +170,8 @@ def correction_of(
     Frequency and interval are corrected one after the other: applied to the corrected tag, it
     gets the next correction.
 
-    `found`: all senders of the flight. An offset that they share is the receiver's, and
-    corrects no tag.
+    `found`: all senders of the flight. An offset that they share is the receiver's, and then
+    only a tag that is farther off its label is listed elsewhere.
     """
     other_rate = beep.kind is BeepKind.OTHER_RATE
     if tag.coded or beep.kind not in MEASURED:
@@ -174,15 +180,17 @@ def correction_of(
     off_label = beep.kind is BeepKind.OFF_LABEL or (
         other_rate and keeps and not _is_searched(tag.tag_id, beep)
     )
-    off_hz = abs(beep.frequency_hz - tag.frequency_hz)
-    drifted = beep.tag_ids == (tag.tag_id,) and off_hz >= _DRIFT_HZ
-    moved = drifted or (off_label and off_hz >= 1.0)
+    off_hz = beep.frequency_hz - tag.frequency_hz
+    drifted = beep.tag_ids == (tag.tag_id,) and abs(off_hz) >= _DRIFT_HZ
+    moved = drifted or (off_label and abs(off_hz) >= 1.0)
+    if moved and (shared_ppm := shared_offset_ppm(found)) is not None:
+        moved = off_label and not _agrees(1e6 * off_hz / tag.frequency_hz, shared_ppm)
     what: Literal["frequency", "interval"] = "interval"
     after = corrected_interval(tag, beep.interval_s, beep.jitter_s)
     if keeps or not other_rate:
-        if moved and shared_offset_ppm(found) is None:
+        if moved:
             what, after = "frequency", corrected_frequency(tag, beep.frequency_hz)
-        elif (moved and off_label) or _is_narrow(tag, beep.interval_s):
+        elif _is_narrow(tag, beep.interval_s):
             return None
     if after == tag:
         return None

@@ -54,4 +54,4 @@ def test_a_report_names_an_offset_of_all_tags_although_each_is_found_as_listed(
     table = words.beep_table(read_survey(tmp_path / "flight"))
     assert table is not None
     (row,) = table[1]
-    assert row[-1].startswith("all tags are +2.0 ppm off their labels: the receiver's")
+    assert row[-1].startswith("the tags are +2.0 ppm off their labels: the receiver's")

@@ -194,6 +194,6 @@ def test_an_offset_of_all_tags_is_printed_and_no_frequency_is_corrected(
     shifted = [measured(tag, BeepKind.LISTED, 5, 300.0, 1.0) for tag in (TAG, OTHER)]
     correct(tags, flown(tmp_path / "flight", *shifted))
     said = capsys.readouterr().out
-    assert "flight: all tags are +2.0 ppm off their labels" in said
+    assert "flight: the tags are +2.0 ppm off their labels" in said
     assert "lower frequency_correction_ppm by 2.0" in said
     assert "0 tag(s) to correct" in said

@@ -130,6 +130,18 @@ def test_an_offset_of_all_tags_is_the_receivers_and_no_tag_is_offered_at_another
         assert one is None or one.what == "interval"
 
 
+def test_one_tag_of_four_that_differs_does_not_hide_the_receivers_offset() -> None:
+    for odd_hz in (20.0, -450.0, 2000.0):
+        found = [found_at(TAG, odd_hz), *(found_at(tag, 300.0) for tag in OTHERS)]
+        assert shared_offset_ppm(found) == pytest.approx(2.0, abs=0.1)
+        one = correction_of(TAG, found[0], 0, found)
+        moved = one is not None and one.what == "frequency"
+        assert moved is (odd_hz == 2000.0), "only a tag that is not found otherwise"
+        for tag, beep in zip(OTHERS, found[1:], strict=True):
+            one = correction_of(tag, beep, 0, found)
+            assert one is None or one.what == "interval"
+
+
 @pytest.mark.parametrize(
     "away_hz",
     [
@@ -140,6 +152,7 @@ def test_an_offset_of_all_tags_is_the_receivers_and_no_tag_is_offered_at_another
         (4000.0,),
         (4000.0, 10.0),
         (60.0, 55.0, 58.0),
+        (300.0, 300.0, 20.0),
     ],
 )
 def test_tags_that_differ_and_a_tag_alone_drift_by_themselves(
