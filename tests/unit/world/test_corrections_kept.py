@@ -67,7 +67,7 @@ async def test_on_a_full_disk_the_page_says_what_the_drone_has_and_the_press_can
             patch.setattr(settings, "replacing", full)
             refused = await press(page, CORRECT)
         assert refused.status == 422
-        words = "tag 2 is corrected on the drone, but not in the list: "
+        words = "tag 2 is corrected on the drone, not in the list: "
         assert refused.json["error"].startswith(words)
         assert "No space left" in refused.json["error"]
         state = await page.state()
@@ -117,7 +117,7 @@ async def test_the_list_alone_is_corrected_once_the_drone_has_been_off_for_minut
         answer = await press(page, CORRECT)
         assert answer.status == 200
         assert (
-            "in the list alone: send the tags when the drone is back" in answer.json["message"]
+            "In the list alone: send the tags when the drone is back" in answer.json["message"]
         )
         assert (listed(page).frequency_hz, world.mission.tags[2].frequency_hz) == (
             AWAY_HZ,

@@ -186,17 +186,18 @@ class Commands:
             try:
                 await store.disk.run(store.correct_tag, correction)
             except (OSError, UavrtError) as error:
-                on_drone = "corrected on the drone, but not" if link else "not corrected"
                 reason = error.message if isinstance(error, UavrtError) else error
+                text = f"tag {tag_id} is not corrected in the list: {reason}"
+                if link is not None:
+                    text = f"tag {tag_id} is corrected on the drone, not in the list: {reason}"
                 raise RecordingError(
-                    f"tag {tag_id} is {on_drone} in the list: {reason}",
-                    remedy="Check that it is listed and the disk has room, then press it again",
+                    text, remedy="Check that it is listed and the disk has room, and repeat it"
                 ) from error
         session.beeps[:] = [one for one in session.beeps if tag_id not in one.tag_ids]
         session.tags_changed()
         text = str(correction)
         if link is None and session.state is None and not session.flight.ended:
-            text += ", in the list alone: send the tags when the drone is back"
+            text += ". In the list alone: send the tags when the drone is back"
         session.note(5, text)
         return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
