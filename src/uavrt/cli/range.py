@@ -125,23 +125,13 @@ def range(
 def _tags(
     path: Path | None, pulses: tuple[int, ...], frequency_hz: float, pulse_width_s: float
 ) -> "list[Tag]":
+    from uavrt.analysis.coverage import assumed_tag
     from uavrt.config.tag_files import read_tags
-    from uavrt.messages import Tag
 
     if path is not None:
         return list(read_tags(path))
     return [
-        Tag(
-            tag_id=2,
-            frequency_hz=frequency_hz,
-            pulse_width_s=pulse_width_s,
-            pulse_intervals_s=(1.254,),
-            interval_uncertainty_s=0.060,
-            interval_jitter_s=0.010,
-            k=k,
-            false_alarm_probability=0.01,
-        )
-        for k in pulses
+        assumed_tag(frequency_hz=frequency_hz, pulse_width_s=pulse_width_s, k=k) for k in pulses
     ]
 
 

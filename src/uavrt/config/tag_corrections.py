@@ -80,11 +80,6 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
     )
 
 
-def corrected_frequency(tag: Tag, frequency_hz: float) -> Tag:
-    """List a tag at the frequency that was measured, to 1 Hz."""
-    return replace(tag, frequency_hz=float(round(frequency_hz)))
-
-
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
     """List a tag with the interval that was measured, in place of the nearest listed one.
 
@@ -189,7 +184,8 @@ def correction_of(
     after = corrected_interval(tag, beep.interval_s, beep.jitter_s)
     if keeps or not other_rate:
         if moved:
-            what, after = "frequency", corrected_frequency(tag, beep.frequency_hz)
+            what = "frequency"
+            after = replace(tag, frequency_hz=float(round(beep.frequency_hz)))
         elif _is_narrow(tag, beep.interval_s):
             return None
     if after == tag:
