@@ -301,8 +301,6 @@ def _finish(listeners: "Sequence[Listener]") -> None:
 def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
     """One call to the same method of all listeners; None without listeners."""
     methods: list[Callable[[Any], None]] = [getattr(one, name) for one in listeners]
-    if len(methods) == 1:
-        return methods[0]
 
     def call_each(argument: Any) -> None:
         for method in methods:
