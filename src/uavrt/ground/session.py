@@ -86,6 +86,8 @@ ESTIMATES_SHOWN_S = 2.0
 
 _WARNING = 4
 """MAV_SEVERITY_WARNING."""
+_LOOKS_BACK = 10
+"""Flights in which measurements for the next one are looked for."""
 FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 
 BATTERY_STEP_PERCENT = 5
@@ -527,14 +529,14 @@ class GroundSession:
         self.send_state()
 
     def _last_beeps(self, flight_id: str | None) -> list[Beep]:
-        """Read what beeped in a flight, or in the last one, as far as the list is as it was."""
-        try:
-            flights = self.store.directory.glob(f"{flight_id or '*'}/flight.sqlite")
-            newest = max(flights, key=lambda path: path.stat().st_mtime, default=None)
-            beeps = () if newest is None else read_beeps(newest.parent)
-        except (UavrtError, OSError):
-            return []
-        return [beep for beep in beeps if still_holds(beep, self.store.tags)]
+        """Read what beeped in a flight, or in the last in which anything did."""
+        paths = self.store.directory.glob(f"{flight_id or '*'}/flight.sqlite")
+        with contextlib.suppress(OSError):
+            for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_LOOKS_BACK]:
+                with contextlib.suppress(UavrtError):
+                    if beeps := read_beeps(path.parent):
+                        return [one for one in beeps if still_holds(one, self.store.tags)]
+        return []
 
     def _is_outdated(self, beep: Beep) -> bool:
         """Whether a sender was measured before this station corrected its tag."""

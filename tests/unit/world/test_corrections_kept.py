@@ -144,3 +144,23 @@ async def test_a_station_restarted_after_days_waits_the_same_minutes_for_its_dro
         await asyncio.sleep(301.0)
         assert (await press(restarted, CORRECT)).status == 200
         assert listed(restarted).frequency_hz == AWAY_HZ
+
+
+async def test_what_was_measured_is_offered_after_a_flight_in_which_nothing_beeped(
+    tmp_path: Path,
+) -> None:
+    world = World(tmp_path)
+    page = AskedPage(tmp_path / "ground", world.ground_address)
+    async with world.flying(), page.served():
+        await flown(world, page)
+        page.session._end_flight()
+        page.session.begin_flight()
+        page.session._end_flight()
+        page.session.flight.commit()
+        await page.session.flight.settle(5.0)
+    (page.directory / "damaged").mkdir()
+    (page.directory / "damaged" / "flight.sqlite").write_bytes(b"no database")
+    restarted = AskedPage(page.directory, World(tmp_path).ground_address)
+    async with restarted.served():
+        (beep,) = (await restarted.state())["beeps"]
+        assert beep["corrects"] == [{"tag_id": 2, "what": "frequency"}]
