@@ -22,12 +22,13 @@ export function drawBeeps(): void {
   const odd = state?.beeps.filter((one) => one.odd) ?? [];
   odd.sort((a, b) => b.corrects.length - a.corrects.length);
   const listed = state?.beeps.filter((one) => !one.odd && one.corrects.length) ?? [];
-  box.hidden = !state || !(odd.length || listed.length || state.corrections.length);
+  const common_ppm = state?.common_ppm ?? null;
+  box.hidden = !state || !(odd.length || listed.length || state.corrections.length || common_ppm !== null);
   if (!state || box.hidden) return;
   fill(
     box,
     odd.length > 0 && h("h3", {}, "What else beeps"),
-    state.common_ppm !== null && common(state.common_ppm),
+    common_ppm !== null && common(common_ppm),
     ...odd.map(item),
     listed.length > 0 &&
       h("details", {}, h("summary", {}, `Measured values (${listed.length})`), ...listed.map(item)),
@@ -52,8 +53,8 @@ function words({ tag_id, what }: BeepRecord["corrects"][number]): string {
 }
 
 function common(ppm: number): HTMLElement {
-  const signed = `${ppm > 0 ? "+" : ""}${ppm.toFixed(0)}`;
-  const text = `All tags are ${signed} ppm off their labels: the receiver's own error`;
+  const signed = `${ppm > 0 ? "+" : ""}${ppm.toFixed(1)}`;
+  const text = `The tags are ${signed} ppm off their labels: the receiver's own error`;
   return h("p", { class: "note" }, text, " ", button("Correct the receiver", () => correctReceiver(ppm)));
 }
 

@@ -18,6 +18,7 @@ from uavrt.batch.settings import BatchSettings
 from uavrt.batch.step_keys import tags_as_read
 from uavrt.batch.tables import PULSES, RecordingRow, write_pulses
 from uavrt.clock import Clock
+from uavrt.config.tag_corrections import words_of_beeps
 from uavrt.errors import UavrtError
 from uavrt.log import get_logger
 from uavrt.messages import Beep, Pulse, keep_beep
@@ -232,7 +233,7 @@ def _row(
         finished_time_ns=Clock.start().now_ns(),
         uavrt_version=uavrt.__version__,
         tags_outside=job.facts.tags_outside,
-        beeps="\n".join(str(one) for one in _beeps(job.results) if one.odd),
+        beeps="\n".join(words_of_beeps(_beeps(job.results))),
     )
 
 

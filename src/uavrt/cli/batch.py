@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from cyclopts import Parameter
 
-from uavrt.cli.placing import USUAL, Placing
+from uavrt.cli.placing import USUAL_PLACING, Placing
 from uavrt.cli.words import counted
 from uavrt.errors import UsageError
 
@@ -46,7 +46,7 @@ def batch(
         list[str] | None, Parameter(name="--step", consume_multiple=True, negative="")
     ] = None,
     method: str = "bayes",
-    place: Placing = USUAL,
+    place: Placing = USUAL_PLACING,
     verify: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Find the pulses of tags in all recordings of an archive, and where the tags were.

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.kinds import Decibels, Metres, NoiseFigure
-from uavrt.errors import ConfigError
 
 if TYPE_CHECKING:
     from uavrt.planning.link_budget import LinkBudget
@@ -66,10 +65,3 @@ class Budget:
 
 
 USUAL_BUDGET = Budget()
-
-
-def refuse(given: dict[str, bool], why: str) -> None:
-    """Refuse options that would be ignored; raises `ConfigError`."""
-    for option, wrong in given.items():
-        if wrong:
-            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")

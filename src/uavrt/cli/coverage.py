@@ -1,7 +1,8 @@
 """``uavrt coverage``: where a tag is heard, before a flight and after it."""
 
 # isort: off
-from uavrt.cli.budget import USUAL_BUDGET, Budget, refuse
+from uavrt.cli.budget import USUAL_BUDGET, Budget
+from uavrt.cli.inputs import refuse
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import (
     DecibelsOfError,

@@ -24,7 +24,7 @@ def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> lis
     if asked.outline is not None:
         ground = listened.area.ground
         cells = inside(read_polygon(asked.outline, ground.plane), ground)
-    told = []
+    mapped = []
     for tag in chosen(known, ids):
         with progress_bar(f"tag {tag.tag_id}") as on_pulse:
             found = listened.silent_map(
@@ -40,7 +40,7 @@ def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> lis
             silence = absence(one, cells, asked.prior)
         name = f"coverage_tag_{tag.tag_id}"
         files = () if asked.output is None else write_maps(asked.output, name, one, way)
-        told.append(
+        mapped.append(
             MappedTag(
                 tag=tag,
                 height_m=None,
@@ -55,4 +55,4 @@ def maps_of_flight(asked: Asked, tags: Path | None, ids: tuple[int, ...]) -> lis
                 files=tuple(files),
             )
         )
-    return told
+    return mapped

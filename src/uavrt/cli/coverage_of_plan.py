@@ -33,7 +33,7 @@ def maps_of_plan(asked: Asked, tags: "list[Tag]") -> list[MappedTag]:
     cells = None
     if asked.outline is not None:
         cells = inside(read_polygon(asked.outline, plane), area.ground)
-    told = []
+    mapped = []
     for tag in tags:
         maps = []
         for height_m in asked.heights_m:
@@ -55,7 +55,7 @@ def maps_of_plan(asked: Asked, tags: "list[Tag]") -> list[MappedTag]:
         for number, (height_m, one) in enumerate(zip(asked.heights_m, maps, strict=True)):
             name = f"coverage_tag_{tag.tag_id}_{height_m:g}m"
             files = () if asked.output is None else write_maps(asked.output, name, one, way)
-            told.append(
+            mapped.append(
                 MappedTag(
                     tag=tag,
                     height_m=height_m,
@@ -66,4 +66,4 @@ def maps_of_plan(asked: Asked, tags: "list[Tag]") -> list[MappedTag]:
                     files=tuple(files),
                 )
             )
-    return told
+    return mapped

@@ -29,7 +29,8 @@ from uavrt.cli.progress import progress_bar
 from uavrt.clock import cpu_s, parse_iso_utc
 from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import DetectionSettings, OperatingModeName
-from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
+from uavrt.config.tag_corrections import words_of_beeps
+from uavrt.detection.beeps.search import BeepSearch
 from uavrt.detection.modes import OperatingMode
 from uavrt.detection.search_costs import search_cost
 from uavrt.errors import ConfigError, RecordingError, UavrtError
@@ -300,8 +301,6 @@ def _finish(listeners: "Sequence[Listener]") -> None:
 def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] | None:
     """One call to the same method of all listeners; None without listeners."""
     methods: list[Callable[[Any], None]] = [getattr(one, name) for one in listeners]
-    if len(methods) == 1:
-        return methods[0]
 
     def call_each(argument: Any) -> None:
         for method in methods:

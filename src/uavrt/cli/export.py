@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from uavrt.cli.placing import USUAL, Placing
+from uavrt.cli.placing import USUAL_PLACING, Placing
 from uavrt.errors import ConfigError
 
 
@@ -18,7 +18,7 @@ def export(
     ] = None,
     mcap: Annotated[bool, Parameter(negative="")] = False,
     as_sent: Annotated[bool, Parameter(negative="")] = False,
-    place: Placing = USUAL,
+    place: Placing = USUAL_PLACING,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
     """Write a flight, or an old pulse log, as files for other tools.

@@ -1,9 +1,9 @@
-"""Inputs in which there is nothing."""
+"""Inputs and options that a command refuses."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from uavrt.errors import UsageError
+from uavrt.errors import ConfigError, UsageError
 
 _HEAD_BYTES = 65_536
 
@@ -18,6 +18,13 @@ def require_content(paths: Sequence[Path]) -> None:
         raise UsageError(
             f"{empty[0]} is empty", remedy="Check its name, and that it was copied whole"
         )
+
+
+def refuse(given: dict[str, bool], why: str) -> None:
+    """Refuse options that would be ignored; raises `ConfigError`."""
+    for option, wrong in given.items():
+        if wrong:
+            raise ConfigError(f"{option} {why}", remedy=f"Leave {option} out")
 
 
 def _is_empty(path: Path) -> bool:

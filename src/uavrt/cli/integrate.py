@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, FormatError, RecordingError, UsageError
 
 if TYPE_CHECKING:
@@ -129,6 +128,7 @@ def integrate(
     """
     from uavrt.analysis.measure.tag_source import read_tag_source
     from uavrt.analysis.whole_flight import JudgeAs
+    from uavrt.cli.detect import start_time_ns
     from uavrt.localization.antenna import pattern_named
 
     if others and recording is not None:
@@ -146,7 +146,7 @@ def integrate(
         "format_name": format,
         "sample_rate_hz": sample_rate,
         "center_frequency_hz": center_frequency,
-        "start_time_ns": None if start_time is None else _time_ns(start_time),
+        "start_time_ns": start_time_ns(start_time),
     }
     if track is None:
         flown = _flights(flight, others, clock_offset=clock_offset, yaw_offset=yaw_offset)
@@ -487,13 +487,3 @@ def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
             remedy="Name the samples with --recording, or fetch them: uavrt fetch --samples",
         )
     return found[0]
-
-
-def _time_ns(text: str) -> int:
-    try:
-        return parse_iso_utc(text)
-    except ValueError as error:
-        raise ConfigError(
-            f"--start-time {text!r} is not a time",
-            remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
-        ) from error

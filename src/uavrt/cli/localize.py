@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from uavrt.cli.inputs import require_content
 from uavrt.cli.outputs import print_json
-from uavrt.cli.placing import USUAL, Placing
+from uavrt.cli.placing import USUAL_PLACING, Placing
 from uavrt.cli.words import counted
 from uavrt.clock import told_utc
 from uavrt.errors import ConfigError
@@ -26,7 +26,7 @@ _TIMES_TOLD = 12
 def localize(
     *flights: Path,
     method: str = "bayes",
-    place: Placing = USUAL,
+    place: Placing = USUAL_PLACING,
     tags: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:

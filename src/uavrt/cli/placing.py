@@ -68,4 +68,4 @@ class Placing:
         )
 
 
-USUAL = Placing()
+USUAL_PLACING = Placing()

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.budget import USUAL_BUDGET, Budget, refuse
+from uavrt.cli.budget import USUAL_BUDGET, Budget
+from uavrt.cli.inputs import refuse
 from uavrt.cli.kinds import Count, GroupPulses, Metres, Power, PulseWidth, TagFrequency
 from uavrt.cli.outputs import print_json
 from uavrt.errors import ConfigError
@@ -30,7 +31,7 @@ def range(
     pulses: tuple[GroupPulses, ...] = _PULSES,
     frequency: TagFrequency = _FREQUENCY_HZ,
     pulse_width: PulseWidth = _PULSE_WIDTH_S,
-    path: Budget = USUAL_BUDGET,
+    budget: Budget = USUAL_BUDGET,
     flight: tuple[Path, ...] = (),
     whole_flight: Annotated[bool, Parameter(negative="")] = False,
     antenna: str = _ANTENNA,
@@ -90,7 +91,7 @@ def range(
             "is of a --whole-flight, and groups are heard with --antenna-gain",
         )
     noise = [_noise(one) for one in flight]
-    budget = path.link(
+    link = budget.link(
         power_dbm=tag_power,
         height_m=height,
         frequency_hz=frequency,
@@ -99,7 +100,7 @@ def range(
     )
     listed = _tags(tags, pulses, frequency, pulse_width)
     own = [
-        replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
+        replace(link, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
         for tag in listed
     ]
     rows = [_row(tag, its) for tag, its in zip(listed, own, strict=True)]
@@ -118,29 +119,19 @@ def range(
     if as_json:
         print_json([one | {"noise_from": noise} for one in rows])
     else:
-        _print(rows, budget, noise)
+        _print(rows, link, noise)
 
 
 def _tags(
     path: Path | None, pulses: tuple[int, ...], frequency_hz: float, pulse_width_s: float
 ) -> "list[Tag]":
+    from uavrt.analysis.coverage import assumed_tag
     from uavrt.config.tag_files import read_tags
-    from uavrt.messages import Tag
 
     if path is not None:
         return list(read_tags(path))
     return [
-        Tag(
-            tag_id=2,
-            frequency_hz=frequency_hz,
-            pulse_width_s=pulse_width_s,
-            pulse_intervals_s=(1.254,),
-            interval_uncertainty_s=0.060,
-            interval_jitter_s=0.010,
-            k=k,
-            false_alarm_probability=0.01,
-        )
-        for k in pulses
+        assumed_tag(frequency_hz=frequency_hz, pulse_width_s=pulse_width_s, k=k) for k in pulses
     ]
 
 

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from uavrt.cli.inputs import require_content
 from uavrt.cli.kinds import Power
-from uavrt.cli.placing import USUAL, Placing
+from uavrt.cli.placing import USUAL_PLACING, Placing
 from uavrt.cli.progress import progress_bars
 from uavrt.errors import FormatError, UsageError
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def report(
     flight: Path,
     *,
-    place: Placing = USUAL,
+    place: Placing = USUAL_PLACING,
     tag_power: Power | None = None,
     background: Annotated[Path | None, Parameter(name="--map")] = None,
     html: bool = True,

@@ -121,7 +121,8 @@ def correct(
     """Correct a tag list by what flights have measured; the old values are printed.
 
     Tags that are off their label, or have drifted by 100 Hz, are listed where they were found.
-    A pulse train that may be of two listed tags corrects neither.
+    A pulse train that may be of two listed tags corrects neither. If all tags of a flight are
+    off by the same ppm, the receiver is: the ppm are printed, and no frequency is corrected.
 
     Parameters
     ----------
@@ -136,25 +137,49 @@ def correct(
     overwrite
         Replace the output if it exists.
     """
-    from uavrt.config.tag_corrections import TagCorrection, correction_of
+    from uavrt.config.tag_corrections import (
+        MEASURED,
+        TagCorrection,
+        correction_of,
+        shared_offset_in_words,
+    )
     from uavrt.config.tag_files import write_tags
     from uavrt.detection.sensitivity import gain_in_words
-    from uavrt.messages import BeepKind
+    from uavrt.messages import Beep, BeepKind
     from uavrt.recording.flight_reader import read_beeps
 
     listed = {tag.tag_id: tag for tag in _read(file).tags}
-    found = dict(listed)
-    beeps = [beep for flight in flights for beep in read_beeps(flight)]
+    newest: dict[tuple[int, BeepKind], tuple[Beep, tuple[Beep, ...]]] = {}
+    for flight in flights:
+        found = read_beeps(flight)
+        for line in shared_offset_in_words(found):
+            print(f"{flight}: {line}")
+        for beep in found:
+            if len(beep.tag_ids) > 1:
+                print(f"not corrected: {beep}")
+            elif beep.kind in MEASURED and beep.tag_ids and beep.tag_ids[0] in listed:
+                key = beep.tag_ids[0], beep.kind
+                if key not in newest or newest[key][0].time_ns < beep.time_ns:
+                    newest[key] = beep, found
+    corrected = dict(listed)
     corrections: dict[tuple[int, str], TagCorrection] = {}
-    for beep in sorted(beeps, key=lambda one: one.time_ns):
-        if len(beep.tag_ids) > 1:
-            print(f"not corrected: {beep}")
-        elif beep.tag_ids and beep.tag_ids[0] in found:
-            correction = correction_of(found[beep.tag_ids[0]], beep, beep.time_ns)
-            of_drift = correction is not None and correction.what == "frequency"
-            if correction and (intervals or of_drift or beep.kind is not BeepKind.LISTED):
-                found[correction.tag_id] = correction.after
-                corrections[correction.tag_id, correction.what] = correction
+    placed = set[int]()
+
+    def other_rates_last(one: tuple[Beep, tuple[Beep, ...]]) -> tuple[bool, int]:
+        return one[0].kind is BeepKind.OTHER_RATE, -one[0].time_ns
+
+    for beep, found in sorted(newest.values(), key=other_rates_last):
+        tag_id = beep.tag_ids[0]
+        allowed = {  # only the first, the newest one, corrects the frequency
+            "frequency": tag_id not in placed,
+            "interval": intervals or beep.kind is BeepKind.OTHER_RATE,
+        }
+        placed.add(tag_id)
+        while one := correction_of(corrected[tag_id], beep, beep.time_ns, found):
+            if not allowed[one.what]:
+                break
+            corrected[tag_id] = one.after
+            corrections[tag_id, one.what] = one
     for one in corrections.values():
         before = listed[one.tag_id]
         gain = gain_in_words(before, one.after) if one.what == "interval" else ""
@@ -164,8 +189,8 @@ def correct(
         print(f"{count} tag(s) to correct; -o FILE writes the list")
         return
     check_place(output, overwrite=overwrite)
-    write_tags(output, tuple(found.values()))
-    print(f"{output}: {count} of {len(found)} tag(s) corrected")
+    write_tags(output, tuple(corrected.values()))
+    print(f"{output}: {count} of {len(listed)} tag(s) corrected")
 
 
 def _read(path: Path) -> "TagSource":

@@ -1,19 +1,28 @@
 """Correct a listed tag by what was measured of it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from statistics import median
 from typing import Final, Literal
 
 from uavrt.messages import Beep, BeepKind, Tag
 
+MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
+"""Senders that correct the list."""
 DRIFT: Final = 0.005
 """Change of a measured interval with temperature and battery, as a part of it."""
 LEAST_UNCERTAINTY: Final = 0.01
 """Difference from a listed interval that is no other rate, as a part of it."""
-_INTERVAL_ERROR_S: Final = 0.003
-"""Largest error of a measured interval [s]."""
 _DRIFT_HZ: Final = 100.0
 """Distance from a label that is worth listing [Hz]; a fifth of the usual search."""
+_SEARCH_HZ: Final = 530.0
+"""Half-width of the usual search, with the error of a measured frequency [Hz]."""
+_LEAST_SHARED_PPM: Final = 0.5
+"""Smallest offset of all tags that is the receiver's."""
+_AGREE_PPM: Final = 1.5
+"""Largest difference of a tag from the offset that all share, at most a sixth of that."""
+_SHARE: Final = 0.75
+"""Least share of the tags that agree; one of four may have drifted by itself."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
@@ -27,14 +36,38 @@ class TagCorrection:
     what: Literal["frequency", "interval"]
     before: Tag
     after: Tag
-    undo: bool = False
-    """Whether it lists the values before an earlier correction again."""
+
+    def applied(self, tag: Tag) -> Tag:
+        """List what was corrected for an entry that may have changed otherwise."""
+        return _listed_as(tag, self.after, self.what)
+
+    def undone(self, tag: Tag, time_ns: int) -> "TagCorrection":
+        """Get the correction that lists what was listed before it."""
+        after = _listed_as(tag, self.before, self.what)
+        return replace(self, time_ns=time_ns, before=tag, after=after)
+
+    def undoes(self, other: "TagCorrection") -> bool:
+        """Whether it lists what was listed before another correction."""
+        same = (self.tag_id, self.what) == (other.tag_id, other.what)
+        return same and self.applied(other.before) == other.before
 
     def __str__(self) -> str:
         """Write it as a line for the operator."""
         return (
             f"tag {self.tag_id}: {_listed(self.after, self)}, was {_listed(self.before, self)}"
         )
+
+
+def _listed_as(tag: Tag, other: Tag, what: Literal["frequency", "interval"]) -> Tag:
+    """Change one measured property of a tag, and nothing else of its entry."""
+    if what == "frequency":
+        return replace(tag, frequency_hz=other.frequency_hz)
+    return replace(
+        tag,
+        pulse_intervals_s=other.pulse_intervals_s,
+        interval_uncertainty_s=other.interval_uncertainty_s,
+        interval_jitter_s=other.interval_jitter_s,
+    )
 
 
 def _listed(tag: Tag, one: TagCorrection) -> str:
@@ -45,11 +78,6 @@ def _listed(tag: Tag, one: TagCorrection) -> str:
         f"{intervals} ms ± {1e3 * tag.interval_uncertainty_s:.1f} ms, "
         f"jitter {1e3 * tag.interval_jitter_s:.1f} ms"
     )
-
-
-def corrected_frequency(tag: Tag, frequency_hz: float) -> Tag:
-    """List a tag at the frequency that was measured, to 1 Hz."""
-    return replace(tag, frequency_hz=float(round(frequency_hz)))
 
 
 def corrected_interval(tag: Tag, interval_s: float, jitter_s: float) -> Tag:
@@ -84,31 +112,83 @@ def standing_corrections(corrections: Iterable[TagCorrection]) -> list[TagCorrec
     """Corrections in order of time, without those that were undone and what undid them."""
     standing: list[TagCorrection] = []
     for one in corrections:
-        if not one.undo:
+        last = next((x for x in reversed(standing) if x.tag_id == one.tag_id), None)
+        if last is not None and one.undoes(last):
+            standing.remove(last)
+        else:
             standing.append(one)
-        elif undone := [x for x in standing if x.tag_id == one.tag_id]:
-            standing.remove(undone[-1])
     return standing
 
 
-def correction_of(tag: Tag, beep: Beep, time_ns: int) -> TagCorrection | None:
-    """Get what a measured sender corrects of a tag that it may be; None if nothing."""
-    at_other_rate = beep.kind is BeepKind.OTHER_RATE
-    drifted = beep.kind is BeepKind.LISTED and beep.tag_ids == (tag.tag_id,)
-    if (
-        beep.kind is BeepKind.OFF_LABEL
-        or (at_other_rate and keeps_interval(tag, beep.interval_s, _INTERVAL_ERROR_S))
-        or (drifted and abs(beep.frequency_hz - tag.frequency_hz) >= _DRIFT_HZ)
-    ):
-        what: Literal["frequency", "interval"] = "frequency"
-        after = corrected_frequency(tag, beep.frequency_hz)
-    elif beep.kind is BeepKind.LISTED and _is_narrow(tag, beep.interval_s):
+def shared_offset_ppm(found: Iterable[Beep]) -> float | None:
+    """Offset that the tags share, if they do: the receiver's own error.
+
+    Two tags, and three of four, show it. Trains that may be of two tags, or of another rate,
+    are ignored.
+    """
+    off = {
+        one.tag_ids: 1e6 * one.offsets_hz[0] / (one.frequency_hz - one.offsets_hz[0])
+        for one in found
+        if one.kind in (BeepKind.OFF_LABEL, BeepKind.LISTED) and len(one.tag_ids) == 1
+    }
+    if len(off) < 2:
         return None
-    elif at_other_rate or beep.kind is BeepKind.LISTED:
-        what, after = "interval", corrected_interval(tag, beep.interval_s, beep.jitter_s)
-    else:
+    shared_ppm = median(off.values())
+    agree = sum(_agrees(one, shared_ppm) for one in off.values())
+    shared = agree >= max(2.0, _SHARE * len(off)) and abs(shared_ppm) >= _LEAST_SHARED_PPM
+    return shared_ppm if shared else None
+
+
+def _agrees(ppm: float, shared_ppm: float) -> bool:
+    return abs(ppm - shared_ppm) <= min(_AGREE_PPM, abs(shared_ppm) / 6.0)
+
+
+def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
+    """Write the offset that all tags share, with the remedy, as one line; none: no line."""
+    ppm = shared_offset_ppm(found)
+    if ppm is None:
+        return []
+    remedy = f"{'lower' if ppm > 0.0 else 'raise'} frequency_correction_ppm by {abs(ppm):.1f}"
+    return [f"the tags are {ppm:+.1f} ppm off their labels: the receiver's own error; {remedy}"]
+
+
+def words_of_beeps(found: Sequence[Beep]) -> list[str]:
+    """Describe what is not as listed, one line each."""
+    return [str(one) for one in found if one.odd] + shared_offset_in_words(found)
+
+
+def correction_of(
+    tag: Tag, beep: Beep, time_ns: int, found: Sequence[Beep] = ()
+) -> TagCorrection | None:
+    """Get what a measured sender corrects of a tag that it may be; None if nothing.
+
+    Frequency and interval are corrected one after the other: applied to the corrected tag, it
+    gets the next correction.
+
+    `found`: all senders of the flight. An offset that they share is the receiver's, and then
+    only a tag that is farther off its label is listed elsewhere.
+    """
+    other_rate = beep.kind is BeepKind.OTHER_RATE
+    if tag.coded or beep.kind not in MEASURED:
         return None
-    if tag.coded or after == tag:
+    keeps = keeps_interval(tag, beep.interval_s)
+    off_label = beep.kind is BeepKind.OFF_LABEL or (
+        other_rate and keeps and not _is_searched(tag.tag_id, beep)
+    )
+    off_hz = beep.frequency_hz - tag.frequency_hz
+    drifted = beep.tag_ids == (tag.tag_id,) and abs(off_hz) >= _DRIFT_HZ
+    moved = drifted or (off_label and abs(off_hz) >= 1.0)
+    if moved and (shared_ppm := shared_offset_ppm(found)) is not None:
+        moved = off_label and not _agrees(1e6 * off_hz / tag.frequency_hz, shared_ppm)
+    what: Literal["frequency", "interval"] = "interval"
+    after = corrected_interval(tag, beep.interval_s, beep.jitter_s)
+    if keeps or not other_rate:
+        if moved:
+            what = "frequency"
+            after = replace(tag, frequency_hz=float(round(beep.frequency_hz)))
+        elif _is_narrow(tag, beep.interval_s):
+            return None
+    if after == tag:
         return None
     return TagCorrection(time_ns=time_ns, tag_id=tag.tag_id, what=what, before=tag, after=after)
 
@@ -121,12 +201,18 @@ def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
         if tag.tag_id not in away_hz:
             continue
         listed_hz = at_hz - away_hz[tag.tag_id]
-        at_other_rate = beep.kind is BeepKind.OTHER_RATE and tag.tag_id == beep.tag_ids[0]
+        at_other_rate = beep.kind is BeepKind.OTHER_RATE and _is_searched(tag.tag_id, beep)
         if abs(tag.frequency_hz - listed_hz) >= 1.0 or (
             at_other_rate and keeps_interval(tag, beep.interval_s)
         ):
             return False
     return True
+
+
+def _is_searched(tag_id: int, beep: Beep) -> bool:
+    """Whether a tag that may be meant, at another rate, is searched for where it beeps."""
+    place = beep.tag_ids.index(tag_id)
+    return place == 0 or abs(beep.offsets_hz[place]) <= _SEARCH_HZ
 
 
 def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:

@@ -135,6 +135,25 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
         )
 
 
+def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
+    """Write tags as ``tags.toml`` for ``.toml``, else as ``TagInfo.txt``.
+
+    Raises `ConfigError`: ``TagInfo.txt`` cannot hold a tag with two intervals, or a coded one.
+    """
+    if suffix.lower() == ".toml":
+        return format_tags_toml(tags)
+    remedy = "Write a file whose name ends in .toml"
+    if double := [tag.tag_id for tag in tags if len(tag.pulse_intervals_s) > 1]:
+        raise ConfigError(
+            f"TagInfo.txt has no column for a second interval (tags {double})", remedy=remedy
+        )
+    if coded := [tag.tag_id for tag in tags if tag.coded]:
+        raise ConfigError(
+            f"TagInfo.txt has no columns for coded tags (tags {coded})", remedy=remedy
+        )
+    return format_tag_info(tags)
+
+
 def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
     """Write tags: ``tags.toml`` when the name ends in ``.toml``, ``TagInfo.txt`` in ``.txt``.
 
@@ -143,22 +162,7 @@ def write_tags(path: str | os.PathLike[str], tags: Sequence[Tag]) -> None:
     """
     check_tag_file_name(path)
     target = Path(path)
-    if target.suffix.lower() == ".toml":
-        text = format_tags_toml(tags)
-    else:
-        double = [tag.tag_id for tag in tags if len(tag.pulse_intervals_s) > 1]
-        if double:
-            raise ConfigError(
-                f"TagInfo.txt has no column for a second interval (tags {double})",
-                remedy="Write a file whose name ends in .toml",
-            )
-        coded = [tag.tag_id for tag in tags if tag.coded]
-        if coded:
-            raise ConfigError(
-                f"TagInfo.txt has no columns for coded tags (tags {coded})",
-                remedy="Write a file whose name ends in .toml",
-            )
-        text = format_tag_info(tags)
+    text = tags_as_text(tags, target.suffix)
     try:
         write_atomically(target, text)
     except OSError as error:

@@ -86,6 +86,8 @@ ESTIMATES_SHOWN_S = 2.0
 
 _WARNING = 4
 """MAV_SEVERITY_WARNING."""
+_LOOKS_BACK = 10
+"""Flights in which measurements for the next one are looked for."""
 FOREIGN_REMEDY = "give each vehicle a number of its own (MAV_SYS_ID), or choose this one"
 
 BATTERY_STEP_PERCENT = 5
@@ -185,6 +187,7 @@ class GroundSession:
         self._stopped_ns: int | None = None
         self._skew = ClockSkew()
         self._was_present = False
+        self._contact_ns = clock.now_ns()
         self._last_pose_ns = 0
         self._faults_told = 0
         self.last_pulse_s = 0.0
@@ -331,8 +334,8 @@ class GroundSession:
 
     def situation(self) -> Situation:
         """The state that decides which buttons are enabled."""
-        link = self.link
-        present = link is not None and link.protocol.present(self.clock.now_ns())
+        link, now_ns = self.link, self.clock.now_ns()
+        present = link is not None and link.protocol.present(now_ns)
         return Situation(
             link_open=link is not None and link.link is not None,
             drone_present=present,
@@ -341,7 +344,8 @@ class GroundSession:
             tags_sent=self.sent_tags == self.store.chosen_tags,
             busy=self.busy,
             flight_open=self.flight.flight_id is not None,
-            foreign=self.identity.foreign(self.clock.now_ns()),
+            foreign=self.identity.foreign(now_ns),
+            silent_s=(now_ns - self._contact_ns) / NANOSECONDS_PER_SECOND,
         )
 
     def usual_noise_db(self) -> float | None:
@@ -525,14 +529,14 @@ class GroundSession:
         self.send_state()
 
     def _last_beeps(self, flight_id: str | None) -> list[Beep]:
-        """Read what beeped in a flight, or in the last one, as far as the list is as it was."""
-        try:
-            flights = self.store.directory.glob(f"{flight_id or '*'}/flight.sqlite")
-            newest = max(flights, key=lambda path: path.stat().st_mtime, default=None)
-            beeps = () if newest is None else read_beeps(newest.parent)
-        except (UavrtError, OSError):
-            return []
-        return [beep for beep in beeps if still_holds(beep, self.store.tags)]
+        """Read what beeped in a flight, or in the last in which anything did."""
+        paths = self.store.directory.glob(f"{flight_id or '*'}/flight.sqlite")
+        with contextlib.suppress(OSError):
+            for path in sorted(paths, key=lambda one: -one.stat().st_mtime)[:_LOOKS_BACK]:
+                with contextlib.suppress(UavrtError):
+                    if beeps := read_beeps(path.parent):
+                        return [one for one in beeps if still_holds(one, self.store.tags)]
+        return []
 
     def _is_outdated(self, beep: Beep) -> bool:
         """Whether a sender was measured before this station corrected its tag."""
@@ -610,6 +614,8 @@ class GroundSession:
         self.send_state()
 
     def _watch_presence(self, present: bool) -> None:
+        if present:
+            self._contact_ns = self.clock.now_ns()
         if present != self._was_present:
             self._was_present = present
             self.note(6 if present else 3, "drone found" if present else "drone lost")

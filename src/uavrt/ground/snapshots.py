@@ -6,8 +6,7 @@ from typing import Any, Protocol
 
 import uavrt
 from uavrt.attitude import euler_deg
-from uavrt.config.tag_corrections import correction_of
-from uavrt.detection.beeps.naming import shared_offset_ppm
+from uavrt.config.tag_corrections import correction_of, shared_offset_ppm
 from uavrt.ground.commanding_page import Commander
 from uavrt.ground.fetch.downloads import Downloads
 from uavrt.ground.link.actions import action_states
@@ -110,7 +109,9 @@ def snapshot(session: ShownSession) -> dict[str, Any]:
 def beep_record(session: ShownSession, beep: Beep) -> dict[str, Any]:
     """What beeps, in words, and which listed tags it can correct."""
     found = (
-        correction_of(tag, beep, 0) for tag in session.store.tags if tag.tag_id in beep.tag_ids
+        correction_of(tag, beep, 0, session.beeps)
+        for tag in session.store.tags
+        if tag.tag_id in beep.tag_ids
     )
     corrects = [{"tag_id": one.tag_id, "what": one.what} for one in found if one is not None]
     words = {"meaning": beep.meaning, "odd": beep.odd, "corrects": corrects}

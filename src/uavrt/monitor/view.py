@@ -11,6 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from uavrt.config.tag_corrections import words_of_beeps
 from uavrt.messages import (
     Beep,
     ProcessStatus,
@@ -117,7 +118,7 @@ class MonitorView:
                 self._head(),
                 self._tags(now_s),
                 self._processes(),
-                *(Text(str(one), "yellow") for one in self.beeps if one.odd),
+                *(Text(line, "yellow") for line in words_of_beeps(self.beeps)),
                 *self._reasons(),
                 *self._texts(),
             ),

@@ -70,6 +70,12 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
 """Program, part of what it prints, and the cause; of several that match, the first counts."""
 
 
+_NOT_LISTED = (
+    "No USB device of a known make is plugged in: plug the radio in, or, if it is of another "
+    "make, check its cable and power"
+)
+
+
 def cause_of(row: RadioRow, words: str) -> Cause | None:
     """Get what a radio's program means by what it prints; None for what is not in the table."""
     program = row.receive or row.title
@@ -93,14 +99,17 @@ def exit_error(
     `said`: the status in words.
     `words`: its first lines on stderr, which hold the cause, and the last ones.
     `own_rates`: lists the rates of the device that is there; empty: those of its kind count.
-    `seen`: it was in the list of USB devices when it was opened. One that was never there may
-    be of another maker, and is not called unplugged.
+    `seen`: it was in the list of USB devices when it was opened, so it is unplugged if it is
+    not there now. One that was never there may be of an unknown make, or not plugged in.
     """
     row = RADIOS[settings.kind]
     cause = cause_of(row, words)
     there = [one for one in usb_radios() if one.kind == row.kind]
     listed = row.usb and SYSFS_USB.is_dir() and not settings.program
-    if cause in (None, Cause.STALLED) and code >= 0 and listed and seen and not there:
+    message = f"{row.title}: the radio's program {said}" + (f": {words}" if words else "")
+    if cause in (None, Cause.STALLED) and code >= 0 and listed and not there:
+        if not seen:
+            return RadioStopped(message, remedy=_NOT_LISTED)
         cause = Cause.ABSENT  # unplugged
     if cause in (Cause.ABSENT, Cause.FORBIDDEN, Cause.BUSY):
         why, remedy = _missing(settings, row, there, cause)
@@ -118,7 +127,6 @@ def exit_error(
             f"{row.title}: it does not receive the frequency",
             remedy=f"Set [radio] center_frequency_hz within {row.receives_text()}",
         )
-    message = f"{row.title}: the radio's program {said}" + (f": {words}" if words else "")
     if cause is Cause.SLOW_READER:
         remedy = "See what else keeps this computer busy: top"
     elif code == -9:

@@ -1,7 +1,7 @@
 """Compares the rate at which samples arrive with the one that was asked for. Pure.
 
 A radio that streams at another rate looks well and finds nothing. The least delay of each
-stretch of 0.8 s shows its rate: a stall delays some arrivals, never all of them, and one loss
+stretch of 0.5 s shows its rate: a stall delays some arrivals, never all of them, and one loss
 is one step.
 """
 
@@ -11,12 +11,16 @@ from itertools import pairwise
 from typing import Final
 
 _STRETCH_S: Final = 0.5
+"""Least delays are taken in stretches of this length [s]."""
 _STRETCHES: Final = 5
 """A wrong rate shows after 2.5 s; on a busy computer a little later."""
 _MOST_OFF: Final = 0.02
 """Largest difference that is not reported, as a share of the rate asked for."""
 _SETTLED: Final = 0.01
-_CATCHES_UP_S: Final = 0.05
+"""Largest difference at which the rate is right again, as a share of the rate asked for."""
+_CATCHES_UP_S: Final = 0.03
+"""A sender has caught up when its delay is this close to that before the pause [s]: less than
+the change over `_STRETCHES` that is reported."""
 _OTHER: Final = 0.1
 """Share by which a wrong rate must change to be reported again."""
 
@@ -55,8 +59,9 @@ class ArrivalRate:
             self._now_s = min(self._now_s, delay_s)
             return
         if stretch > self._stretch + 1:
-            self._owed_s = self._now_s if not self._least_s else min(self._least_s)
-            self._least_s.clear()  # a pause
+            # A pause; one while it catches up changes nothing of what is to be reached.
+            self._owed_s = min(self._owed_s, self._now_s, *self._least_s)
+            self._least_s.clear()
         else:
             self._least_s.append(self._now_s)
             self._judge()
@@ -64,9 +69,12 @@ class ArrivalRate:
 
     def _judge(self) -> None:
         least_s = list(self._least_s)
-        if len(least_s) < _STRETCHES:
+        caught_up = least_s[-1] <= self._owed_s + _CATCHES_UP_S
+        if self._owed_s < math.inf and caught_up:
+            self._owed_s = math.inf
+            self._least_s.clear()
             return
-        if least_s[-1] > self._owed_s + _CATCHES_UP_S and least_s[-1] < least_s[0]:
+        if len(least_s) < _STRETCHES or (self._owed_s < math.inf and least_s[-1] < least_s[0]):
             return
         steps_s = [b - a for a, b in pairwise(least_s)]
         mean_s = sum(steps_s) / len(steps_s)

@@ -11,7 +11,6 @@ alignment of samples too; without the count a loss is told by its step in the ar
 and the alignment by the exponents of the floats.
 """
 
-import select
 import socket
 from typing import Final
 
@@ -21,9 +20,8 @@ from numpy.typing import NDArray
 from uavrt.clock import Clock, monotonic_s
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
-from uavrt.radio.live_source import LiveSource
+from uavrt.radio.live_source import DatagramSource
 from uavrt.radio.stream import BLOCK_S
-from uavrt.radio.udp_address import listen, parse_udp_address
 
 SAMPLE_BYTES: Final = 8
 _LARGEST: Final = 65_536
@@ -34,7 +32,7 @@ _COUNT_SPACE: Final = socket.CMSG_SPACE(4)
 log = get_logger()
 
 
-class BandDatagramSource(LiveSource):
+class BandDatagramSource(DatagramSource):
     """Complex64 samples at a UDP port, in datagrams of any size; a `SampleSource`.
 
     `address`: ``udp://localhost:10000``.
@@ -59,7 +57,6 @@ class BandDatagramSource(LiveSource):
     ) -> None:
         # A burst of datagrams is their sender's manner; listeners want times without a step.
         super().__init__(sample_rate_hz, center_frequency_hz, start_time_ns, start_moves=False)
-        self.name = address
         self.datagrams_lost = 0
         """Dropped by the system because we were too slow, as far as it tells."""
         self.realigned = 0
@@ -69,10 +66,8 @@ class BandDatagramSource(LiveSource):
         self._joiner = ByteJoiner()
         self._blocks: list[tuple[NDArray[np.complex64], int]] = []
         self._overflows: dict[socket.socket, int] = {}
-        self._sockets = listen(*parse_udp_address(address))
-        self._poll = select.poll()
+        self._listen(address)
         for sock in self._sockets:
-            self._poll.register(sock, select.POLLIN)
             try:
                 sock.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
             except OSError:
@@ -95,12 +90,6 @@ class BandDatagramSource(LiveSource):
             if left_s is not None and left_s <= 0.0:
                 return self._block() if self._joiner.filled >= SAMPLE_BYTES else None
             self._poll.poll(None if left_s is None else left_s * 1000.0)
-
-    def close(self) -> None:
-        """Close the port."""
-        for sock in self._sockets:
-            sock.close()
-        self._sockets = []
 
     def _receive(self) -> None:
         for sock in self._sockets:

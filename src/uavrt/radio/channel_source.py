@@ -4,7 +4,6 @@ The stamps put the frames in order: a frame that comes before its turn waits a l
 missing one; what does not come is a gap; what comes after its turn has passed is dropped.
 """
 
-import select
 from typing import Final
 
 import numpy as np
@@ -15,8 +14,7 @@ from uavrt.errors import FormatError
 from uavrt.log import get_logger
 from uavrt.messages import IQBlock
 from uavrt.radio.channel_datagram import StampStyle, decode_channel_datagram, stamp_style
-from uavrt.radio.live_source import LiveSource
-from uavrt.radio.udp_address import listen, parse_udp_address
+from uavrt.radio.live_source import DatagramSource
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s
 
 TOLERANCE_S: Final = 0.005
@@ -35,7 +33,7 @@ LONGEST_GAP_S: Final = 3600.0
 log = get_logger()
 
 
-class ChannelDatagramSource(LiveSource):
+class ChannelDatagramSource(DatagramSource):
     """A channel's samples at a UDP port; a `SampleSource`.
 
     `address`: ``udp://127.0.0.1:20000``.
@@ -55,7 +53,6 @@ class ChannelDatagramSource(LiveSource):
         style: StampStyle | None = None,
     ) -> None:
         super().__init__(sample_rate_hz, center_frequency_hz)
-        self.name = address
         self.late = 0
         """Datagrams dropped because later ones had been used, or twice."""
         self.refused = 0
@@ -63,10 +60,7 @@ class ChannelDatagramSource(LiveSource):
         self._style = style
         self._frames = FrameOrder(sample_rate_hz)
         self._arrived_s = monotonic_s()
-        self._sockets = listen(*parse_udp_address(address))
-        self._poll = select.poll()
-        for sock in self._sockets:
-            self._poll.register(sock, select.POLLIN)
+        self._listen(address)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
         """Get the next frame in order; see `SampleSource.read`."""
@@ -82,12 +76,6 @@ class ChannelDatagramSource(LiveSource):
             if left_s is not None and left_s <= 0.0:
                 return None
             self._poll.poll(1000.0 * (SILENCE_S if left_s is None else min(left_s, SILENCE_S)))
-
-    def close(self) -> None:
-        """Close the port."""
-        for sock in self._sockets:
-            sock.close()
-        self._sockets = []
 
     def _receive(self) -> None:
         """Read what waits, as much as can be put in order at once."""

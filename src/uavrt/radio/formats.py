@@ -45,6 +45,13 @@ class SampleFormat:
         """True when the stored bytes are complex64 already."""
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
+    def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
+        """Make room for samples and for their stored bytes: the same where possible."""
+        made = np.zeros(samples, np.complex64)
+        if self.in_place:
+            return made, made.view(np.uint8)
+        return made, np.zeros(samples * self.bytes_per_sample, np.uint8)
+
     def convert(self, raw: NDArray[np.uint8], samples: NDArray[np.complex64]) -> None:
         """Convert stored bytes into `samples`, which they fill exactly.
 

@@ -1,9 +1,11 @@
 """What all live sources have in common: rate, frequency, and the numbering of samples."""
 
+import select
 from typing import ClassVar
 
 from uavrt.errors import FormatError
 from uavrt.radio.placing import Placer
+from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
 """No radio is tuned there in hertz, but all are in megahertz."""
@@ -108,3 +110,21 @@ class LiveSource:
     def total_samples(self) -> int | None:
         """None: nobody knows how long a live stream will be."""
         return None
+
+
+class DatagramSource(LiveSource):
+    """Base of sources at a UDP port, ``udp://HOST:PORT``."""
+
+    def _listen(self, address: str) -> None:
+        """Open the port; raises `ConfigError`, `RadioError`: it cannot be."""
+        self.name = address
+        self._sockets = listen(*parse_udp_address(address))
+        self._poll = select.poll()
+        for sock in self._sockets:
+            self._poll.register(sock, select.POLLIN)
+
+    def close(self) -> None:
+        """Close the port."""
+        for sock in self._sockets:
+            sock.close()
+        self._sockets = []

@@ -72,10 +72,11 @@ class ProgramSource(StreamSource):
         stall_s: float = _STALL_S,
     ) -> None:
         self._settings = settings
-        settings = _by_place(settings)
+        self._answers_until_s = monotonic_s() + _ANSWERS_S
+        settings = _by_place(settings, self._answers_until_s)
         command = receive_command(settings, center_frequency_hz)
         self._program = PROGRAMS[settings.kind]
-        command += _talkative(self._program, settings)
+        command += _talkative(self._program, settings, self._answers_until_s)
         self._seen = any(one.kind == settings.kind for one in usb_radios())
         """Its USB identification is one of those known, and it was there."""
         self._startup_s, self._stall_s = startup_s, stall_s
@@ -210,6 +211,7 @@ class ProgramSource(StreamSource):
     def _check_end(self) -> None:
         """Explain why the program ended, once its last whole samples are given."""
         enough = self._placer.index > 0 and self._filled >= self._format.bytes_per_sample
+        self._answers_until_s = monotonic_s() + _ANSWERS_S
         try:
             code = self._child.wait(1.0)
         except subprocess.TimeoutExpired:
@@ -235,11 +237,11 @@ class ProgramSource(StreamSource):
 
     def _own_rates(self) -> str:
         """List the rates that the information program prints of the device."""
-        if not self._program.inform or self._settings.program:
+        program, said = self._program, ""
+        if not program.inform or self._settings.program:
             return ""
-        said = ""
         with suppress(RadioError):
-            said = _run(self._program.inform, self._program.package).stdout
+            said = _run(program.inform, program.package, self._answers_until_s).stdout
         rates = (float(n) * (1e6 if u == "MSPS" else 1e3) for n, u in _RATE.findall(said))
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
@@ -249,17 +251,19 @@ class ProgramSource(StreamSource):
         (self._first if len(self._first) < most else self._lines).append(line)
 
     def _run_before(self, command: Sequence[str]) -> None:
-        finished = _run(command, self._program.package)
+        finished = _run(command, self._program.package, self._answers_until_s)
         if finished.returncode:
             said = f"{finished.stdout}\n{finished.stderr}".strip().replace("\n", " | ")
             raise self._error(finished.returncode, f"{command[0]} failed", said)
 
 
 _ANSWERS_S: Final = 4.0
-"""For a program that only answers; a receiver that is silent for 5 s is killed."""
+"""For all programs that only answer [s]; a receiver that is silent for 5 s is killed."""
 
 
-def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[str]:
+def _run(
+    command: Sequence[str], package: str, until_s: float
+) -> subprocess.CompletedProcess[str]:
     _find(command[0], package)
     try:
         return subprocess.run(
@@ -268,7 +272,7 @@ def _run(command: Sequence[str], package: str) -> subprocess.CompletedProcess[st
             capture_output=True,
             text=True,
             errors="replace",
-            timeout=_ANSWERS_S,
+            timeout=max(0.0, until_s - monotonic_s()),
             check=False,
         )
     except subprocess.TimeoutExpired as error:
@@ -282,7 +286,7 @@ _LISTED = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
 _MOST_PLACES = 16
 
 
-def _by_place(settings: RadioSettings) -> RadioSettings:
+def _by_place(settings: RadioSettings, until_s: float) -> RadioSettings:
     """Replace a serial number of digits by the device's place in its program's list.
 
     rtl_sdr and rtl_biast would take 00000001 for the second device, and put the bias voltage
@@ -293,7 +297,7 @@ def _by_place(settings: RadioSettings) -> RadioSettings:
         return settings
     if wanted is None or not wanted.isdigit():
         return settings
-    finished = _run(program.lists, program.package)
+    finished = _run(program.lists, program.package, until_s)
     listed = _LISTED.findall(finished.stderr)
     if len(alike := [place for place, serial in listed if serial == wanted]) > 1:
         raise RadioAmbiguous(
@@ -309,11 +313,11 @@ def _by_place(settings: RadioSettings) -> RadioSettings:
     return settings
 
 
-def _talkative(program: RadioRow, settings: RadioSettings) -> list[str]:
-    """List the arguments that make this version of the program tell of its overruns, if any."""
+def _talkative(program: RadioRow, settings: RadioSettings, until_s: float) -> list[str]:
+    """List the arguments that make this version of the program report its overruns, if any."""
     if settings.program or not program.overruns_option:
         return []
-    finished = _run((program.receive, "-h"), program.package)
+    finished = _run((program.receive, "-h"), program.package, until_s)
     known = f"[{program.overruns_option}]" in finished.stdout + finished.stderr
     return [program.overruns_option] if known else []
 

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, Protocol
 
-import numpy as np
-
 from uavrt.clock import iso_utc
 from uavrt.errors import FormatError
 from uavrt.foreign import require_plain_file
@@ -113,12 +111,7 @@ class RecordingSource:
             )
         rate_hz = layout.sample_rate_hz
         samples = min(_MAX_BLOCK, max(64, round(rate_hz)))
-        self._samples = np.zeros(samples, np.complex64)
-        self._raw = (
-            self._samples.view(np.uint8)
-            if self._format.in_place
-            else np.zeros(samples * self._format.bytes_per_sample, np.uint8)
-        )
+        self._samples, self._raw = self._format.buffers(samples)
         self._segments = iter([s for s in layout.segments if s.count])
         self._segment = next(self._segments)
         self._times = NominalTimes(self._segment.time_ns, rate_hz)

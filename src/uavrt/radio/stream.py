@@ -13,8 +13,6 @@ import stat
 import struct
 from typing import Final
 
-import numpy as np
-
 from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import FormatError, RadioError
 from uavrt.log import get_logger
@@ -122,12 +120,7 @@ class StreamSource(LiveSource):
 
     def _make_room(self, samples: int) -> None:
         """Have room for so many samples; keeps none."""
-        self._samples = np.zeros(samples, np.complex64)
-        self._raw = (
-            self._samples.view(np.uint8)
-            if self._format.in_place
-            else np.zeros(samples * self._format.bytes_per_sample, np.uint8)
-        )
+        self._samples, self._raw = self._format.buffers(samples)
         self._bytes = self._raw.data
 
     def _forget_given(self) -> None:

@@ -2,7 +2,7 @@
 
 import errno
 import socket
-from typing import Final
+from typing import Any, Final
 
 from uavrt.errors import ConfigError, RadioError
 
@@ -45,18 +45,12 @@ def listen(host: str, port: int) -> list[socket.socket]:
 
     Raises `RadioError`: the port is in use, or the address does not belong to this computer.
     """
-    try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-        places = {(family, address) for family, _, _, _, address in found}
-        if host == "localhost":
-            places |= {
-                (socket.AF_INET, ("127.0.0.1", port)),
-                (socket.AF_INET6, ("::1", port, 0, 0)),
-            }
-    except OSError as error:
-        raise RadioError(
-            f"no address {host}: {error.strerror}", remedy="Check the name, or write numbers"
-        ) from error
+    places = set(_places(host, port))
+    if host == "localhost":
+        places |= {
+            (socket.AF_INET, ("127.0.0.1", port)),
+            (socket.AF_INET6, ("::1", port, 0, 0)),
+        }
     sockets: list[socket.socket] = []
     fault: OSError | None = None
     for family, address in sorted(places, key=str):
@@ -96,13 +90,18 @@ def send_socket(host: str) -> socket.socket:
 
     Raises `RadioError`: the name is unknown.
     """
+    sock = socket.socket(_places(host, 0)[0][0], socket.SOCK_DGRAM)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+    sock.setblocking(False)
+    return sock
+
+
+def _places(host: str, port: int) -> list[tuple[socket.AddressFamily, Any]]:
+    """List the families and addresses of a name; raises `RadioError` if it has none."""
     try:
-        family = socket.getaddrinfo(host, 0, type=socket.SOCK_DGRAM)[0][0]
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
     except OSError as error:
         raise RadioError(
             f"no address {host}: {error.strerror}", remedy="Check the name, or write numbers"
         ) from error
-    sock = socket.socket(family, socket.SOCK_DGRAM)
-    sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
-    sock.setblocking(False)
-    return sock
+    return [(family, address) for family, _, _, _, address in found]

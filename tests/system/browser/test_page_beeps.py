@@ -68,3 +68,35 @@ def test_a_wrong_label_is_shown_and_corrected_by_one_press_and_undone_by_another
     expect(box.get_by_role("button")).to_have_count(0, timeout=4 * WAIT_MS)
     until(lambda: drone.world.mission.tags[2].frequency_hz == THESIS_TAG.frequency_hz)
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+
+
+def test_an_offset_of_all_tags_is_shown_with_one_button_for_the_receiver(
+    watch: Callable[..., Watched],
+    start_ground: Callable[..., Ground],
+    willing: Callable[..., WillingDrone],
+    tmp_path: Path,
+) -> None:
+    here = tmp_path / "ground"
+    here.mkdir()
+    tags = [made.tag(2, 148_710_000.0), made.tag(4, 148_760_000.0)]
+    write_tags(here / "tags.toml", tags)
+    port = free_udp_port()
+    ground = start_ground(tmp_path, 0, "--mavlink", f"udpin://127.0.0.1:{port}")
+    drone = willing(port)
+    page = watch(ground.address, color_scheme="light").page
+    for action in ("send_tags", "start"):
+        page.click(f"#act-{action}")
+    expect(page.locator("#chip-state")).to_have_text("Detecting", timeout=WAIT_MS)
+    drone.world.beeps.extend(
+        made.beep(
+            BeepKind.LISTED,
+            frequency_hz=tag.frequency_hz + 300.0,
+            tag_ids=(tag.tag_id,),
+            offsets_hz=(300.0,),
+        )
+        for tag in tags
+    )
+    box = page.locator("#beeps")
+    expect(box).to_contain_text("The tags are +2.0 ppm off their labels", timeout=4 * WAIT_MS)
+    expect(box.get_by_role("button", name="Correct the receiver")).to_have_count(1)
+    expect(box.get_by_role("button", name="here")).to_have_count(0)

@@ -34,3 +34,24 @@ def test_a_report_has_a_line_for_each_odd_sender_and_none_for_listed_ones(
         ["148.935200", "1102", "12", "20", "unlisted"],
     ]
     assert "What else beeped" in html_page(survey)
+
+
+def test_a_report_names_an_offset_of_all_tags_although_each_is_found_as_listed(
+    tmp_path: Path,
+) -> None:
+    tags = made.tag(2, 148_710_000.0), made.tag(4, 148_760_000.0)
+    recorder = FlightRecorder.create(made.flight_info(tmp_path / "flight", tags))
+    for tag in tags:
+        recorder.write_beep(
+            made.beep(
+                BeepKind.LISTED,
+                frequency_hz=tag.frequency_hz + 300.0,
+                tag_ids=(tag.tag_id,),
+                offsets_hz=(300.0,),
+            )
+        )
+    recorder.close()
+    table = words.beep_table(read_survey(tmp_path / "flight"))
+    assert table is not None
+    (row,) = table[1]
+    assert row[-1].startswith("the tags are +2.0 ppm off their labels: the receiver's")

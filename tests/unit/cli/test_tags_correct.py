@@ -7,7 +7,7 @@ import pytest
 
 from uavrt.cli.tags import correct
 from uavrt.config.tag_files import read_tags, write_tags
-from uavrt.messages import BeepKind
+from uavrt.messages import Beep, BeepKind, Tag
 from uavrt.recording.flight_reader import read_beeps
 from uavrt.recording.flight_recorder import FlightRecorder
 
@@ -125,10 +125,75 @@ def test_frequency_and_interval_of_one_tag_are_corrected_together(
     write_tags(tags, [TAG, OTHER])
     correct(tags, later, flight, output=better, intervals=True)
     said = capsys.readouterr().out
-    assert "tag 2: 148.710640 MHz, was 148.710000 MHz\n" in said
+    assert "tag 2: 148.710643 MHz, was 148.710000 MHz\n" in said
     assert "tag 2: 1260.1 ms" in said
     assert "was 1254.0 ms" in said
     assert "2 of 2 tag(s) corrected" in said
     corrected = read_tags(better)[0]
-    assert corrected.frequency_hz == 148_710_640.0
+    assert corrected.frequency_hz == 148_710_643.0
     assert corrected.pulse_intervals_s == pytest.approx((1.2601,))
+
+
+def flown(directory: Path, *beeps: Beep) -> Path:
+    recorder = FlightRecorder.create(made.flight_info(directory, (TAG, OTHER)))
+    for beep in beeps:
+        recorder.write_beep(beep)
+    recorder.close()
+    return directory
+
+
+def measured(tag: Tag, kind: BeepKind, time_ns: int, away_hz: float, interval_s: float) -> Beep:
+    return made.beep(
+        kind,
+        time_ns=time_ns,
+        frequency_hz=tag.frequency_hz + away_hz,
+        interval_s=interval_s,
+        tag_ids=(tag.tag_id,),
+        offsets_hz=(away_hz,),
+    )
+
+
+def test_one_measurement_corrects_frequency_and_interval(tmp_path: Path) -> None:
+    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
+    write_tags(tags, [TAG, OTHER])
+    flight = flown(
+        tmp_path / "flight",
+        measured(TAG, BeepKind.LISTED, 1, 240.0, 1.2601),
+        measured(OTHER, BeepKind.OTHER_RATE, 1, -310.0, 0.75),
+    )
+    correct(tags, flight, output=better, intervals=True)
+    tag, other = read_tags(better)
+    assert (tag.frequency_hz, tag.pulse_intervals_s) == (148_710_240.0, (1.2601,))
+    assert (other.frequency_hz, other.pulse_intervals_s) == (148_759_690.0, (1.0, 0.75))
+
+
+def test_a_tag_found_at_its_label_last_is_not_moved_by_what_earlier_flights_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tags = tmp_path / "tags.toml"
+    write_tags(tags, [TAG, OTHER])
+    flights = [
+        flown(tmp_path / "late", measured(TAG, BeepKind.LISTED, 9, 20.0, 1.254)),
+        flown(
+            tmp_path / "early",
+            measured(TAG, BeepKind.OFF_LABEL, 3, 700.0, 1.254),
+            measured(TAG, BeepKind.OTHER_RATE, 4, 400.0, 0.627),
+        ),
+    ]
+    correct(tags, *flights)
+    said = capsys.readouterr().out
+    assert said.startswith("tag 2: 1254.0 and 627.0 ms")
+    assert "MHz" not in said
+
+
+def test_an_offset_of_all_tags_is_printed_and_no_frequency_is_corrected(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tags = tmp_path / "tags.toml"
+    write_tags(tags, [TAG, OTHER])
+    shifted = [measured(tag, BeepKind.LISTED, 5, 300.0, 1.0) for tag in (TAG, OTHER)]
+    correct(tags, flown(tmp_path / "flight", *shifted))
+    said = capsys.readouterr().out
+    assert "flight: the tags are +2.0 ppm off their labels" in said
+    assert "lower frequency_correction_ppm by 2.0" in said
+    assert "0 tag(s) to correct" in said

@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 
 from uavrt.config.ghost_places import Receiver
-from uavrt.config.tag_corrections import correction_of
+from uavrt.config.tag_corrections import correction_of, shared_offset_ppm, words_of_beeps
 from uavrt.detection.beeps.beats import FoundBeat, find_beats
 from uavrt.detection.beeps.interval_fit import fit_beat
-from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
+from uavrt.detection.beeps.naming import name_trains
 from uavrt.detection.beeps.points import Points, PointSearch
-from uavrt.detection.beeps.search import BeepSearch, words_of_beeps
+from uavrt.detection.beeps.search import BeepSearch
 from uavrt.detection.beeps.trains import Train, find_trains
 from uavrt.messages import Beep, BeepKind, IQBlock, Tag, keep_beep
 from uavrt_experiments.detection.beeping import (
@@ -175,6 +175,22 @@ def test_of_two_tags_within_reach_that_with_twice_or_half_the_rate_is_meant_else
         assert correction.what == "interval"
 
 
+@pytest.mark.parametrize("beyond_s", [-0.003, 0.0005, 0.002, 0.004])
+def test_a_tag_named_at_another_rate_is_corrected_as_it_is_named(beyond_s: float) -> None:
+    tag = replace(TAG, interval_uncertainty_s=0.01)
+    far = replace(tag, tag_id=4, frequency_hz=CENTER_HZ + 4000.0)
+    interval_s = 1.01 * tag.pulse_intervals_s[0] + beyond_s
+    tags = (replace(tag, pulse_intervals_s=(0.9,)), far)
+    for listed in ((tag, far), tags):
+        (one,) = names(train(CENTER_HZ + 200.0, interval_s), tags=listed)
+        for each in listed:
+            if one.kind is BeepKind.OTHER_RATE and each.tag_id in one.tag_ids:
+                correction = correction_of(each, one, 0)
+                assert correction is not None
+                assert correction.what == ("interval" if each is listed[0] else "frequency")
+    assert one.tag_ids == ((2, 4) if beyond_s < 0.0 else (2,))
+
+
 def test_the_same_error_of_all_tags_is_the_receivers() -> None:
     shift = 50e-6 * CENTER_HZ
     found = names(
@@ -200,7 +216,7 @@ def test_the_same_error_of_all_tags_is_the_receivers() -> None:
         tags=(TAG, far),
     )
     assert shared_offset_ppm(found) == pytest.approx(50.0, abs=0.1)
-    assert "+50 ppm off their labels: the receiver's own error" in words_of_beeps(found)[-1]
+    assert "+50.0 ppm off their labels: the receiver's own error" in words_of_beeps(found)[-1]
 
 
 def test_a_sender_of_data_bursts_is_no_animal() -> None:

@@ -1,5 +1,8 @@
 """Transforms of many columns, with SciPy's own module or its documented function."""
 
+from importlib.util import spec_from_file_location
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -23,5 +26,33 @@ def test_where_the_module_is_not_found_the_documented_function_is_taken(
     try:
         values = np.eye(4, dtype=np.complex64)
         assert np.allclose(fourier.transform_columns(values), np.fft.fft(values, axis=0))
+    finally:
+        fourier.column_transform.cache_clear()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "if out is not None: raise ValueError('no place is taken')",
+        "if out is not None: return out * 0",
+    ],
+)
+def test_a_module_that_takes_a_place_for_the_result_otherwise_is_not_used(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "changed.py"
+    path.write_text(
+        "import numpy\n"
+        "def c2c(values, axes, forward, norm, out, workers):\n"
+        f"    {line}\n"
+        "    return numpy.fft.fft(values, axis=0).astype(values.dtype)\n"
+    )
+    monkeypatch.setattr(fourier, "_extension", lambda: spec_from_file_location("changed", path))
+    fourier.column_transform.cache_clear()
+    try:
+        rows = np.eye(4, dtype=np.complex64)
+        place = np.empty((4, 4), np.complex64)
+        ours = fourier.transform_columns(rows.T, place.T)
+        assert np.allclose(ours, np.fft.fft(rows.T, axis=0))
     finally:
         fourier.column_transform.cache_clear()

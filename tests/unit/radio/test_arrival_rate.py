@@ -84,3 +84,35 @@ def test_a_frequency_that_the_program_rounds_is_the_one_that_the_flight_uses(
     assert tuned_frequency(RadioSettings(), 148_705_123.0) == 148_705_123.0
     with pytest.raises(ConfigError, match=r"40 MHz.*60 to 260 MHz"):
         tuned_frequency(settings, 40e6)
+
+
+@pytest.mark.parametrize("speed", [1.026, 1.05, 1.15, 1.5])
+@pytest.mark.parametrize("pauses_s", [(10.0,), (10.0, 14.0), (10.0, 13.0, 16.0, 30.0)])
+def test_a_sender_that_catches_up_after_pauses_is_at_its_rate(
+    speed: float, pauses_s: tuple[float, ...]
+) -> None:
+    """A pause of the computer of 2.3 s; the link then takes a little more than its rate."""
+    random_ = random.Random(round(1000 * speed))
+    watch, sent_s = ArrivalRate(RATE_HZ), 0.0
+    for number in range(1, round(150.0 * RATE_HZ / TRANSFER)):
+        sent_s = max(number * TRANSFER / RATE_HZ, sent_s + TRANSFER / RATE_HZ / speed)
+        for begun_s in pauses_s:
+            if begun_s <= sent_s < begun_s + 2.3:
+                sent_s = begun_s + 2.3
+        arrived_s = sent_s + random_.expovariate(1 / 0.002)
+        watch.arrived(number * TRANSFER, round(arrived_s * 1e9))
+        assert watch.wrong_hz is None, arrived_s
+
+
+def test_a_wrong_rate_shows_also_after_a_pause() -> None:
+    watch = ArrivalRate(RATE_HZ)
+    reported_s = None
+    for number in range(1, round(20.0 * RATE_HZ / TRANSFER)):
+        arrived_s = number * TRANSFER / (1.1 * RATE_HZ)
+        if arrived_s > 1.0:
+            arrived_s = max(arrived_s, 3.0)
+        watch.arrived(number * TRANSFER, round(arrived_s * 1e9))
+        if watch.wrong_hz is not None and reported_s is None:
+            reported_s = arrived_s
+    assert reported_s is not None
+    assert reported_s < 12.0

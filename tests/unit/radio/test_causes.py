@@ -75,3 +75,18 @@ def test_absent_forbidden_busy_and_another_one_have_each_their_remedy(
     other = f'Set [radio] serial to "{RADIOS[kind].serial_prefix}AB12", which is plugged in'
     assert remedy(serial="77") == other
     assert "Close the other" in remedy(serial=f"{RADIOS[kind].serial_prefix}ab12")
+
+
+@pytest.mark.parametrize(
+    "words", ["Library error -5, exiting...", "Couldn't transfer any bytes"]
+)
+def test_a_radio_that_the_list_of_usb_devices_never_had_is_absent_or_of_another_make(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (answers, devices):
+        monkeypatch.setattr(module, "SYSFS_USB", tmp_path)
+    error = exit_error(RadioSettings(kind="hackrf"), 1, "ended", words, seen=False)
+    assert words in error.message
+    assert "plug the radio in, or, if it is of another make, check its cable" in str(error)
+    unplugged = exit_error(RadioSettings(kind="hackrf"), 1, "ended", words, seen=True)
+    assert "no radio is plugged in" in str(unplugged)

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavrt.config.tag_corrections import correction_of
-from uavrt.detection.beeps.naming import shared_offset_ppm
+from uavrt.config.tag_corrections import correction_of, shared_offset_ppm
 from uavrt.errors import TunnelError
 from uavrt.messages import Beep, BeepKind
 from uavrt.recording.schema import BEEP_COLUMNS, beep_from_row, beep_row

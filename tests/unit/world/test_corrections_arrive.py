@@ -3,55 +3,26 @@
 import asyncio
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import made
 import pytest
-from asked_page import Answer, AskedPage
+from asked_page import AskedPage
+from corrected import (
+    AWAY_HZ,
+    CORRECT,
+    HERE_HZ,
+    ROW,
+    UNDO,
+    flown,
+    listed_hz,
+    off_label,
+    press,
+)
 
 from uavrt.commands import SystemState
-from uavrt.config.tag_files import read_tags
 from uavrt.ipc.process import ProcessFrame
-from uavrt.messages import Beep, StatusText
-from world import THESIS_TAG, World, until
-
-HERE_HZ, AWAY_HZ = 148_710_000.0, 148_710_640.0
-ROW = {"id": 2, "frequency_mhz": 148.71, "interval_ms": 1254, "pulse_width_ms": 20}
-CORRECT = {"tag_id": 2, "frequency_hz": AWAY_HZ}
-UNDO = {"tag_id": 2, "undo": True}
-
-
-async def press(page: AskedPage, request: dict[str, Any]) -> Answer:
-    return await page.ask("POST", "/api/commands/correct_tag", request)
-
-
-def listed_hz(page: AskedPage) -> float:
-    (tag,) = read_tags(page.directory / "tags.toml")
-    return tag.frequency_hz
-
-
-def off_label(world: World, **changed: Any) -> Beep:
-    named: dict[str, Any] = {
-        "frequency_hz": AWAY_HZ,
-        "tag_ids": (2,),
-        "offsets_hz": (AWAY_HZ - HERE_HZ,),
-    }
-    return made.beep(time_ns=world.clock.now_ns(), **(named | changed))
-
-
-async def flown(world: World, page: AskedPage, *, sent_by_page: bool = True) -> None:
-    """Begin a flight, and find its tag off its label."""
-    await page.until(lambda state: state["drone"]["state"] == "idle")
-    assert (await page.ask("PUT", "/api/tags", [ROW])).status == 200
-    if sent_by_page:
-        for name in ("send_tags", "start"):
-            assert (await page.ask("POST", f"/api/commands/{name}", {})).status == 200
-    else:
-        world.detect(THESIS_TAG)
-    await page.until(lambda state: state["drone"]["state"] == "detecting")
-    world.beeps.append(off_label(world))
-    state = await page.until(lambda state: len(state["beeps"]) == 1)
-    assert state["beeps"][0]["corrects"] == [{"tag_id": 2, "what": "frequency"}]
+from uavrt.messages import StatusText
+from world import World, until
 
 
 async def test_an_undo_before_the_drone_has_answered_is_refused_and_works_afterwards(

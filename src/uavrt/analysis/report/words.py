@@ -14,6 +14,7 @@ from uavrt.analysis.survey import Survey
 from uavrt.analysis.verdict_words import where_in_words
 from uavrt.analysis.whole_flight import chance_in_words
 from uavrt.clock import told_utc
+from uavrt.config.tag_corrections import shared_offset_in_words
 from uavrt.localization.results import Position
 from uavrt.messages import STATION_COUNTER, Pulse, SearchReport, Tag
 from uavrt.recording.integrated import IntegratedVerdict
@@ -271,6 +272,7 @@ def beep_table(survey: Survey) -> Table | None:
         for one in survey.beeps
         if one.odd
     ]
+    rows += [[*[""] * 5, line] for line in shared_offset_in_words(survey.beeps)]
     names = [f"Until {zones(survey)}", "MHz", "Every, ms", "Pulses", "dB", "What it may be"]
     return (names, rows) if rows else None
 

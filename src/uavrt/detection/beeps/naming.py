@@ -5,8 +5,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from uavrt.config.tag_corrections import LEAST_UNCERTAINTY, keeps_interval
 from uavrt.detection.beeps.trains import Train
 from uavrt.messages import Beep, BeepKind, Tag
@@ -18,14 +16,14 @@ _EDGE_HZ: Final = 30.0
 """Error of a train's frequency, and of a window's edge [Hz]."""
 _CODE_HZ: Final = 1000.0
 _RATIOS: Final = (2.0, 1 / 2, 1 / 3)
-"""Listed interval as a multiple of one that shows mortality, or that misses pulses."""
+"""Listed interval as a multiple of the measured one: twice where a dead animal's tag beeps
+twice as fast, a half or a third where each second pulse, or two of three, are missed."""
 _POINT_S: Final = 0.001
 _LEAST_PULSES: Final = 8
 """Pulses of a stretch that shows a rate of its own."""
 _LEAST_PRESENT: Final = 0.7
 """Share of a stretch's pulses that were received; less may be another rate's."""
 _MOST_NAMES: Final = 3
-_SAME_PPM: Final = 3.0
 
 
 def name_trains(
@@ -59,21 +57,6 @@ def name_trains(
     ]
 
 
-def shared_offset_ppm(named: Sequence[Beep]) -> float | None:
-    """Offset that all tags off their label share, if they do: the receiver's own error.
-
-    Trains that may be of two tags are ignored.
-    """
-    off = [
-        1e6 * one.away_hz / (one.frequency_hz - one.away_hz)
-        for one in named
-        if one.kind is BeepKind.OFF_LABEL and one.away_hz is not None and len(one.tag_ids) == 1
-    ]
-    if len(off) < 2 or any(one.kind is BeepKind.LISTED for one in named):
-        return None
-    return float(np.median(off)) if max(off) - min(off) <= _SAME_PPM else None
-
-
 def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) -> Beep:
     interval_s = train.interval_s
     near = _within(train, tags, window_hz + _EDGE_HZ)
@@ -98,7 +81,8 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
         # Prefer tags that change to this rate, or show it where pulses are missing.
         names = [one for one in near if _fits(interval_s, one, train, _RATIOS)] or near
         reason = _twice(interval_s, names[0])
-        names = [*names, *(tag for tag in fitting if tag not in near)]
+        others = [tag for tag in _within(train, tags, reach_hz) if tag not in near]
+        names = [*names, *(tag for tag in others if keeps_interval(tag, interval_s))]
     elif fitting:
         kind, names = BeepKind.OFF_LABEL, fitting
     names = names[:_MOST_NAMES]

@@ -11,7 +11,7 @@ import numpy as np
 
 from uavrt.config.ghost_places import Receiver
 from uavrt.detection.beeps.gaps import gapped_tags
-from uavrt.detection.beeps.naming import name_trains, shared_offset_ppm
+from uavrt.detection.beeps.naming import name_trains
 from uavrt.detection.beeps.points import NO_POINTS, PointSearch
 from uavrt.detection.beeps.trains import Train, find_trains
 from uavrt.dsp.block_times import BlockTimes
@@ -199,12 +199,3 @@ class BeepSearch:
         gapped = gapped_tags(self._near.points, silent, self._window_hz, start_ns)
         explained = {one.tag_ids for one in gapped}
         return [one for one in named if one.tag_ids not in explained] + gapped
-
-
-def words_of_beeps(named: Sequence[Beep]) -> list[str]:
-    """Describe what is not as listed, one line each."""
-    lines = [str(one) for one in named if one.odd]
-    ppm = shared_offset_ppm(named)
-    if ppm is not None:
-        lines.append(f"all tags are {ppm:+.0f} ppm off their labels: the receiver's own error")
-    return lines

@@ -45,6 +45,8 @@ class Situation:
     flight_open: bool
     foreign: bool = False
     """Another autopilot answers under our vehicle's number."""
+    silent_s: float = 0.0
+    """Since the last contact, or since the start of the station [s]."""
 
 
 def action_states(now: Situation) -> dict[str, dict[str, Any]]:

@@ -9,12 +9,12 @@ import sys
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from math import nan
-from typing import Any
+from typing import Any, Final
 
 from uavrt.commands import Button, SystemState
 from uavrt.config.tag_corrections import TagCorrection, correction_of
 from uavrt.config.tag_files import faults_of_tags
-from uavrt.errors import FormatError, LinkError, UavrtError
+from uavrt.errors import FormatError, LinkError, RecordingError, UavrtError
 from uavrt.ground.link.actions import (
     ACTIONS,
     COMMAND_OF_ACTION,
@@ -27,6 +27,10 @@ from uavrt.ground.link.actions import (
 from uavrt.ground.link.drone_link import GroundLink
 from uavrt.ground.link.session_parts import HeldSession
 from uavrt.recording.places import Mark, mark_note
+
+_SWITCHED_OFF_S: Final = 300.0
+"""Without contact for so long, the drone counts as switched off [s]: one that loses contact in
+flight is brought back by its failsafe earlier."""
 
 
 def _parameter(wish: Any) -> tuple[str, float]:
@@ -51,13 +55,13 @@ def _correction(session: HeldSession, request: Any) -> TagCorrection:
         last = next((x for x in session.store.corrections_listed if x.tag_id == tag_id), None)
         if last is None:
             raise FormatError(f"tag {tag_id} has no correction to undo")
-        return replace(last, time_ns=now_ns, before=tag, after=last.before, undo=True)
+        return last.undone(tag, now_ns)
     frequency_hz = request.get("frequency_hz")
     if not isinstance(frequency_hz, int | float):
         raise FormatError("frequency_hz must be a number")
     for beep in session.beeps:
         if tag.tag_id in beep.tag_ids and abs(beep.frequency_hz - frequency_hz) < 1.0:
-            correction = correction_of(tag, beep, now_ns)
+            correction = correction_of(tag, beep, now_ns, session.beeps)
             if correction is not None:
                 return correction
     raise FormatError(
@@ -164,32 +168,48 @@ class Commands:
         Raises `FormatError`: there is no such tag or sender, or nothing to correct.
         Raises `CommandRefused`, `LinkError`: the drone refused, or did not answer; the list is
         as it was.
+        Raises `RecordingError`: the list cannot be written; the text says what the drone has.
         """
         session, store = self._session, self._session.store
         correction = _correction(session, request)
-        after = correction.after
-        if faults := faults_of_tags([after]):
+        tag_id = correction.tag_id
+        if faults := faults_of_tags([correction.after]):
             raise FormatError(faults[0])
         sent = {tag.tag_id: tag for tag in session.sent_tags}
-        link = self._link_to_correct(searched=after.tag_id in sent or not sent)
-        async with self._working("correct_tag", f"correcting tag {after.tag_id}"):
+        link = self._link_to_correct(searched=tag_id in sent or not sent)
+        async with self._working("correct_tag", f"correcting tag {tag_id}"):
             if link is not None:
+                after = correction.applied(sent.get(tag_id, correction.before))
                 await link.correct_tag(after)
-                session.sent_tags = tuple((sent and sent | {after.tag_id: after}).values())
+                session.sent_tags = tuple((sent and sent | {tag_id: after}).values())
                 session.flight.correct_tags((after,))
-            await store.disk.run(store.correct_tag, correction)
-        session.beeps[:] = [one for one in session.beeps if after.tag_id not in one.tag_ids]
+            try:
+                await store.disk.run(store.correct_tag, correction)
+            except (OSError, UavrtError) as error:
+                reason = error.message if isinstance(error, UavrtError) else error
+                text = f"tag {tag_id} is not corrected in the list: {reason}"
+                if link is not None:
+                    text = f"tag {tag_id} is corrected on the drone, not in the list: {reason}"
+                raise RecordingError(
+                    text, remedy="Check that it is listed and the disk has room, and repeat it"
+                ) from error
+        session.beeps[:] = [one for one in session.beeps if tag_id not in one.tag_ids]
         session.tags_changed()
-        session.note(5, str(correction))
-        gain = await asyncio.to_thread(_gain_in_words, correction)
-        return f"{correction}{gain}"
+        text = str(correction)
+        if link is None and session.state is None and not session.flight.ended:
+            text += ". In the list alone: send the tags when the drone is back"
+        session.note(5, text)
+        return f"{text}{await asyncio.to_thread(_gain_in_words, correction)}"
 
     def _link_to_correct(self, *, searched: bool) -> GroundLink | None:
         """Get the link if the drone searches with the tag, or did before contact was lost."""
         session, now = self._session, self._session.situation()
         lost = session.state is None and not session.flight.ended
+        lost = lost and (now.drone_present or now.silent_s < _SWITCHED_OFF_S)
         in_flight = searched and (session.state is SystemState.DETECTING or lost)
         reason = cannot_command(now) if in_flight else wait_for(now)
+        if reason is not None and lost and not now.drone_present:
+            reason += f". The list alone can be corrected after {_SWITCHED_OFF_S / 60:.0f} min"
         if reason is not None:
             raise LinkError(reason)
         return session.link if in_flight else None

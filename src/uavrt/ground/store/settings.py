@@ -2,13 +2,14 @@
 
 import contextlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
 import msgspec
 
-from uavrt.atomic_file import write_atomically
+from uavrt.atomic_file import replacing, write_atomically
 from uavrt.batch.questions import check_archive
 from uavrt.commands import Generation
 from uavrt.config.parameters import check_start
@@ -184,25 +185,38 @@ class GroundStore:
 
     def set_tags(self, tags: tuple[Tag, ...]) -> None:
         """Keep the tag list."""
-        self.tags = tags
         if tags:
             write_tags(self._tags_path, tags)
         else:
             self._tags_path.unlink(missing_ok=True)
+        self.tags = tags
 
     def correct_tag(self, correction: TagCorrection) -> None:
-        """Put a corrected tag into the list, and keep the old values beside it."""
-        with self._corrections_path.open("ab") as file:
-            file.write(msgspec.json.encode(correction) + b"\n")
-        self.corrections.append(correction)
-        after = correction.after
-        self.set_tags(tuple(after if one.tag_id == after.tag_id else one for one in self.tags))
+        """Correct what was measured of a tag in the list, and keep the old values beside it.
+
+        Raises `ConfigError`, `OSError`: one of both cannot be written, or the tag is gone.
+        """
+        tags = {tag.tag_id: tag for tag in self.tags}
+        before = tags.get(correction.tag_id)
+        if before is None:
+            raise ConfigError("it is no longer listed")
+        after = correction.applied(before)
+        made = [*self.corrections, replace(correction, before=before, after=after)]
+        with replacing(self._corrections_path) as part:
+            # Both fit on the disk before either replaces what was there.
+            part.write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in made))
+            self.set_tags(tuple((tags | {after.tag_id: after}).values()))
+        self.corrections = made
 
     @property
     def corrections_listed(self) -> list[TagCorrection]:
         """The newest correction of each tag that is listed with its values."""
         last = {one.tag_id: one for one in standing_corrections(self.corrections)}
-        return [one for one in last.values() if one.after in self.tags]
+        return [
+            last[tag.tag_id]
+            for tag in self.tags
+            if tag.tag_id in last and last[tag.tag_id].applied(tag) == tag
+        ]
 
     def _read_corrections(self) -> list[TagCorrection]:
         """Read the corrections; a damaged line is left out."""
@@ -310,9 +324,9 @@ def _judged(name: str, value: Any) -> Any:
         case "my_place":
             return _receiver(str(value).strip())
         case "dem":
-            return _elevation(str(value).strip())
+            return _readable(str(value).strip(), open_elevation)
         case "archive":
-            return _archive(str(value).strip())
+            return _readable(str(value).strip(), check_archive)
         case "vehicle_name" if isinstance(value, str) and len(value.strip()) <= MOST_NAME:
             return " ".join(value.split())
         case "generation" if value in get_args(Generation):
@@ -352,26 +366,14 @@ def _receiver(text: str) -> str:
         ) from error
 
 
-def _elevation(text: str) -> str:
-    """Judge elevation files by opening them; empty for none."""
-    if not text:
-        return ""
+def _readable(text: str, read: Callable[[Path], object]) -> str:
+    """Judge a path by reading what is there; empty for none."""
     try:
-        open_elevation(Path(text))
+        if text:
+            read(Path(text))
     except FormatError as error:
         raise UsageError(error.message, remedy=error.remedy) from error
-    return str(Path(text).absolute())
-
-
-def _archive(text: str) -> str:
-    """Judge an archive by the table that each has; empty for none."""
-    if not text:
-        return ""
-    try:
-        check_archive(Path(text))
-    except FormatError as error:
-        raise UsageError(error.message, remedy=error.remedy) from error
-    return str(Path(text).absolute())
+    return text and str(Path(text).absolute())
 
 
 def _number(name: str, value: Any, low: float, high: float) -> float:

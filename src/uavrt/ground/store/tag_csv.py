@@ -7,6 +7,7 @@ or tabs between the cells.
 """
 
 import csv
+import math
 from collections.abc import Sequence
 
 from uavrt.recording.csv_line import text_of_cell
@@ -62,10 +63,10 @@ def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> 
 
 def _is_tag(cells: Sequence[str]) -> bool:
     selected, number, _, maker, frequency = cells
-    mhz = _number(frequency)
+    mhz = number_in_cell(frequency)
     return (
         selected.lower() in _SELECTED
-        and None not in (_number(number), _number(maker))
+        and None not in (number_in_cell(number), number_in_cell(maker))
         and mhz is not None
         and 20.0 <= mhz <= 1000.0
     )
@@ -76,13 +77,17 @@ def _is_maker(cells: Sequence[str]) -> bool:
     meanings = cells[4], cells[5]
     return (
         (bool(cells[1]) or all(meanings))
-        and all(_number(cell) is not None for cell in numbers)
-        and any(_number(word) is None for word in meanings)
+        and all(number_in_cell(cell) is not None for cell in numbers)
+        and any(number_in_cell(word) is None for word in meanings)
     )
 
 
-def _number(cell: str) -> float | None:
+def number_in_cell(written: object) -> float | None:
+    """Read a number as typed, with a point or a comma."""
     try:
-        return float(cell.replace(",", "."))
+        number = (
+            math.nan if isinstance(written, bool) else float(str(written).replace(",", "."))
+        )
     except ValueError:
         return None
+    return number if math.isfinite(number) else None

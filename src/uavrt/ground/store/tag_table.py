@@ -3,7 +3,6 @@
 import hashlib
 import io
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +11,11 @@ from typing import Any
 from uavrt.config.code_rules import words_of_near_codes
 from uavrt.config.settings import DetectionSettings
 from uavrt.config.tag_drafts import Entry, Fault, Quantity, TagDraft
-from uavrt.config.tag_files import parse_tags
-from uavrt.config.tag_info import format_tag_info
+from uavrt.config.tag_files import parse_tags, tags_as_text
 from uavrt.config.tag_rules import MAX_FALSE_ALARM_PROBABILITY, tags_from_drafts
-from uavrt.config.tags_toml import format_tags_toml
 from uavrt.errors import TagFileError, UsageError
 from uavrt.foreign import TAGS, read_file
-from uavrt.ground.store.tag_csv import is_selected, read_csv
+from uavrt.ground.store.tag_csv import is_selected, number_in_cell, read_csv
 from uavrt.messages import DEFAULT_FALSE_ALARM_PROBABILITY, Tag
 from uavrt.recording.csv_line import TableWriter
 
@@ -168,7 +165,9 @@ def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
     """
     table = [cells for text in files.values() for cells in read_csv(text)]
     told = [cells for cells in table if "manufacturerid" in cells and "selected" in cells]
-    numbers = [_number(cells.get("id")) for cells in told if not is_selected(cells["selected"])]
+    numbers = [
+        number_in_cell(cells.get("id")) for cells in told if not is_selected(cells["selected"])
+    ]
     return tuple(sorted({int(one) for one in numbers if one is not None})) if told else None
 
 
@@ -183,22 +182,8 @@ def export_text(tags: Sequence[Tag], name: str) -> str:
 
     Raises `UsageError`: there is no such format, or it cannot hold these tags.
     """
-    if name == "tags.toml":
-        return format_tags_toml(tags)
-    if name == "TagInfo.txt":
-        double = [tag.tag_id for tag in tags if len(tag.pulse_intervals_s) > 1]
-        if double:
-            raise UsageError(
-                f"TagInfo.txt has no column for a second interval (tags {double})",
-                remedy="Export tags.toml or tags.csv",
-            )
-        coded = [tag.tag_id for tag in tags if tag.coded]
-        if coded:
-            raise UsageError(
-                f"TagInfo.txt has no columns for coded tags (tags {coded})",
-                remedy="Download tags.toml",
-            )
-        return format_tag_info(tags)
+    if name in ("tags.toml", "TagInfo.txt"):
+        return tags_as_text(tags, Path(name).suffix)
     if name == "tags.csv":
         stream = io.StringIO()
         more = CODE_FIELDS if any(tag.coded for tag in tags) else ()
@@ -231,7 +216,7 @@ def _draft(row: Mapping[str, Any], index: int, found: list[FieldFault]) -> TagDr
             text = "must be empty: a coded tag has one interval, from burst to burst"
             found.append(FieldFault(row=index, field=field, text=text))
             continue
-        number = _number(str(written).rstrip().rstrip("%") if percent else written)
+        number = number_in_cell(str(written).rstrip().rstrip("%") if percent else written)
         if number is None:
             found.append(FieldFault(row=index, field=field, text="is not a number"))
             continue
@@ -278,7 +263,7 @@ def _gaps(
     entries = []
     apart = written.replace(",", " ") if "." in written else written
     for part in apart.replace(";", " ").split() or [""]:
-        number = _number(part.rstrip(","))
+        number = number_in_cell(part.rstrip(","))
         if number is None:
             text = "must be numbers between spaces" if written else "is needed"
             found.append(FieldFault(row=index, field="gaps_ms", text=text))
@@ -304,17 +289,6 @@ def _at_field(fault: Fault) -> FieldFault:
     return FieldFault(row=fault.line - 1, field=field, text=text)
 
 
-def _number(written: object) -> float | None:
-    """Read a number as typed, with a point or a comma."""
-    if isinstance(written, bool):
-        return None
-    try:
-        number = float(str(written).strip().replace(",", "."))
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
 def _tracker_row(
     name: str, cells: Mapping[str, str], makers: Mapping[str, Mapping[str, str]]
 ) -> Row:
@@ -332,7 +306,7 @@ def _tracker_row(
         "name": cells.get("name", ""),
         "frequency_mhz": cells.get("freqmhz", ""),
         "interval_ms": maker.get("ip_msecs_1", ""),
-        "second_interval_ms": "" if _number(second) in (None, 0.0) else second,
+        "second_interval_ms": "" if number_in_cell(second) in (None, 0.0) else second,
         "pulse_width_ms": maker.get("pulse_width", ""),
         "interval_uncertainty_ms": maker.get("uncertainty", ""),
         "interval_jitter_ms": maker.get("jitter", ""),
