@@ -753,7 +753,7 @@ class VehicleSeen:
     """Latitude and longitude [deg]."""
     battery_percent: float | None
     obeyed: bool
-    """The last command is seen to be obeyed."""
+    """The last command is seen to be obeyed, and another may follow now."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float

@@ -48,7 +48,7 @@ from uavrt.guidance.progress import SLOW_S
 from uavrt.guidance.stopping import stops_within_m
 from uavrt.guidance.wishes import CommandWriter, VehicleCommand
 from uavrt.guidance.yaw import OTHERS_TURN, RestingYaw
-from uavrt.messages import GoHome, TakeMode, TakeOff, VehicleSeen, Wish
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, VehicleSeen, Wish
 from uavrt.units import wrap_degrees_180
 
 BEGINS_WITHIN_S = 10.0
@@ -170,6 +170,8 @@ class Authority:
         self.reason = "nothing was confirmed"
         """Why it is out."""
         self.out_s = 0.0
+        self.nearest_m: float | None = None
+        """Least distance to its target that the leg before reached; None: it was no leg."""
         self.counters: Counter[str] = Counter()
         self._order: _Order | None = None
         self._offer: Offer | None = None
@@ -421,6 +423,7 @@ class Authority:
         command = self._writer.command(
             wish, first=first, datum_m=order.datum_m, home=self._home
         )
+        self._note_nearest(order)
         order.motion = Commanded(
             wish=wish,
             manners=self.manners,
@@ -507,9 +510,9 @@ class Authority:
 
     @property
     def obeyed(self) -> bool:
-        """Whether the last command was seen to be obeyed; another may follow."""
+        """Whether the last command is seen to be obeyed and another may follow now."""
         motion = self._motion
-        return motion is not None and motion.obeyed
+        return motion is not None and motion.obeyed and not motion.not_settled_yet
 
     # --------------------------------------------------------------- what is seen
 
@@ -766,6 +769,12 @@ class Authority:
         assert self._offer is not None
         self._withdrawn, self._offer = (self._offer.nonce, why), None
 
+    def _note_nearest(self, order: _Order) -> None:
+        """Keep how near the leg that is over came to its target."""
+        leg = order.motion or order.flown
+        flies = leg is not None and isinstance(leg.wish, FlyThere)
+        self.nearest_m = round(leg.left_m, 2) if leg is not None and flies else None
+
     def _end_if(self, fault: str | None, time_s: float) -> None:
         if fault is not None:
             self._end(fault, time_s)
@@ -775,6 +784,7 @@ class Authority:
         self._offer = None
         if self._order is None:
             return
+        self._note_nearest(self._order)
         self._order, self.reason, self.out_s = None, reason, time_s
         self.counters["orders_ended"] += 1
 

@@ -472,7 +472,8 @@ class MotionDesk:
             self._tell_late(authority)
             return False
         self._out.command(command_message(command, self._own_place()[0]))
-        log.info("commanded", command=command.name, order=order_id)
+        nearest_m = authority.nearest_m
+        log.info("commanded", command=command.name, order=order_id, nearest_m=nearest_m)
         return True
 
     def _tell_late(self, authority: Authority) -> None:
@@ -528,7 +529,13 @@ class MotionDesk:
         if standing is self._standing:
             return
         self._standing = standing
-        log.info("standing", standing=standing.value, reason=self._words())
+        ended = self._authority if standing is Standing.OUT else None
+        log.info(
+            "standing",
+            standing=standing.value,
+            reason=self._words(),
+            nearest_m=None if ended is None else ended.nearest_m,
+        )
         if standing is Standing.OUT:
             self._out.tell(StatusText(severity=5, text=f"Not flying: {self._words()}"))
         self._tell_state(now_s)
