@@ -1,7 +1,7 @@
 """Orders that an operator can give, and the vehicle's state during them. Pure."""
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.heights import LOWEST_M
@@ -86,6 +86,15 @@ class VehicleNow(VehicleSeen):
     """What flying takes, as learnt so far; None: as the limits tell."""
 
     @classmethod
-    def of(cls, seen: VehicleSeen, **own: Any) -> Self:
+    def of(
+        cls,
+        seen: VehicleSeen,
+        *,
+        time_s: float,
+        order_id: int | None,
+        began: bool,
+        wind: "Wind | None" = None,
+    ) -> Self:
         """Add what only the pilot knows to what is seen."""
-        return cls(**{field.name: getattr(seen, field.name) for field in fields(seen)}, **own)
+        shown = {field.name: getattr(seen, field.name) for field in fields(seen)}
+        return cls(**shown, time_s=time_s, order_id=order_id, began=began, wind=wind)

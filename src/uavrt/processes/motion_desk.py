@@ -13,7 +13,7 @@ from uavrt.clock import monotonic_s
 from uavrt.commands import CommandName
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused, TunnelError
-from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.authority import WHEN_YOURS, Authority, Standing
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Boot
@@ -152,8 +152,8 @@ class MotionDesk:
         self._said = ""
         self._awake_s = monotonic_s()
         self._late_turns = 0
-        self._rules_by_s = 0.0
-        """From then on silence counts, however seldom this process has a turn."""
+        self._silence_counts_from_s = 0.0
+        """Then silence counts again, however late the turns of this process come."""
         self._stop_by_s = 0.0
         self._silent_s: Mapping[Asker, float] = {}
         self._teller: tuple[Asker | None, float] = (None, -inf)
@@ -410,7 +410,7 @@ class MotionDesk:
             if offer.mode != self._authority.mode_now:
                 raise CommandRefused(
                     f"the mode is {self._authority.mode_now} now",
-                    remedy="Whoever changed it flies; ask anew once it is yours again",
+                    remedy=WHEN_YOURS,
                 )
             self._authority.offer(
                 offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff
@@ -495,7 +495,7 @@ class MotionDesk:
             self._late_turns = max(0, self._late_turns - 1)
         self._silent_s = silent_s
         if self._authority is not None:
-            if not self._late_turns or now_s >= self._rules_by_s:
+            if not self._late_turns or now_s >= self._silence_counts_from_s:
                 self._authority.tick(now_s)
             if self._stop_by_s:
                 self._go_on_stopping(self._authority, now_s)
@@ -516,7 +516,7 @@ class MotionDesk:
         gap_s, self._awake_s = now_s - self._awake_s, now_s
         if gap_s > LATE_S:
             if not self._late_turns:
-                self._rules_by_s = now_s + GAP_S
+                self._silence_counts_from_s = now_s + GAP_S
             self._late_turns = LATE_TURNS
         if gap_s > GAP_S and self._authority is not None:
             self._authority.stop(now_s, f"the drone side stood still for {gap_s:.0f} s")
