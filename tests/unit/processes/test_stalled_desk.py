@@ -54,7 +54,7 @@ def stalled(
     seconds: float,
     *,
     with_time: bool = True,
-    pilot: Callable[[], None] = lambda: None,
+    pilot: Callable[[], object] = lambda: None,
 ) -> None:
     """What arrives meanwhile is read after the first turn of the process.
 
