@@ -126,6 +126,10 @@ class Commanded:
         lost = not self.takes_off and target_age_s > self.manners.target_lost_s
         return "the target is no longer reported" if lost else None
 
+    def in_own_mode(self) -> None:
+        """Note that the vehicle is in our mode, which is all that `TakeMode` asks for."""
+        self.obeyed |= isinstance(self.wish, TakeMode)
+
     # ------------------------------------------------------------------ its target
 
     def see_target(

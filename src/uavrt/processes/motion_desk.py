@@ -13,10 +13,11 @@ from uavrt.clock import monotonic_s
 from uavrt.commands import CommandName
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused, TunnelError
-from uavrt.guidance.authority import WHEN_YOURS, Authority, Standing
+from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Boot
+from uavrt.guidance.offers import WHEN_YOURS
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
@@ -407,9 +408,9 @@ class MotionDesk:
         try:
             if self._authority is None:
                 raise CommandRefused("the autopilot is not known")
-            if offer.mode != self._authority.mode_now:
+            if offer.mode != self._authority.vehicle.mode_name:
                 raise CommandRefused(
-                    f"the mode is {self._authority.mode_now} now",
+                    f"the mode is {self._authority.vehicle.mode_name} now",
                     remedy=WHEN_YOURS,
                 )
             self._authority.offer(
@@ -444,7 +445,7 @@ class MotionDesk:
             return
         self._said = wish.said or self._said
         if wish.ends:
-            behind = "" if authority.late is None else f": {authority.late}"
+            behind = "" if authority.vehicle.late is None else f": {authority.vehicle.late}"
             authority.stop(now_s, f"{wish.said}{behind}")
         elif wish.wish is not None:
             if not late and self._command(authority, wish.order_id, wish.wish, now_s):
@@ -478,10 +479,11 @@ class MotionDesk:
 
     def _tell_late(self, authority: Authority) -> None:
         """Say once what keeps an order from being flown, if it is the link."""
-        if authority.late is None or authority.standing is Standing.OUT or self._late_told:
+        late = authority.vehicle.late
+        if late is None or authority.standing is Standing.OUT or self._late_told:
             return
         self._late_told = True
-        self._out.tell(StatusText(severity=4, text=f"Not commanded: {authority.late}"))
+        self._out.tell(StatusText(severity=4, text=f"Not commanded: {late}"))
 
     # ------------------------------------------------------------------------- words
 
@@ -546,7 +548,7 @@ class MotionDesk:
             return "the autopilot is not known"
         if self._authority.standing is Standing.OUT:
             return self._authority.reason
-        late = self._authority.late
+        late = self._authority.vehicle.late
         return self._said if late is None else f"{late}: nothing is commanded"
 
     @property
@@ -593,15 +595,7 @@ class MotionDesk:
     def _vehicle_report(self, now_s: float) -> VehicleReport:
         authority = self._authority
         if authority is None:
-            return VehicleReport(
-                autopilot=None,
-                fault=UNKNOWN,
-                takeoff_fault=UNKNOWN,
-                standing=Standing.OUT.value,
-                reason="",
-                order_id=None,
-                mode="",
-            )
+            return VehicleReport(autopilot=None, fault=UNKNOWN, takeoff_fault=UNKNOWN)
         battery = self._battery_percent
         return VehicleReport(
             autopilot=self._kind,
@@ -610,7 +604,7 @@ class MotionDesk:
             standing=authority.standing.value,
             reason=authority.reason,
             order_id=authority.order_id,
-            mode=authority.mode_now,
+            mode=authority.vehicle.mode_name,
             seen=authority.vehicle_seen(
                 battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
                 wishes_sent=self._sent,
