@@ -66,7 +66,7 @@ KEYS = Keys(
     },
     {
         "": 4.0,
-        "boot_s": 54.0,
+        **dict.fromkeys(("boot_s", "start_boot_s", "moved_boot_s"), 54.0),
         **dict.fromkeys(("made_s", "offered_s", "confirmed_s"), OFFER_S + 1.0),
     },
     {"OrderWatch.offer": _offer},

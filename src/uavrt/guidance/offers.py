@@ -51,7 +51,7 @@ class Offer:
         watch = self.yaw if isinstance(seen, PositionSeen) else self.target_yaw
         if watch is None or seen.yaw_deg is None:
             return False
-        return watch.turned(seen.time_s, seen.yaw_deg)
+        return watch.turned(seen.boot_s, seen.yaw_deg)
 
     def objection(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
         """Say what a report shows of a pilot who has flown the vehicle since."""
@@ -139,8 +139,12 @@ def resting(
     """Watch the heading of a vehicle that rests, if it reports one."""
     if seen is None or seen.yaw_deg is None:
         return None
+    boot_s = seen.boot_s + now_s - seen.time_s
     return RestingYaw(
-        start_s=now_s, yaw_deg=seen.yaw_deg, turning_deg_s=turning, tolerance_deg=tolerance
+        start_boot_s=boot_s,
+        yaw_deg=seen.yaw_deg,
+        turning_deg_s=turning,
+        tolerance_deg=tolerance,
     )
 
 

@@ -161,3 +161,20 @@ def test_a_pilot_who_flies_back_to_the_target_of_before_is_noticed_after_a_stall
     assert link.states[-1].text == "another has given a target"
     link.run(2.0)
     assert len(link.motions) == 2
+
+
+@pytest.mark.parametrize("flavour", ["px4", "ardupilot"])
+@pytest.mark.parametrize("with_time", [True, False])
+@pytest.mark.parametrize("turned_s", [0.3, 1.0])
+def test_a_turn_under_way_that_is_read_late_takes_no_offer_away(
+    flavour: Flavour, with_time: bool, turned_s: float
+) -> None:
+    link = Link(flown=Flown(flavour))
+    link.flown.vehicle.set_mode(MANNERS[flavour].own_mode)
+    link.run(2.0)
+    link.flown.change_heading(175.0)
+    link.run(turned_s)
+    link.offered(MANNERS[flavour].mode_name(link.flown.vehicle.mode))
+    stalled(link, 0.95, with_time=with_time)
+    link.run(1.0)
+    assert link.confirm().standing == "confirmed"
