@@ -753,7 +753,7 @@ class VehicleSeen:
     """Latitude and longitude [deg]."""
     battery_percent: float | None
     obeyed: bool
-    """The last command is seen to be obeyed."""
+    """The last command is seen to be obeyed, and another may follow now."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float
@@ -770,12 +770,12 @@ class VehicleReport:
     """Why no motion can be confirmed now, with the remedy."""
     takeoff_fault: str | None = field(kw_only=True, default=None)
     """Likewise why no take-off can."""
-    standing: str
+    standing: str = "out"
     """``"out"``, ``"confirmed"`` or ``"in command"``."""
-    reason: str
+    reason: str = ""
     """Why it is out."""
-    order_id: int | None
-    mode: str
+    order_id: int | None = None
+    mode: str = ""
     seen: VehicleSeen | None = None
     """None: its position or home is not known."""
     wind_m_s: tuple[float, float] | None = None

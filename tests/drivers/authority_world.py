@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from explored import Keys, copied
 
 from uavrt.errors import CommandRefused
-from uavrt.guidance.authority import Authority, Standing, _Order
+from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.observed import (
     BootTimeSeen,
@@ -20,6 +20,7 @@ from uavrt.guidance.observed import (
     PositionSeen,
     TargetSeen,
 )
+from uavrt.guidance.order_watch import OrderWatch
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.messages import FlyThere, GoHome
 from uavrt.simulation.flying import MODES, Flavour
@@ -38,35 +39,37 @@ METRES_PER_DEGREE = 111_195.0
 ORDERS = (1, 2)
 
 
-def _begun(order: _Order) -> bool:
+def _begun(order: OrderWatch) -> bool:
     return order.motion is not None
 
 
-def _target(authority: Authority) -> object:
-    """Age matters only while in command."""
-    target = authority._target
-    return target if target is None or authority._motion is not None else target.latitude_deg
+def _offer(order: OrderWatch) -> object:
+    """The initial state of an order matters until its first command is obeyed."""
+    if order.motion is None and order.offer.rests:
+        return order.offer
+    return order.offer.order_id, None if order.own_mode_seen else order.offer.mode
 
 
 KEYS = Keys(
     {
-        **dict.fromkeys((".counters", ".reason", ".out_s", ".manners", ".now_s")),
-        # Here no message is late, and neither home nor landing changes.
-        **dict.fromkeys([f"Authority._{one}" for one in ("lateness", "landed", "home")]),
-        "Authority._withdrawn": None,
-        # The initial state of an order matters until its first command is obeyed.
-        **dict.fromkeys(("_Order.confirmed_s", "_Order.rest"), _begun),
-        "_Order.mode": lambda order: order.motion is not None and order.own_mode_seen,
+        **dict.fromkeys((".counters", ".reason", ".out_s", ".nearest_m", ".manners", ".now_s")),
+        # Here no message is late, each mode is a heartbeat, and home and landing do not change.
+        **dict.fromkeys(
+            [f"ObservedVehicle.{one}" for one in ("_lateness", "heartbeat", "landed", "home")]
+        ),
+        "Offers._withdrawn": None,
+        "OrderWatch.confirmed_s": _begun,
+        # The same as the vehicle's.
+        **dict.fromkeys(("OrderWatch.target", "JumpWatch.before")),
         "Commanded.before": lambda motion: motion.obeyed,
         "Commanded.start": None,
     },
     {
         "": 4.0,
-        "heartbeat_s": 6.0,
-        "boot_s": 54.0,
+        **dict.fromkeys(("boot_s", "start_boot_s", "moved_boot_s"), 54.0),
         **dict.fromkeys(("made_s", "offered_s", "confirmed_s"), OFFER_S + 1.0),
     },
-    {"Authority._target": _target},
+    {"OrderWatch.offer": _offer},
 )
 
 

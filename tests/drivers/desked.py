@@ -140,7 +140,7 @@ class Desked(Flown):
                 order_id=order_id,
                 nonce=nonce_of(order_id),
                 summary="",
-                mode=self.authority.mode_now,
+                mode=self.authority.vehicle.mode_name,
                 takeoff=takeoff,
             )
         )

@@ -14,12 +14,13 @@ from uavrt.guidance.manners import MANNERS
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
+from uavrt.guidance.reports import now_of
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.mavlink import dialect
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.vehicle_messages import command_message, observations
 from uavrt.mavlink.wind import wind_of
-from uavrt.planning.vehicle import Wind
+from uavrt.messages import VehicleReport
 from uavrt.simulation.flying import DO_PAUSE_CONTINUE, MODES, Flavour, FlyingVehicle, Frame
 from uavrt.simulation.geometry import TangentPlane
 
@@ -64,7 +65,7 @@ class Flown:
         self.each_step: Callable[[], None] = lambda: None
         self.pilot: Pilot | None = None
         self.lessons = Lessons(self.limits.hover_w, self.limits.battery_wh)
-        self.wind: Wind | None = None
+        self.wind_m_s: tuple[float, float] | None = None
         """As told."""
         self.time_s = 100.0
         self.steps = 0
@@ -105,9 +106,7 @@ class Flown:
     def control(self) -> None:
         """What the drone side does in a step."""
         for message in self.through(self.time_s, self.telemetry()):
-            told = wind_of(message)
-            if told is not None:
-                self.wind = Wind(east_m_s=told[0], north_m_s=told[1])
+            self.wind_m_s = wind_of(message) or self.wind_m_s
             for seen in observations(message, self.time_s):
                 self.authority.see(seen)
         self.authority.tick(self.time_s)
@@ -151,16 +150,16 @@ class Flown:
             wishes_refused=self.refused,
             ground_silent_s=self.ground_silent_s,
         )
-        if seen is None:
-            return None
-        now = VehicleNow.of(
-            seen,
-            time_s=self.time_s,
+        report = VehicleReport(
+            autopilot=self.flavour,
+            fault=None,
+            standing=self.authority.standing.value,
             order_id=self.authority.order_id,
-            began=self.authority.standing is Standing.IN_COMMAND,
-            wind=self.wind,
+            seen=seen,
+            wind_m_s=self.wind_m_s,
         )
-        return self.lessons.taught(now)
+        now = now_of(report, self.time_s)
+        return None if now is None else self.lessons.taught(now)
 
     def order(self, action: Any, **values: Any) -> Pilot:
         """Ask for a motion and confirm it."""

@@ -80,7 +80,7 @@ def flown(seed: int) -> Mission:
         duration_s=LONGEST_S,
     )
     search.flown.vehicle.yaw_deg = float(rng.uniform(0.0, 360.0))
-    search.flown.wind, search.flown.wind_told = None, tells
+    search.flown.wind_m_s, search.flown.wind_told = None, tells
     search.flown.run(0.5)
     return _watched(search, seed, wind)
 

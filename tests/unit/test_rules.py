@@ -96,6 +96,18 @@ def test_records_of_the_inner_packages_are_no_dictionaries() -> None:
     assert not found, "make a frozen dataclass of it"
 
 
+def test_what_a_function_returns_is_described_in_one_place() -> None:
+    found = [
+        f"{name}:{node.lineno}"
+        for name, nodes in modules()
+        for node in nodes
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and node.value.count("\n    Returns: ") + node.value.count("\n        Returns: ") > 1
+    ]
+    assert not found, "write Returns (one, other): what one is; what the other is."
+
+
 def test_nothing_is_cited_that_a_reader_cannot_open() -> None:
     root = SOURCE.parents[1]
     files = [

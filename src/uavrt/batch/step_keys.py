@@ -21,8 +21,7 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
     """Name what each step of a flight reads, whether it is asked for or not.
 
     `task`: the flight as it is, its pulses, and the settings.
-    Returns: for an antenna that has a pattern.
-    Returns: for a monopole.
+    Returns (patterned, monopole): for an antenna that has a pattern, and for a monopole.
     Raises `OSError`: a file cannot be reached.
     """
     how = task.settings

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
-from math import cos, isfinite, pi, sin
+from math import cos, pi, sin
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -46,7 +46,7 @@ def area_in(text: str, name: str) -> tuple[Place, ...]:
     `name`: its name, for the error.
     Raises `FormatError`: it is none of the three, or holds no outline or several.
     """
-    with _told(f"{name} gives no area", _REMEDY):
+    with in_words(f"{name} gives no area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:
             raise ValueError(f"it holds {len(outlines)} outlines, not one")
@@ -67,7 +67,7 @@ def keep_out_in(text: str, name: str, *, every: bool = False) -> tuple[KeepOut, 
     Point of GeoJSON.
     Raises `FormatError`: it is none of the three, or one of them is no place.
     """
-    with _told(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
+    with in_words(f"{name} gives no places to keep out of", _KEEP_OUT_REMEDY):
         found = tuple(
             _kept(one)
             for one in _read(text, every=every)
@@ -92,8 +92,8 @@ class _Outline:
 
 
 @contextmanager
-def _told(what: str, remedy: str) -> Iterator[None]:
-    """Turn whatever a strange text makes of itself into a `FormatError`."""
+def in_words(what: str, remedy: str) -> Iterator[None]:
+    """Turn whatever a strange text causes into a `FormatError` that says what is wrong."""
     try:
         yield
     except (
@@ -106,7 +106,12 @@ def _told(what: str, remedy: str) -> Iterator[None]:
         RecursionError,
         ET.ParseError,
     ) as error:
-        raise FormatError(f"{what}: {in_words(error)}", remedy=remedy) from error
+        reason = str(error)
+        if isinstance(error, KeyError):
+            reason = f"something in it has no {error}"
+        elif isinstance(error, AttributeError | TypeError | IndexError):
+            reason = "it is neither GeoJSON nor a plan: a part of it is of another kind"
+        raise FormatError(f"{what}: {reason}", remedy=remedy) from error
 
 
 def _read(text: str, *, every: bool = False) -> list[_Outline]:
@@ -125,14 +130,19 @@ def _checked(corners: list[tuple[float, float]], least: int = 3) -> tuple[Place,
     places = tuple((float(north), float(east)) for north, east in corners)
     if places[:1] == places[-1:] and len(places) > 1:
         places = places[:-1]
-    for north, east in places:
-        if not (isfinite(north) and isfinite(east) and abs(north) <= 90 and abs(east) <= 180):
-            raise ValueError(f"{north:g}, {east:g} is no place on earth")
+    check_places(places)
     if len(places) > MOST_CORNERS:
         raise ValueError(f"an outline of {len(places)} corners, more than {MOST_CORNERS}")
     if len(places) < least:
         raise ValueError("an outline has three corners or more")
     return places
+
+
+def check_places(places: tuple[Place, ...]) -> None:
+    """Raise `ValueError` for what is no latitude and longitude."""
+    for north, east in places:
+        if not (abs(north) <= 90 and abs(east) <= 180):
+            raise ValueError(f"{north:g}, {east:g} is no place on earth")
 
 
 def _kept(one: _Outline) -> KeepOut:
@@ -158,15 +168,6 @@ def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
     angles = [2.0 * pi * number / CIRCLE_CORNERS for number in range(CIRCLE_CORNERS)]
     places = [plane.to_geodetic(radius_m * sin(a), radius_m * cos(a)) for a in angles]
     return tuple((float(north), float(east)) for north, east in places)
-
-
-def in_words(error: Exception) -> str:
-    """What is wrong with a text; Python's own words for a strange one help nobody."""
-    if isinstance(error, KeyError):
-        return f"something in it has no {error}"
-    if isinstance(error, AttributeError | TypeError | IndexError):
-        return "it is neither GeoJSON nor a plan: a part of it is of another kind"
-    return str(error)
 
 
 def _of_json(text: str, every: bool) -> Iterator[_Outline]:

@@ -126,6 +126,10 @@ class Commanded:
         lost = not self.takes_off and target_age_s > self.manners.target_lost_s
         return "the target is no longer reported" if lost else None
 
+    def in_own_mode(self) -> None:
+        """Note that the vehicle is in our mode, which is all that `TakeMode` asks for."""
+        self.obeyed |= isinstance(self.wish, TakeMode)
+
     # ------------------------------------------------------------------ its target
 
     def see_target(
@@ -148,8 +152,7 @@ class Commanded:
             watch = self.target_yaw or self.yaw
             self.obeyed |= watch is None or watch.begun
             return fault
-        waits = not self.obeyed and seen.time_s - self.sent_s < CHANGES_WITHIN_S
-        return None if waits and self._may_be_before(seen, position) else OTHERS_TARGET
+        return None if self._may_be_before(seen, position) else OTHERS_TARGET
 
     def see_target_yaw(
         self, seen: TargetSeen, position: PositionSeen | None, turning_deg_s: float
@@ -169,16 +172,14 @@ class Commanded:
                 exact=True,
             )
         here = (None, 0.0) if position is None else position.way_to(self.wish)
-        return self.target_yaw.fault(seen.time_s, seen.yaw_deg, *here)
+        return self.target_yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _see_target_of_takeoff(self, seen: TargetSeen) -> str | None:
         """None, or above where it stood and at the height asked for, where it reports one."""
         height = seen.altitude_amsl_m
         if seen.latitude_deg is None or height is None:
             return None
-        waits = isinstance(self.wish, TakeMode) or (
-            not self.obeyed and seen.time_s - self.sent_s < CHANGES_WITHIN_S
-        )
+        waits = isinstance(self.wish, TakeMode) or self._waits(seen)
         before = waits and abs(height - self.start.altitude_amsl_m) < HEIGHT_OFF_M
         wanted = isinstance(self.wish, TakeOff) and (
             abs(height - self.highest_m) <= self.manners.target_m
@@ -189,8 +190,19 @@ class Commanded:
     def _same(self, one: TargetSeen, other: TargetSeen | FlyThere) -> bool:
         return same_place(one, other, self.manners.target_m)
 
+    def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
+        """When a report was made at the latest [s]: after a stall it is read later."""
+        by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
+        return min(seen.time_s, by_its_clock_s)
+
+    def _waits(self, seen: TargetSeen) -> bool:
+        """Whether the autopilot may not have taken the command when it reported this."""
+        return not self.obeyed and self._made_s(seen) - self.sent_s < CHANGES_WITHIN_S
+
     def _may_be_before(self, seen: TargetSeen, position: PositionSeen | None) -> bool:
         """Whether it is that of before the command, or what our change of mode makes."""
+        if not self._waits(seen):
+            return False
         if self.before is not None and self._same(seen, self.before):
             return True
         if not self.first or position is None:
@@ -226,7 +238,7 @@ class Commanded:
             return None
         wish = self.wish
         here = seen.way_to(wish) if isinstance(wish, FlyThere) else (None, 0.0)
-        return self.yaw.fault(seen.time_s, seen.yaw_deg, *here)
+        return self.yaw.fault(self._made_s(seen), seen.yaw_deg, *here)
 
     def _see_climb(self, seen: PositionSeen) -> str | None:
         """Straight up, without rest, to its height; in `TakeMode` it stays on the ground."""

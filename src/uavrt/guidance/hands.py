@@ -14,45 +14,46 @@ FIRST_SWITCH = 5
 """Number of the first channel after the sticks."""
 
 
-class SwitchWatch:
-    """Whether a switch stands elsewhere than it stood.
+class HandWatch:
+    """Says whether a stick or a switch stands elsewhere than it stood.
 
-    One message may be a receiver's slip; a second one, or 0.1 s without another, is none.
+    One message may be a receiver's slip of a switch; a second one, or 0.1 s without another, is
+    none.
 
-    `then_us`: channels from 5 on, as they stood [µs].
+    `then`: the remote control as it was seen.
     `unwatched`: numbers of channels that no hand moves, such as one that carries the RSSI.
     """
 
-    def __init__(self, then_us: tuple[int, ...], unwatched: frozenset[int]) -> None:
-        self._then_us, self._unwatched = then_us, unwatched
+    def __init__(self, then: SticksSeen, unwatched: frozenset[int]) -> None:
+        self._then, self._unwatched = then, unwatched
         self._off_since_s: dict[int, float] = {}
 
     @property
     def unsure(self) -> bool:
-        """Whether one has just been seen elsewhere, once."""
+        """Whether a switch has just been seen elsewhere, once."""
         return bool(self._off_since_s)
 
-    def see(self, seen: SticksSeen) -> int | None:
-        """Number of a channel that was switched for sure, by what is told now."""
+    def see(self, seen: SticksSeen) -> str | None:
+        """Say what was moved for sure, by what is reported now."""
         off = self._elsewhere(seen.switches_us)
         again = [number for number in off if number in self._off_since_s]
         self._off_since_s = {
             number: self._off_since_s.get(number, seen.time_s) for number in off
         }
-        return min(again, default=None)
+        sticks = zip(seen.channels_us, self._then.channels_us, strict=True)
+        if any(abs(now - then) > STICK_US for now, then in sticks):
+            return "the sticks were moved"
+        return _switched(again)
 
-    def sure(self, now_s: float) -> int | None:
-        """The same when nothing was told meanwhile."""
-        lasting = (
-            number
-            for number, since_s in self._off_since_s.items()
-            if now_s - since_s >= SURE_AFTER_S
-        )
-        return min(lasting, default=None)
+    def sure(self, now_s: float) -> str | None:
+        """Say which switch was moved for sure when nothing was reported meanwhile."""
+        since_s = self._off_since_s.items()
+        return _switched([one for one, at_s in since_s if now_s - at_s >= SURE_AFTER_S])
 
     def _elsewhere(self, now_us: tuple[int, ...]) -> list[int]:
-        most = max(len(now_us), len(self._then_us))
-        now, then = (one + (0,) * (most - len(one)) for one in (now_us, self._then_us))
+        then_us = self._then.switches_us
+        most = max(len(now_us), len(then_us))
+        now, then = (one + (0,) * (most - len(one)) for one in (now_us, then_us))
         return [
             number
             for number, (a, b) in enumerate(zip(now, then, strict=True), FIRST_SWITCH)
@@ -60,13 +61,9 @@ class SwitchWatch:
         ]
 
 
-def sticks_moved(seen: SticksSeen, then_us: tuple[int, ...]) -> bool:
-    """Whether a stick is elsewhere, of a remote control that is seen."""
-    return len(seen.channels_us) == len(then_us) and any(
-        abs(now - then) > STICK_US for now, then in zip(seen.channels_us, then_us, strict=True)
-    )
-
-
-def switched(channel: int) -> str:
+def _switched(channels: list[int]) -> str | None:
     """Say which switch was moved, and what to do if it is none."""
-    return f"RC channel {channel} was switched (guidance.unwatched_channels leaves it out)"
+    if not channels:
+        return None
+    unless = "(guidance.unwatched_channels leaves it out)"
+    return f"RC channel {min(channels)} was switched {unless}"

@@ -22,11 +22,13 @@ class Lateness:
     def __init__(self) -> None:
         self._least: tuple[float, float] | None = None
         """Arrival [s] and offset [s] of the quickest message."""
+        self._boot_s = 0.0
         self.late_s = 0.0
         """Of the message that came last."""
 
     def see(self, seen: BootTimeSeen) -> None:
         """Measure a message."""
+        self._boot_s = max(seen.boot_s, self._boot_s)
         offset_s = seen.time_s - seen.boot_s
         expected_s = offset_s
         if self._least is not None:
@@ -35,6 +37,10 @@ class Lateness:
         if offset_s <= expected_s:
             self._least = seen.time_s, offset_s
         self.late_s = max(0.0, offset_s - expected_s if seen.late_s is None else seen.late_s)
+
+    def starts_again(self, seen: BootTimeSeen) -> bool:
+        """Whether the autopilot has started since the messages before."""
+        return seen.boot_s + 1.0 < self._boot_s
 
     @property
     def fault(self) -> str | None:

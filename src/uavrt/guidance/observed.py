@@ -63,7 +63,7 @@ class TargetSeen:
     """POSITION_TARGET_GLOBAL_INT: where the autopilot is flying to."""
 
     time_s: float
-    boot_s: float = 0.0
+    boot_s: float
     """The autopilot's time since its start."""
     latitude_deg: float | None
     """None: it follows no place."""

@@ -1,10 +1,10 @@
 """Orders that an operator can give, and the vehicle's state during them. Pure."""
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Self
 
+from uavrt.config.settings import GuidanceSettings
 from uavrt.guidance.ground import GroundAround
-from uavrt.guidance.heights import LOWEST_M
 from uavrt.messages import KeepOut, Motion, VehicleSeen
 
 if TYPE_CHECKING:
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float]
 """Latitude and longitude [deg]."""
-LinkLost = Literal["hold", "return", "go on"]
 OFFER_HOLDS_S = 10.0
 """From an order's offer to its confirmation: so long the operator may think."""
 
@@ -32,43 +31,17 @@ class Order(Motion):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
-    """What no order may go beyond."""
+class Limits(GuidanceSettings):
+    """What no order may go beyond: the drone's settings, and what is around it."""
 
-    lowest_m: float = LOWEST_M
-    highest_m: float = 120.0
-    """Above ground."""
-    fence_m: float = 500.0
-    """Radius around home."""
-    speed_m_s: float = 5.0
-    """Over ground, that the autopilot flies at; for times and energies only."""
-    airspeed_m_s: float = 12.0
-    """Greatest: against the wind it comes forward the slower."""
-    wind_m_s: float = 8.0
-    """That blows against the way home where the autopilot tells of none."""
-    return_height_m: float = 60.0
-    """To which the autopilot climbs before it returns."""
-    hover_w: float | None = None
-    """Power of hovering; None: not known."""
-    battery_wh: float | None = None
-    """Of a full battery; None: not known."""
-    reserve_percent: float = 25.0
-    """That is left at home."""
     ground: GroundAround | None = None
     """The ground around home; None: taken to be level."""
-    headings: int = 12
-    """Of a turn by steps."""
-    keep_away_m: float = 30.0
-    """A search keeps so far, over ground, from where animals may be; 0: it does not."""
     keep_out: tuple[KeepOut, ...] = ()
     """People and buildings: nothing is flown over them."""
     stay_in: tuple[KeepOut, ...] = ()
     """Areas that nothing leaves: the vehicle's own fence."""
-    link_lost: LinkLost = "hold"
     link_lost_s: float = 5.0
     """So long without a ground station is lost."""
-    return_after_s: float = 60.0
-    """Of holding without a ground station."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,8 +57,3 @@ class VehicleNow(VehicleSeen):
     """By the autopilot; None: it tells of none."""
     energy: "EnergyModel | None" = None
     """What flying takes, as learnt so far; None: as the limits tell."""
-
-    @classmethod
-    def of(cls, seen: VehicleSeen, **own: Any) -> Self:
-        """Add what only the pilot knows to what is seen."""
-        return cls(**{field.name: getattr(seen, field.name) for field in fields(seen)}, **own)

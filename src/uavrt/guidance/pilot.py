@@ -141,7 +141,7 @@ class Pilot:
         if now.wishes_sent + now.wishes_refused < self._wished or (
             now.began and not now.obeyed
         ):
-            return None  # the last one is on its way, or is not seen to be obeyed yet
+            return None  # the last one is on its way, not seen to be obeyed, or nearly there
         if now.wishes_sent < self._sent_for_step:
             self._wished_step = None  # it was refused
         urgent = self._urgent(now)

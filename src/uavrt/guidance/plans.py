@@ -326,12 +326,9 @@ def check_map(now: VehicleNow, limits: Limits) -> None:
 
 def map_fault(now: VehicleNow, limits: Limits) -> str | None:
     """How far map and autopilot are apart at home, where that is too much."""
-    if limits.ground is None:
-        return None
-    apart = limits.ground.apart_m(now.altitude_amsl_m - now.altitude_relative_m)
-    if apart is None:
-        return None
-    return f"home is {apart:+.0f} m off the map of heights"
+    ground, home_amsl_m = limits.ground, now.altitude_amsl_m - now.altitude_relative_m
+    apart = None if ground is None else ground.apart_m(home_amsl_m)
+    return None if apart is None else f"home is {apart:+.0f} m off the map of heights"
 
 
 def check_ground(

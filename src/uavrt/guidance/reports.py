@@ -1,5 +1,7 @@
 """The vehicle's state as it travels from the connection to the guide. Pure."""
 
+from dataclasses import fields
+
 from uavrt.guidance.authority import Standing
 from uavrt.guidance.orders import VehicleNow
 from uavrt.messages import VehicleReport
@@ -11,8 +13,8 @@ def now_of(report: VehicleReport, time_s: float) -> VehicleNow | None:
     seen, wind = report.seen, report.wind_m_s
     if seen is None:
         return None
-    return VehicleNow.of(
-        seen,
+    return VehicleNow(
+        **{one.name: getattr(seen, one.name) for one in fields(seen)},
         time_s=time_s,
         order_id=report.order_id,
         began=report.standing == Standing.IN_COMMAND.value,

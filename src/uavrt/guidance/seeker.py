@@ -351,13 +351,14 @@ class Seeker:
         decision = self._decide(state, now, others)
         goal = _goal_of(decision.action)
         goes_on = goal is not None and self._is_goal(goal)
-        stays_on = staying and not must and goal is None and not _ends(decision.action)
+        ends = isinstance(decision.action, Return)
+        stays_on = staying and not must and goal is None and not ends
         if not idle and (goes_on or stays_on):
             return Choice(steps=None, said=self._said, notes=tuple(notes))
         self._before = self._mind
         self._near = self._search.near(state)
         self._way_m, self._goal_m = self._goal_m, goal
-        self._over = isinstance(decision.action, Return)
+        self._over = ends
         short = self._words(decision.action, now)
         self._said = (
             f"{len(self._search.found)} of {len(self.tags)} found; {short}: {decision.reason}"
@@ -675,10 +676,6 @@ def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, 
         [float(north) + radius * cos(a) for a in angles],
     )
     return tuple((float(a), float(b)) for a, b in zip(latitude, longitude, strict=True))
-
-
-def _ends(action: Action) -> bool:
-    return isinstance(action, Return)
 
 
 def _goal_of(action: Action) -> tuple[float, float] | None:

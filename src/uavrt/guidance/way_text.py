@@ -5,18 +5,16 @@ QGroundControl's file: its format of plans, version 1. A way is made of its wayp
 """
 
 from collections.abc import Iterator
-from math import isfinite
 from typing import Any
-from xml.etree import ElementTree as ET
 
-from uavrt.errors import FormatError
 from uavrt.foreign import SHAPES, read_json, read_xml
-from uavrt.guidance.area_text import in_words
+from uavrt.guidance.area_text import check_places, in_words
 from uavrt.guidance.orders import Place
 
 _WAYPOINTS = range(16, 23)
 _RETURN = 20
 _MOST_PLACES = 20_000
+_REMEDY = "Name a plan of QGroundControl (.plan), GeoJSON or KML"
 
 
 def way_in(text: str, name: str) -> tuple[Place, ...]:
@@ -26,25 +24,13 @@ def way_in(text: str, name: str) -> tuple[Place, ...]:
     `name`: its name, for the error.
     Raises `FormatError`: it is none of the three kinds of file, or its places are none.
     """
-    try:
+    with in_words(f"{name} gives no way", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))
         if len(places) > _MOST_PLACES:
             raise ValueError(f"it has more than {_MOST_PLACES} places")
-        for north, east in places:
-            if not (
-                isfinite(north) and isfinite(east) and abs(north) <= 90 and abs(east) <= 180
-            ):
-                raise ValueError(f"{north:g}, {east:g} is no place on earth")
-    except (
-        *(ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError),
-        ET.ParseError,
-    ) as error:
-        raise FormatError(
-            f"{name} gives no way: {in_words(error)}",
-            remedy="Name a plan of QGroundControl (.plan), GeoJSON or KML",
-        ) from error
-    return places if len(places) > 1 else ()
+        check_places(places)
+        return places if len(places) > 1 else ()
 
 
 def _of_json(found: Any) -> Iterator[Place]:

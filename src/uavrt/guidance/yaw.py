@@ -204,23 +204,24 @@ def _setpoint_turns_on_deg(turning_deg_s: float) -> float:
 class RestingYaw:
     """Heading of a drone that stands by no order of ours.
 
-    A turn that was going on may come to its end, and be made up for as after a command.
+    A turn that was going on may come to its end, and be made up for as after a command. Times
+    are those of the autopilot since its start: after a stall of our process reports come late.
     """
 
-    start_s: float
+    start_boot_s: float
     yaw_deg: float
     """Where it is, or the end of the turn so far."""
     turning_deg_s: float
     tolerance_deg: float
-    _moved_s: float = -1.0
+    _moved_boot_s: float = -1.0
 
-    def turned(self, time_s: float, yaw_deg: float) -> bool:
+    def turned(self, boot_s: float, yaw_deg: float) -> bool:
         """Take a heading; whether another has turned the drone."""
         step = wrap_degrees_180(yaw_deg - self.yaw_deg)
         if abs(self.turning_deg_s) > TURNING_DEG_S:
-            since_s = max(self._moved_s, self.start_s)
-            if step * self.turning_deg_s > 0.0 and time_s - since_s < TURNED_S:
-                self.yaw_deg, self._moved_s, step = yaw_deg, time_s, 0.0
-        turns_on = time_s - max(self._moved_s, self.start_s) < TURNS_ON_S
+            since_s = max(self._moved_boot_s, self.start_boot_s)
+            if step * self.turning_deg_s > 0.0 and boot_s - since_s < TURNED_S:
+                self.yaw_deg, self._moved_boot_s, step = yaw_deg, boot_s, 0.0
+        turns_on = boot_s - max(self._moved_boot_s, self.start_boot_s) < TURNS_ON_S
         most = self.tolerance_deg + turns_on * _turns_on_deg(self.turning_deg_s)
         return abs(step) > most

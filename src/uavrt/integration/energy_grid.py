@@ -230,9 +230,8 @@ def gather(
     A clock that was set back, or by hours, is treated as if it had not been set.
 
     `blocks`: samples, and the time of the first [ns, UTC], in order.
-    Returns: shape (n,).
-    Returns: `there` (n,): False where samples are missing.
-    Returns: `start_ns`: time of the first; 0 of no blocks.
+    Returns (samples, there, start_ns): shape (n,); False where samples are missing; time of
+    the first, 0 of no blocks.
     """
     parts: list[NDArray[np.complex64]] = []
     gaps: list[tuple[int, int]] = []

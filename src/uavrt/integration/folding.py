@@ -76,8 +76,7 @@ def highest(
     `sums`: shape (patterns, rows, period).
     `mixing`: shape (places, patterns).
     `scale` (rows,): positive, of each row's sums.
-    Returns: shape (places,).
-    Returns: `cell` (places,): index among rows and phases.
+    Returns (highest, cell), each (places,): the sum, and its index among rows and phases.
     """
     patterns, rows, period = sums.shape
     places = len(mixing)

@@ -8,7 +8,7 @@ import secrets
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -19,11 +19,11 @@ from uavrt.errors import ConfigError, PlanError, UavrtError
 from uavrt.foreign import SHAPES, read_file
 from uavrt.geodesy import distance_m
 from uavrt.guidance.area_text import keep_out_in
-from uavrt.guidance.authority import HOME_MOVED_M
 from uavrt.guidance.company import Company
 from uavrt.guidance.ground import GroundAround
 from uavrt.guidance.lessons import Lessons
 from uavrt.guidance.manners import manners_of
+from uavrt.guidance.offers import HOME_MOVED_M
 from uavrt.guidance.orders import Limits, Order, VehicleNow
 from uavrt.guidance.pilot import Pilot
 from uavrt.guidance.plans import plan_of
@@ -75,23 +75,8 @@ def limits_of(settings: GuidanceSettings) -> Limits:
     Raises `ConfigError`, `FormatError`: the file of places to keep out of cannot be read, or
     holds none.
     """
-    return Limits(
-        lowest_m=settings.lowest_m,
-        highest_m=settings.highest_m,
-        fence_m=settings.fence_m,
-        speed_m_s=settings.speed_m_s,
-        airspeed_m_s=settings.airspeed_m_s,
-        wind_m_s=settings.wind_m_s,
-        return_height_m=settings.return_height_m,
-        hover_w=settings.hover_w,
-        battery_wh=settings.battery_wh,
-        reserve_percent=settings.reserve_percent,
-        headings=settings.headings,
-        keep_away_m=settings.keep_away_m,
-        keep_out=keep_out_of(settings),
-        link_lost=settings.link_lost,
-        return_after_s=settings.return_after_s,
-    )
+    own = {one.name: getattr(settings, one.name) for one in fields(settings)}
+    return Limits(**own, keep_out=keep_out_of(settings))
 
 
 def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:

@@ -17,6 +17,7 @@ from uavrt.guidance.authority import Authority, Standing
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Boot
+from uavrt.guidance.offers import WHEN_YOURS
 from uavrt.guidance.wishes import CommandWriter
 from uavrt.log import get_logger
 from uavrt.mavlink import dialect
@@ -152,8 +153,8 @@ class MotionDesk:
         self._said = ""
         self._awake_s = monotonic_s()
         self._late_turns = 0
-        self._rules_by_s = 0.0
-        """From then on silence counts, however seldom this process has a turn."""
+        self._silence_counts_from_s = 0.0
+        """Then silence counts again, however late the turns of this process come."""
         self._stop_by_s = 0.0
         self._silent_s: Mapping[Asker, float] = {}
         self._teller: tuple[Asker | None, float] = (None, -inf)
@@ -407,10 +408,10 @@ class MotionDesk:
         try:
             if self._authority is None:
                 raise CommandRefused("the autopilot is not known")
-            if offer.mode != self._authority.mode_now:
+            if offer.mode != self._authority.vehicle.mode_name:
                 raise CommandRefused(
-                    f"the mode is {self._authority.mode_now} now",
-                    remedy="Whoever changed it flies; ask anew once it is yours again",
+                    f"the mode is {self._authority.vehicle.mode_name} now",
+                    remedy=WHEN_YOURS,
                 )
             self._authority.offer(
                 offer.order_id, offer.nonce, monotonic_s(), takeoff=offer.takeoff
@@ -444,7 +445,7 @@ class MotionDesk:
             return
         self._said = wish.said or self._said
         if wish.ends:
-            behind = "" if authority.late is None else f": {authority.late}"
+            behind = "" if authority.vehicle.late is None else f": {authority.vehicle.late}"
             authority.stop(now_s, f"{wish.said}{behind}")
         elif wish.wish is not None:
             if not late and self._command(authority, wish.order_id, wish.wish, now_s):
@@ -472,15 +473,17 @@ class MotionDesk:
             self._tell_late(authority)
             return False
         self._out.command(command_message(command, self._own_place()[0]))
-        log.info("commanded", command=command.name, order=order_id)
+        nearest_m = authority.nearest_m
+        log.info("commanded", command=command.name, order=order_id, nearest_m=nearest_m)
         return True
 
     def _tell_late(self, authority: Authority) -> None:
         """Say once what keeps an order from being flown, if it is the link."""
-        if authority.late is None or authority.standing is Standing.OUT or self._late_told:
+        late = authority.vehicle.late
+        if late is None or authority.standing is Standing.OUT or self._late_told:
             return
         self._late_told = True
-        self._out.tell(StatusText(severity=4, text=f"Not commanded: {authority.late}"))
+        self._out.tell(StatusText(severity=4, text=f"Not commanded: {late}"))
 
     # ------------------------------------------------------------------------- words
 
@@ -494,7 +497,7 @@ class MotionDesk:
             self._late_turns = max(0, self._late_turns - 1)
         self._silent_s = silent_s
         if self._authority is not None:
-            if not self._late_turns or now_s >= self._rules_by_s:
+            if not self._late_turns or now_s >= self._silence_counts_from_s:
                 self._authority.tick(now_s)
             if self._stop_by_s:
                 self._go_on_stopping(self._authority, now_s)
@@ -515,7 +518,7 @@ class MotionDesk:
         gap_s, self._awake_s = now_s - self._awake_s, now_s
         if gap_s > LATE_S:
             if not self._late_turns:
-                self._rules_by_s = now_s + GAP_S
+                self._silence_counts_from_s = now_s + GAP_S
             self._late_turns = LATE_TURNS
         if gap_s > GAP_S and self._authority is not None:
             self._authority.stop(now_s, f"the drone side stood still for {gap_s:.0f} s")
@@ -528,7 +531,13 @@ class MotionDesk:
         if standing is self._standing:
             return
         self._standing = standing
-        log.info("standing", standing=standing.value, reason=self._words())
+        ended = self._authority if standing is Standing.OUT else None
+        log.info(
+            "standing",
+            standing=standing.value,
+            reason=self._words(),
+            nearest_m=None if ended is None else ended.nearest_m,
+        )
         if standing is Standing.OUT:
             self._out.tell(StatusText(severity=5, text=f"Not flying: {self._words()}"))
         self._tell_state(now_s)
@@ -539,7 +548,7 @@ class MotionDesk:
             return "the autopilot is not known"
         if self._authority.standing is Standing.OUT:
             return self._authority.reason
-        late = self._authority.late
+        late = self._authority.vehicle.late
         return self._said if late is None else f"{late}: nothing is commanded"
 
     @property
@@ -586,15 +595,7 @@ class MotionDesk:
     def _vehicle_report(self, now_s: float) -> VehicleReport:
         authority = self._authority
         if authority is None:
-            return VehicleReport(
-                autopilot=None,
-                fault=UNKNOWN,
-                takeoff_fault=UNKNOWN,
-                standing=Standing.OUT.value,
-                reason="",
-                order_id=None,
-                mode="",
-            )
+            return VehicleReport(autopilot=None, fault=UNKNOWN, takeoff_fault=UNKNOWN)
         battery = self._battery_percent
         return VehicleReport(
             autopilot=self._kind,
@@ -603,7 +604,7 @@ class MotionDesk:
             standing=authority.standing.value,
             reason=authority.reason,
             order_id=authority.order_id,
-            mode=authority.mode_now,
+            mode=authority.vehicle.mode_name,
             seen=authority.vehicle_seen(
                 battery_percent=battery if now_s - self._battery_s <= BATTERY_AGE_S else None,
                 wishes_sent=self._sent,

@@ -84,8 +84,8 @@ class PulseOutlet:
     ) -> tuple[bool, float | None]:
         """Handle a ground station's receipt.
 
-        Returns: whether it has acknowledged a pulse, now or before: a station listens.
-        Returns: the round trip that the receipt shows [s], if it does.
+        Returns (listens, round_trip_s): whether it has acknowledged a pulse, now or before,
+        and the round trip that the receipt shows, if it does.
         """
         try:
             receipt = Receipt.decode(payload)

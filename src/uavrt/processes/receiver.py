@@ -375,7 +375,7 @@ def receive(
     finally:
         source.close()
     if frame.running:
-        log.info("radio set anew", gain=receiver.radio.gain, bias_tee=receiver.radio.bias_tee)
+        log.info("radio reopened", gain=receiver.radio.gain, bias_tee=receiver.radio.bias_tee)
         receiver.forget(failed=False)
 
 

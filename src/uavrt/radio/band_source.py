@@ -153,9 +153,9 @@ class ByteJoiner:
     def take(self) -> tuple[NDArray[np.complex64], int, int]:
         """Get the whole samples that are here.
 
-        Returns: `samples` (n,): a copy; values that are not numbers are zeros.
-        Returns: `lost_before`: samples lost before the first.
-        Returns: `realigned`: how often the alignment was corrected so far.
+        Returns (samples, lost_before, realigned): a copy, shape (n,), with zeros for values
+        that are not numbers; samples lost before the first; how often the alignment was
+        corrected so far.
         """
         data = b"".join(self._parts)
         skip = misalignment(data)

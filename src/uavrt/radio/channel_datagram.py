@@ -80,8 +80,7 @@ def decode_channel_datagram(
 
     `payload`: the datagram.
     `style`: how its stamp is written; None: the stamp itself shows it.
-    Returns: `time_ns`: time of the first sample [ns, UTC].
-    Returns: `samples` (n,): a copy.
+    Returns (time_ns, samples): time of the first sample [ns, UTC]; a copy, shape (n,).
     Raises `FormatError`: not a stamp and at least one sample, or a stamp that is no time.
     """
     if len(payload) < 16 or len(payload) % 8:

@@ -58,6 +58,8 @@ class Frame:
     climb_m_s: float = 3.0
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
+    position_gain_hz: float = math.inf
+    """Highest speed per distance to the target (PSC_POSXY_P, MPC_XY_P) [1/s]."""
     gust_m: float = 0.2
     """Standard deviation of the place by gusts."""
     hover_w: float = 400.0
@@ -540,13 +542,14 @@ class FlyingVehicle:
         if left < 1e-6:
             return (0.0, 0.0, 0.0)
         unit = (north / left, east / left, 0.0)
+        eased = self.frame.position_gain_hz * left
         nears = sum(a * b for a, b in zip(unit, self.velocity_m_s, strict=True))
         left = max(0.0, left - max(0.0, nears) * AHEAD_S)
         pull, ease = self.frame.acceleration_m_s2, self.frame.jerk_m_s3
         pull *= _BRAKING[self.flavour].share
         lag = pull * pull / ease
         brakes = 0.5 * (math.sqrt(lag * lag + 8.0 * pull * left) - lag)
-        speed = min(self.frame.speed_m_s, brakes, self._against_wind_m_s(*unit[:2]))
+        speed = min(self.frame.speed_m_s, eased, brakes, self._against_wind_m_s(*unit[:2]))
         return geometry.scale(unit, speed)
 
     def _accelerate(self, wanted: geometry.Vector, step_s: float) -> None:

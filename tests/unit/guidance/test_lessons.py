@@ -165,7 +165,7 @@ def test_whatever_it_takes_and_in_whatever_wind_it_is_home_with_the_reserve(seed
             wind_m_s=(wind * math.cos(towards), wind * math.sin(towards)),
         ),
     )
-    flown.wind, flown.wind_told = None, bool(rng.random() < 0.5)
+    flown.wind_m_s, flown.wind_told = None, bool(rng.random() < 0.5)
     north, east = rng.uniform(-450.0, 450.0, 2)
     corners = ((-150, -150), (-150, 150), (150, 150), (150, -150))
     places = tuple(flown.place(north + a, east + b) for a, b in corners)

@@ -424,3 +424,16 @@ def test_the_operator_has_ten_seconds_to_confirm(flavour: Flavour) -> None:
     flown.authority.offer(2, 78, flown.time_s)
     flown.run(9.9)
     flown.authority.confirm(2, 78, flown.time_s, sticks_unseen=True)
+
+
+def test_whether_a_restarted_autopilot_is_armed_counts_from_its_next_heartbeat() -> None:
+    flown = Flown("px4")
+    assert flown.authority.fault(flown.time_s) is None
+    flown.boot_s, flown.heartbeat_told = 1.0, False
+    flown.run(1.2)
+    fault = flown.authority.fault(flown.time_s)
+    assert fault is not None
+    assert fault[0] == "no heartbeat of the autopilot"
+    flown.heartbeat_told = True
+    flown.run(1.2)
+    assert flown.authority.fault(flown.time_s) is None

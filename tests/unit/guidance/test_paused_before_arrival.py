@@ -49,3 +49,14 @@ def test_a_drone_that_holds_in_wind_is_not_taken_for_paused(wind_m_s: float) -> 
     flown.order("hold", duration_s=60.0)
     flown.run(90.0, until=lambda: flown.authority.standing is Standing.OUT)
     assert flown.authority.reason == "done"
+
+
+@pytest.mark.parametrize("gain_hz", [0.3, 0.5])
+def test_a_slow_last_approach_is_flown_to_its_end(gain_hz: float) -> None:
+    flown = Flown("ardupilot", frame=Frame(position_gain_hz=gain_hz))
+    flown.run(1.5)
+    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
+    flown.order("survey", places=tuple(flown.place(*one) for one in corners), spacing_m=20.0)
+    flown.run(300.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.authority.reason == "done"
+    assert flown.refused < 10

@@ -200,7 +200,7 @@ def test_where_it_tells_nothing_its_height_counts(
     flown.landed_told = False
     flown.vehicle.height_m = height_m
     flown.run(4.0)
-    assert flown.authority.on_ground(flown.time_s) is on_ground
+    assert flown.authority.vehicle.on_ground(flown.time_s) is on_ground
 
 
 @BOTH

@@ -13,7 +13,7 @@ from authority_world import KEYS, World
 from explored import assert_equal_states_stay_equal, explore
 
 from uavrt.errors import TunnelError
-from uavrt.guidance.authority import Authority
+from uavrt.guidance.offers import Offers
 from uavrt.simulation.flying import Flavour
 from uavrt.tunnel.gate import Gate, Sealer
 from uavrt.tunnel.seal import SealKeeper
@@ -54,14 +54,7 @@ def test_states_that_are_merged_lead_to_equal_states() -> None:
 def test_the_exploration_finds_an_authority_that_keeps_an_offer_after_take_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    end = Authority._end
-
-    def forgetful(self: Authority, reason: str, time_s: float) -> None:
-        offer = self._offer
-        end(self, reason, time_s)
-        self._offer = offer
-
-    monkeypatch.setattr(Authority, "_end", forgetful)
+    monkeypatch.setattr(Offers, "clear", lambda _: None)
     with pytest.raises(AssertionError, match="confirmed"):
         explore(World.flying("px4"), 3, KEYS)
 

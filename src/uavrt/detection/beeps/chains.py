@@ -40,9 +40,8 @@ def chain_with_switches(
 
     `times_s` (n,): bursts, ascending.
     `first_s`, `second_s`: the intervals.
-    Returns: `merit`: pulses less what holes and switches cost.
-    Returns: `stretches`: which interval, 0 or 1, and the bursts, in order of time; a burst at a
-    switch is in both of its stretches.
+    Returns (merit, stretches): pulses less what holes and switches cost; which interval, 0 or
+    1, and the bursts, in order of time. A burst at a switch is in both of its stretches.
     """
     members, rates = _best_chain(times_s, (first_s, second_s), HOLE_OR_SWITCH)
     cuts = np.flatnonzero(np.diff(rates)) + 1

@@ -105,9 +105,8 @@ def find_trains(
     `span_s`: duration of the samples.
     `receiver`: the radio's centre, on the same scale as the frequencies of the points, and its
     rate.
-    Returns: `trains`: the strongest first; images come with `Train.image_of_hz`.
-    Returns: `bursts_hz`: frequencies where pulses come in bursts, as a coded tag's do, the
-    purest first.
+    Returns (trains, bursts_hz): the strongest first, images with `Train.image_of_hz`;
+    frequencies where pulses come in bursts, as a coded tag's do, the purest first.
     """
     free = np.ones(len(points), dtype=bool)
     by_frequency = np.argsort(points.frequencies_hz, kind="stable")

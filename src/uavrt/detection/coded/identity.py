@@ -41,9 +41,8 @@ def in_step(
     `tag`: whose interval it is.
     `timing_s`: by which a time may be off.
     `most`: intervals to either side.
-    Returns: `expected_s, gains` (2 most,): the places in time, and log odds that a burst found
-    there is the tag's; 0: none found.
-    Returns: `which` (2 most,): the nearest of the others to each place.
+    Returns (expected_s, gains, which), each (2 most,): the places in time; log odds that a
+    burst found there is the tag's, 0 for none; the nearest of the others to each place.
     """
     steps = np.concatenate((np.arange(-most, 0), np.arange(1, most + 1)))
     interval_s = tag.pulse_intervals_s[0]

@@ -339,9 +339,8 @@ def half_transforms(
     """Cosines and sines of the rows from the tag's frequency up, shared by all tags.
 
     `length`: samples of a window; rows are 1 / (`ROWS_PER_BIN` × length) of the rate apart.
-    Returns: `cosines` (rows, length - length // 2): for the pairs of samples from the middle
-    outwards; an odd window's middle comes last.
-    Returns: shape (rows, length // 2).
+    Returns (cosines, sines): (rows, length - length // 2), for the pairs of samples from the
+    middle outwards, an odd window's middle last; (rows, length // 2).
     """
     half = length // 2
     away = np.arange(half) + (1.0 if length % 2 else 0.5)

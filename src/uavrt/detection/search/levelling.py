@@ -403,9 +403,8 @@ def _longest(
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
     """Mean over the longest stretch back from each slot that agrees with all shorter ones.
 
-    Returns: shape (slots,).
-    Returns: `begin` (slots,): its first slot; it ends with the slot itself.
-    Returns: `least` (slots,): what the loudest of the stretches that agree is, less its error.
+    Returns (mean, begin, least), each (slots,): the mean; the first slot of its stretch, which
+    ends with the slot itself; the loudest of the stretches that agree, less its error.
     """
     sums, total = _sums(common * weights), _sums(weights)
     end = np.arange(1, len(common) + 1)

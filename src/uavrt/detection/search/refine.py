@@ -236,10 +236,9 @@ class Refiner:
 
         `first` (pulses,): first start of each pulse.
         `count`: starts of each.
-        Returns: `power` (pulses, frequencies, count): None when fewer samples are kept than one
-        such stretch.
-        Returns: `shift` (pulses,): how much later than asked each begins: a stretch that is not
-        there is moved.
+        Returns (power, shift): (pulses, frequencies, count), or None when fewer samples are
+        kept than one such stretch; (pulses,), how much later than asked each begins, for a
+        stretch that is not there is moved.
         """
         length = self._window + count - 1
         latest = self.upto - length

@@ -189,8 +189,8 @@ def _polynomials(
     """Polynomials of an amplitude, and what fits them to the means of blocks.
 
     `block`: samples of a block; what is too few for one lies before the first.
-    Returns: `fine` (length, degree + 1): legendre's, over all samples.
-    Returns: `solve` (degree + 1, length // block): least squares.
+    Returns (fine, solve): Legendre's over all samples, (length, degree + 1); least squares,
+    (degree + 1, length // block).
     """
     n = np.arange(length) - length / 2.0
     fine = np.asarray(np.polynomial.legendre.legvander(2.0 * n / length, degree), np.float64)

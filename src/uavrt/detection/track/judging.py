@@ -152,8 +152,7 @@ class Judge:
         `candidate`: what was measured.
         `noise`: shape (rows,).
         `floor`: mean power of a sample without pulses.
-        Returns: `own`: the pulses that are the tag's.
-        Returns: `reason`: why the group is no tag.
+        Returns (own, reason): the pulses that are the tag's; why the group is no tag.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:

@@ -280,8 +280,7 @@ class Senders(Generic[H]):
         """Get the pulses of confirmed trains lately heard at some frequencies.
 
         `wanted`: says which of some absolute frequencies are meant.
-        Returns: (n,) their times [ns].
-        Returns: (n, 2) absolute frequency and power of each.
+        Returns (times_ns, heard): (n,); (n, 2), absolute frequency and power of each.
         """
         some = wanted(self._heard_how[:, 0])
         return self._heard_ns[some], self._heard_how[some]

@@ -50,8 +50,7 @@ def refined(
 ) -> tuple[_Floats, _Floats, _Floats]:
     """Refine a probability over a grid: its logarithm by cubics through four neighbours.
 
-    Returns: `x, y`: the finer grid.
-    Returns: `probability`: sums to 1.
+    Returns (x, y, probability): the finer grid; the probability sums to 1.
     """
     # Below 1e-12 of the peak nothing is drawn; a zero has no logarithm.
     logs = np.log(np.maximum(probability, 1e-12 * probability.max()))

@@ -14,6 +14,10 @@ CAPTURED, NOT_CAPTURED = "captured", "not captured"
 PATIENCE_S = 30.0
 """A capture that has no samples for this long, after it should be over, has failed."""
 
+NO_SAMPLES = "the radio gives no samples. Check that it is plugged in"
+FEW_SAMPLES = "the radio gives too few samples. Check its cable, or set a lower sample rate"
+SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or less"
+
 _SLOWEST = 3.0
 """How many lengths longer a capture may take while samples arrive."""
 
@@ -31,11 +35,14 @@ class FlightProgress:
         self._deadline_s = self._latest_s = float("inf")
         self._over = False
         self._fault = self._recorded = self._why = ""
+        self._slow = NO_SAMPLES
+        """What keeps a capture for which the receiver gives no reason."""
 
     def started(self, flight: FlightInfo) -> None:
         """A flight or a capture has begun."""
         self._capture_s, self._over = flight.capture_s, False
         self._fault = self._recorded = self._why = ""
+        self._slow = NO_SAMPLES
         self._name = "start_detection" if flight.capture_s is None else "raw_capture"
         self._deadline_s = float("inf")
         if flight.capture_s is not None:
@@ -56,6 +63,8 @@ class FlightProgress:
             if health.status.startswith("receiving"):  # slowly, but to its end
                 later_s = max(self._deadline_s, monotonic_s() + PATIENCE_S)
                 self._deadline_s = min(later_s, self._latest_s)
+                dropped = health.counters.get("recording_samples_dropped")
+                self._slow = SLOW_DISK if dropped else FEW_SAMPLES
         if self._name == "start_detection" and health.status == "receiving":
             self._say("complete", "samples flow")
             self._name = None
@@ -68,7 +77,7 @@ class FlightProgress:
         if self._capture_s is None:
             return False
         if monotonic_s() > self._deadline_s and not self._over:
-            self._over, self._fault = True, self._why or "the radio gives no samples"
+            self._over, self._fault = True, self._why or self._slow
         return self._over
 
     def stopping(self) -> None:

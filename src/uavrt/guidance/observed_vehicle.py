@@ -1,0 +1,201 @@
+"""The vehicle as the autopilot reported it last, and why it cannot be flown by order. Pure."""
+
+from math import inf
+
+from uavrt.guidance.hands import HandWatch
+from uavrt.guidance.lateness import Lateness
+from uavrt.guidance.manners import Manners
+from uavrt.guidance.observed import (
+    Boot,
+    BootTimeSeen,
+    FailsafeSeen,
+    HomeSeen,
+    LandedSeen,
+    ModeSeen,
+    Observation,
+    PositionLost,
+    PositionSeen,
+    SticksSeen,
+    TargetSeen,
+)
+from uavrt.units import wrap_degrees_180
+
+MODE_AGE_S, POSITION_AGE_S = 1.0, 0.5
+"""Older, and no command is sent."""
+STICKS_AGE_S = 0.3
+"""The same for sticks that are to be seen: they are told at 5 Hz or more."""
+MODE_LOST_S, POSITION_LOST_S, STICKS_LOST_S = 3.0, 2.0, 1.5
+HEARTBEAT_LOST_S = 5.0
+"""Older, and the order has ended. Only the heartbeat tells of disarming and failsafes."""
+FLYING_M = 2.0
+"""Above home: lower than this it stands on the ground, where the autopilot does not tell."""
+LANDED_AGE_S = 3.0
+
+
+class ObservedVehicle:
+    """Holds the newest report of each kind; `take` brings the next one."""
+
+    def __init__(self, manners: Manners) -> None:
+        self.manners = manners
+        self.mode: ModeSeen | None = None
+        self.heartbeat: ModeSeen | None = None
+        """Newest report of the mode that says whether it is armed."""
+        self.position: PositionSeen | None = None
+        self.target: TargetSeen | None = None
+        self.turning_deg_s = self.target_turning_deg_s = 0.0
+        """How fast heading and reported heading changed when seen last."""
+        self.landed: LandedSeen | None = None
+        self.sticks: SticksSeen | None = None
+        self.home: HomeSeen | None = None
+        self.failsafe: FailsafeSeen | None = None
+        self._lateness = Lateness()
+
+    def take(self, seen: Observation) -> bool:
+        """Take a report; False for one that a newer one has overtaken on its way."""
+        match seen:
+            case PositionSeen():
+                if self.position is not None and seen.boot_s < self.position.boot_s:
+                    return False
+                self.turning_deg_s = _turning(self.position, seen, self.turning_deg_s)
+                self.position = seen
+            case TargetSeen():
+                if self.target is not None and seen.boot_s < self.target.boot_s:
+                    return False
+                self.target_turning_deg_s = _turning(
+                    self.target, seen, self.target_turning_deg_s
+                )
+                self.target = seen
+            case ModeSeen():
+                self.mode = seen
+                self.heartbeat = self.heartbeat if seen.armed is None else seen
+                if seen.failsafe:
+                    self.failsafe = FailsafeSeen(seen.time_s, "critical state")
+            case SticksSeen():
+                self.sticks = seen
+            case HomeSeen():
+                self.home = seen
+            case LandedSeen():
+                self.landed = seen
+            case FailsafeSeen():
+                self.failsafe = seen
+            case PositionLost():
+                self.position = None
+            case BootTimeSeen():
+                self._lateness.see(seen)
+        return True
+
+    def restarted(self, seen: Observation) -> str | None:
+        """Say that this report is of an autopilot that has started since the last one."""
+        if isinstance(seen, Boot):
+            return "another autopilot"
+        restarted = isinstance(seen, BootTimeSeen) and self._lateness.starts_again(seen)
+        return "the autopilot has restarted" if restarted else None
+
+    @property
+    def known(self) -> tuple[ModeSeen, PositionSeen, HomeSeen]:
+        """Mode, position and home of a vehicle that has no `fault`."""
+        assert self.mode is not None
+        assert self.position is not None
+        assert self.home is not None
+        return self.mode, self.position, self.home
+
+    @property
+    def mode_name(self) -> str:
+        """The mode as pilots call it; empty before any was seen."""
+        return "" if self.mode is None else self.manners.mode_name(self.mode.mode)
+
+    @property
+    def in_own_mode(self) -> bool:
+        """Whether it is in the mode that flies our commands."""
+        return self.mode is not None and self.mode.mode == self.manners.own_mode
+
+    @property
+    def late(self) -> str | None:
+        """Says that what the vehicle tells is too old to command anything; else None."""
+        return self._lateness.fault
+
+    def fault(self, now_s: float, *, takeoff: bool = False) -> tuple[str, str] | None:
+        """Why no order, or no take-off, can be confirmed now, and the remedy; else None."""
+        if self.mode is None or now_s - self.mode.time_s > MODE_AGE_S:
+            return "the autopilot's mode is not known", "Check the link to the autopilot"
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > HEARTBEAT_LOST_S:
+            return "no heartbeat of the autopilot", "Check the link to the autopilot"
+        if self.position is None or now_s - self.position.time_s > POSITION_AGE_S:
+            return "the vehicle has no position", "Wait for its satellites"
+        if self.home is None:
+            return "the vehicle has no home", "Wait for its position, or set home in the GCS"
+        if self.late is not None:
+            return self.late, "Let it stream less, or give it a faster link"
+        if not self.heartbeat.armed:
+            what = "Let the pilot arm, and ask again" if takeoff else "Take off by hand"
+            return "the vehicle is not armed", f"{what}; uavrt never arms"
+        if self.on_ground(now_s) and not takeoff:
+            return "the vehicle is on the ground", "Take off by hand first"
+        if takeoff and not self.on_ground(now_s):
+            return "the vehicle is in the air already", "Ask for another motion"
+        climbs = self.mode.mode == self.manners.takeoff_mode and not self.in_own_mode
+        if climbs and not takeoff:
+            return "the vehicle still takes off", "Ask again once it hovers"
+        if self.failsafe is not None and now_s - self.failsafe.time_s <= MODE_LOST_S:
+            what = self.failsafe.what
+            return f"the autopilot tells of a failsafe: {what}", "Land, and see to it"
+        return None
+
+    def lost(self, now_s: float) -> str | None:
+        """Say what has not been reported for so long that an order ends."""
+        if self.mode is None or now_s - self.mode.time_s > MODE_LOST_S:
+            return "the mode is no longer reported"
+        if self.heartbeat is None or now_s - self.heartbeat.time_s > HEARTBEAT_LOST_S:
+            return "no heartbeat of the autopilot"
+        if self.position is None or now_s - self.position.time_s > POSITION_LOST_S:
+            return "the position is lost"
+        return None
+
+    def on_ground(self, now_s: float) -> bool:
+        """Whether it stands on the ground, by its own word or else by its height above home."""
+        landed, position = self.landed, self.position
+        told = landed is not None and now_s - landed.time_s <= LANDED_AGE_S
+        if told and landed is not None and landed.on_ground is not None:
+            return landed.on_ground
+        return position is not None and position.altitude_relative_m < FLYING_M
+
+    def target_age_s(self, now_s: float) -> float:
+        """Time since the target was reported."""
+        return inf if self.target is None else now_s - self.target.time_s
+
+    def sees_sticks(self, now_s: float, within_s: float) -> bool:
+        """Whether a remote control is there whose sticks were reported within this time."""
+        seen = self.sticks
+        return seen is not None and bool(seen.channels_us) and now_s - seen.time_s <= within_s
+
+    def hands(self, now_s: float, unwatched: frozenset[int]) -> HandWatch | None:
+        """Watch the remote control from now on; None: it is not seen."""
+        if self.sticks is None or not self.sees_sticks(now_s, STICKS_LOST_S):
+            return None
+        return HandWatch(self.sticks, unwatched)
+
+
+def ended_by(seen: Observation) -> str | None:
+    """Say why a report ends any order and any offer, whatever was commanded."""
+    match seen:
+        case FailsafeSeen():
+            return f"failsafe: {seen.what}"
+        case PositionLost():
+            return "the position is lost"
+        case ModeSeen(armed=False):
+            return "the vehicle is disarmed"
+        case ModeSeen(failsafe=True):
+            return "the autopilot is in a failsafe"
+    return None
+
+
+def _turning(
+    before: PositionSeen | TargetSeen | None, seen: PositionSeen | TargetSeen, known: float
+) -> float:
+    """How fast a heading turns, by two reports; as it was known by two of the same instant."""
+    gap_s = 0.0 if before is None else seen.boot_s - before.boot_s
+    if before is None or gap_s <= 0.0:
+        return known
+    if before.yaw_deg is None or seen.yaw_deg is None or gap_s > POSITION_AGE_S:
+        return 0.0
+    return wrap_degrees_180(seen.yaw_deg - before.yaw_deg) / gap_s

@@ -1,0 +1,276 @@
+"""A confirmed order: what the vehicle does that we did not cause, and what may be sent. Pure.
+
+Until the first command the vehicle must stay as it was at the confirmation, or fly on to the
+target of the order before; from then on it must follow the command (`Commanded`).
+"""
+
+from dataclasses import dataclass, field
+
+from uavrt.errors import CommandRefused
+from uavrt.guidance.commanded import AT_TOP_M, OTHERS_TARGET, Commanded
+from uavrt.guidance.hands import HandWatch
+from uavrt.guidance.observed import (
+    HomeSeen,
+    LandedSeen,
+    ModeSeen,
+    Observation,
+    PositionSeen,
+    SticksSeen,
+    TargetSeen,
+    between_m,
+    same_place,
+)
+from uavrt.guidance.observed_vehicle import (
+    MODE_AGE_S,
+    POSITION_AGE_S,
+    STICKS_AGE_S,
+    STICKS_LOST_S,
+    ObservedVehicle,
+)
+from uavrt.guidance.offers import HOME_MOVED_M, Offer, is_elsewhere
+from uavrt.guidance.progress import SLOW_S
+from uavrt.guidance.yaw import OTHERS_TURN
+from uavrt.messages import FlyThere, GoHome, TakeMode, TakeOff, Wish
+
+BEGINS_WITHIN_S = 10.0
+"""From the confirmation to the first command."""
+CHANGE_MODE_AGE_S = 0.2
+"""Greatest age of the mode for a command that changes it: a pilot's own crosses with it."""
+TARGET_AGE_S = 0.3
+"""Older, and no further command is sent: another's target would not have been seen."""
+PLANNER_LOST_S = 2.0
+MODE_CHANGES_WITHIN_S = 1.5
+"""Until then the mode before a command is right; PX4 reports it at 2 Hz."""
+HEIGHT_JUMP_M = 5.0
+PLACE_JUMP_M = 30.0
+
+
+@dataclass(slots=True)
+class JumpWatch:
+    """Watches positions: neither place nor altitude may jump; that of home may be corrected."""
+
+    before: PositionSeen
+    jumped_m: float = 0.0
+    """By how much the altitude has jumped in all, against the height above home."""
+
+    def see(self, seen: PositionSeen) -> str | None:
+        """Say what has jumped since the report before."""
+        before, self.before = self.before, seen
+        gap_s = max(0.0, seen.boot_s - before.boot_s)
+        rise = seen.altitude_amsl_m - before.altitude_amsl_m
+        if abs(rise) > HEIGHT_JUMP_M * max(1.0, gap_s):
+            return f"the height jumped by {rise:+.0f} m"
+        above = seen.altitude_relative_m - before.altitude_relative_m
+        climb = seen.velocity_m_s[2] * gap_s
+        if abs(rise - climb) > abs(above - climb):
+            self.jumped_m += rise - above
+        if abs(self.jumped_m) > HOME_MOVED_M:
+            return f"the altitude jumped by {self.jumped_m:+.0f} m"
+        moved = between_m(seen, before)
+        far = moved > PLACE_JUMP_M + seen.speed_m_s * gap_s
+        return f"the position jumped by {moved:.0f} m" if far else None
+
+
+@dataclass(slots=True, kw_only=True)
+class OrderWatch:
+    """One order, from its confirmation to its end."""
+
+    offer: Offer
+    """What was confirmed."""
+    confirmed_s: float
+    planner_s: float
+    """Last sign of life of the process that sends the wishes."""
+    place: PositionSeen
+    home: HomeSeen
+    """Both at the confirmation."""
+    target: TargetSeen | None
+    """Newest one, until the first command."""
+    hands: HandWatch | None
+    """Since the confirmation, where a remote control was seen."""
+    sticks_unseen: bool
+    """The operator knows that no hand would be seen in time."""
+    flown: Commanded | None
+    """Of the order before, which the vehicle flies until the first command of this one."""
+    motion: Commanded | None = None
+    own_mode_seen: bool = False
+    jumps: JumpWatch = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.jumps = JumpWatch(self.place)
+
+    @property
+    def datum_m(self) -> float:
+        """Altitude from which the heights of the order count, whatever home becomes."""
+        return self.place.altitude_amsl_m - self.place.altitude_relative_m
+
+    @property
+    def leg(self) -> Commanded | None:
+        """What the vehicle flies by our command, if anything."""
+        return self.motion or self.flown
+
+    @property
+    def nearest_m(self) -> float | None:
+        """Least distance to its target that the leg has reached; None: it is no leg."""
+        leg = self.leg
+        flies = leg is not None and isinstance(leg.wish, FlyThere)
+        return round(leg.left_m, 2) if leg is not None and flies else None
+
+    def planner_alive(self, now_s: float) -> None:
+        """Note a sign of life of the process that sends the wishes."""
+        self.planner_s = now_s
+
+    # ---------------------------------------------------------------- the commands
+
+    def check(
+        self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool, stops: bool
+    ) -> None:
+        """Raise `CommandRefused` where a wish must not become a command now."""
+        self._check_seen(vehicle, now_s)
+        mode, _, _ = vehicle.known
+        if self.offer.takeoff != isinstance(wish, TakeMode | TakeOff):
+            raise CommandRefused("this is not what was confirmed")
+        changes_mode = first or isinstance(wish, GoHome)
+        if changes_mode and now_s - mode.time_s > CHANGE_MODE_AGE_S:
+            raise CommandRefused("the mode was not seen just now")
+        if not first and mode.mode != vehicle.manners.own_mode:
+            raise CommandRefused("the first command is not yet seen to be obeyed")
+        motion = self.motion
+        if motion is not None and not motion.obeyed:
+            raise CommandRefused("the command before is not yet seen to be obeyed")
+        if motion is not None and not stops:
+            brakes = motion.not_settled_yet or motion.progress.brakes(now_s)
+            brakes &= not isinstance(wish, GoHome)
+            if brakes or motion.progress.stands(now_s, SLOW_S):
+                raise CommandRefused("the drone comes no nearer to its target")
+        if not first and not self.offer.takeoff and vehicle.target_age_s(now_s) > TARGET_AGE_S:
+            raise CommandRefused(f"the target is older than {TARGET_AGE_S} s")
+        if self.offer.takeoff and not vehicle.on_ground(now_s):
+            raise CommandRefused("the vehicle is in the air already")
+
+    def _check_seen(self, vehicle: ObservedVehicle, now_s: float) -> None:
+        """Raise `CommandRefused` where a takeover would not have been seen."""
+        if vehicle.mode is None or now_s - vehicle.mode.time_s > MODE_AGE_S:
+            raise CommandRefused("the mode is older than 1 s")
+        if vehicle.position is None or now_s - vehicle.position.time_s > POSITION_AGE_S:
+            raise CommandRefused("the position is older than 0.5 s")
+        if vehicle.late is not None:
+            raise CommandRefused(vehicle.late)
+        if self.hands is None:
+            return
+        if not self.sticks_unseen and not vehicle.sees_sticks(now_s, STICKS_AGE_S):
+            raise CommandRefused(f"the sticks are older than {STICKS_AGE_S} s")
+        if self.hands.unsure:
+            raise CommandRefused("a switch of the remote control was moved just now")
+
+    def sent(self, wish: Wish, vehicle: ObservedVehicle, now_s: float, *, first: bool) -> None:
+        """Note that the command of a wish was sent: from now on the vehicle must follow it."""
+        self.motion = Commanded(
+            wish=wish,
+            manners=vehicle.manners,
+            sent_s=now_s,
+            first=first,
+            before=vehicle.target,
+            start=vehicle.known[1],
+            turning_deg_s=vehicle.turning_deg_s,
+            previous=self.motion,
+        )
+        self.flown = None
+
+    # --------------------------------------------------------------- what is seen
+
+    def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
+        """Say what should have been seen by now."""
+        if now_s - self.planner_s > PLANNER_LOST_S:
+            return "the guide is silent"
+        lost = vehicle.lost(now_s)
+        if lost is None and self.hands is not None:
+            unseen = not vehicle.sees_sticks(now_s, STICKS_LOST_S)
+            lost = "the sticks are not seen any more" if unseen else self.hands.sure(now_s)
+        if lost is not None:
+            return lost
+        if self.motion is not None:
+            return self.motion.overdue(now_s, vehicle.target_age_s(now_s))
+        if now_s - self.confirmed_s > BEGINS_WITHIN_S:
+            late = "" if vehicle.late is None else f": {vehicle.late}"
+            return f"the order was not begun within 10 s{late}"
+        return None
+
+    def see(self, seen: Observation, vehicle: ObservedVehicle) -> str | None:
+        """Say what a report shows that we did not cause; the vehicle holds it already."""
+        match seen:
+            case PositionSeen():
+                return self._see_position(seen, vehicle)
+            case ModeSeen():
+                return self._see_mode(seen, vehicle)
+            case TargetSeen():
+                return self._see_target(seen, vehicle)
+            case SticksSeen():
+                return self._see_sticks(seen)
+            case LandedSeen():
+                return self._see_landed(seen)
+            case HomeSeen() if between_m(seen, self.home) > HOME_MOVED_M:
+                return "home was moved"  # compared so, it cannot creep away either
+        return None
+
+    def _see_mode(self, seen: ModeSeen, vehicle: ObservedVehicle) -> str | None:
+        manners, motion = vehicle.manners, self.motion
+        others = f"the mode is {manners.mode_name(seen.mode)}"
+        if motion is None:
+            return None if seen.mode == self.offer.mode else others
+        if isinstance(motion.wish, GoHome) and seen.mode in manners.return_modes:
+            return "returning: the autopilot flies home"
+        if isinstance(motion.wish, TakeOff) and not manners.own_mode_first:
+            if seen.mode == manners.takeoff_mode:
+                self.own_mode_seen = True
+                return None
+            if vehicle.in_own_mode and motion.top_m >= motion.highest_m - AT_TOP_M:
+                return None  # it has arrived, and hovers
+        elif vehicle.in_own_mode:
+            self.own_mode_seen = True
+            motion.in_own_mode()
+            return None
+        waits = seen.time_s - motion.sent_s < MODE_CHANGES_WITHIN_S
+        before = not self.own_mode_seen and seen.mode == self.offer.mode
+        return None if before and waits else others
+
+    def _see_target(self, seen: TargetSeen, vehicle: ObservedVehicle) -> str | None:
+        before, self.target = self.target, seen
+        if self._turned(seen):
+            return OTHERS_TURN
+        watched = seen, vehicle.position, vehicle.target_turning_deg_s
+        if self.motion is not None:
+            return self.motion.see_target(*watched)
+        fault = None if self.flown is None else self.flown.see_target_yaw(*watched)
+        # A vehicle in another mode follows the sticks with its target, or a mission.
+        if fault is not None or self.offer.mode != vehicle.manners.own_mode:
+            return fault
+        within_m = vehicle.manners.target_m
+        changed = before is not None and not same_place(seen, before, within_m)
+        others = changed or (before is None and is_elsewhere(seen, self.place))
+        return OTHERS_TARGET if others else None
+
+    def _see_position(self, seen: PositionSeen, vehicle: ObservedVehicle) -> str | None:
+        if self._turned(seen):
+            return OTHERS_TURN
+        jump, leg = self.jumps.see(seen), self.leg
+        if jump is not None or leg is None:
+            return jump
+        return leg.see_position(seen, vehicle.turning_deg_s)
+
+    def _turned(self, seen: PositionSeen | TargetSeen) -> bool:
+        """Whether another turns a vehicle that rests, before our first command."""
+        return self.motion is None and self.offer.rests and self.offer.turned(seen)
+
+    def _see_landed(self, seen: LandedSeen) -> str | None:
+        motion, takes_off = self.motion, self.offer.takeoff
+        if takes_off and motion is None:
+            return "the vehicle is in the air already" if seen.on_ground is False else None
+        rises = motion is not None and isinstance(motion.wish, TakeOff) and motion.obeyed
+        return "the vehicle has landed" if seen.on_ground and (rises or not takes_off) else None
+
+    def _see_sticks(self, seen: SticksSeen) -> str | None:
+        if self.hands is None:
+            return "a remote control was switched on" if seen.channels_us else None
+        if not seen.channels_us:
+            return "the sticks are not seen any more"
+        return self.hands.see(seen)
