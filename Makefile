@@ -4,8 +4,6 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/pytest -r fEsxR --durations 15 --durations-min 5
-# Real time is mostly waiting: more workers than cores.
-TIMED  := -n 3 --dist loadfile
 CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
@@ -19,7 +17,7 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test computing unit system flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check test realtime computing unit system full-rate flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
@@ -28,21 +26,26 @@ check: $(STAMP)         ## before each commit: style, types, import contracts, q
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools radio-tools  ## everything that belongs to a change: check, manual, all tests
-	$(MAKE) --no-print-directory -k -j 2 flights computing
-	$(MAKE) --no-print-directory system
+	$(MAKE) --no-print-directory -k -j 2 realtime computing
 
-computing: $(STAMP)     ## what only computes, at low priority: flights run at the same time
-	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
+realtime: $(STAMP)      ## all that waits for real time: flights at 3 MS/s alone, then the others and the system tests at the same time
+	@$(MAKE) --no-print-directory full-rate; alone=$$?; $(MAKE) --no-print-directory -k -j 2 flights system && exit $$alone
+
+computing: $(STAMP)     ## what only computes, at low priority: what waits for real time runs at the same time
+	@nice -n 19 $(MAKE) --no-print-directory -k -j 3 lint types docs; style=$$?; nice -n 19 $(MAKE) --no-print-directory unit && exit $$style
 
 unit: $(STAMP)          ## all unit tests
 	$(PYTEST) -n 2 --dist loadfile tests/unit
 
+# Real time is mostly waiting: more workers than cores.
 system: $(STAMP)        ## tests with sockets, programs and threads in real time
-	$(PYTEST) $(TIMED) tests/system
+	$(PYTEST) -n 3 --dist loadfile tests/system
 
-flights: $(STAMP)       ## whole flights in real time, and the page in a browser
+full-rate: $(STAMP)     ## flights that need a core of their own
 	$(PYTEST) -m full_rate tests/flight
-	$(PYTEST) $(TIMED) -m "not full_rate" tests/flight
+
+flights: $(STAMP)       ## all other flights in real time, and the page in a browser
+	$(PYTEST) -n 2 --dist loadfile -m "not full_rate" tests/flight
 
 claims: $(STAMP) browser disk-tools radio-tools  ## hours: campaigns, guides word by word, all seeds, new random examples, emulated ARM
 	UAVRT_ALL_SEEDS=1 UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 \
