@@ -17,18 +17,20 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test realtime computing unit system full-rate flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check quick test realtime computing unit system full-rate flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
 check: $(STAMP)         ## before each commit: style, types, import contracts, quick unit tests
-	$(MAKE) --no-print-directory -j 2 lint types
+	$(MAKE) --no-print-directory -j 3 lint types quick
+
+quick: $(STAMP)         ## unit tests of files that compute for less than ten seconds
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools radio-tools  ## everything that belongs to a change: check, manual, all tests
 	$(MAKE) --no-print-directory -k -j 2 realtime computing
 
-realtime: $(STAMP)      ## all that waits for real time: flights at 3 MS/s alone, then the others and the system tests at the same time
+realtime: $(STAMP)      ## all that waits for real time: what needs a core alone, then flights and system tests at the same time
 	@$(MAKE) --no-print-directory full-rate; alone=$$?; $(MAKE) --no-print-directory -k -j 2 flights system && exit $$alone
 
 computing: $(STAMP)     ## what only computes, at low priority: what waits for real time runs at the same time
@@ -39,10 +41,10 @@ unit: $(STAMP)          ## all unit tests
 
 # Real time is mostly waiting: more workers than cores.
 system: $(STAMP)        ## tests with sockets, programs and threads in real time
-	$(PYTEST) -n 3 --dist loadfile tests/system
+	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/system
 
-full-rate: $(STAMP)     ## flights that need a core of their own
-	$(PYTEST) -m full_rate tests/flight
+full-rate: $(STAMP)     ## flights and radios that need a core of their own
+	$(PYTEST) -m full_rate tests/flight tests/system/radio
 
 flights: $(STAMP)       ## all other flights in real time, and the page in a browser
 	$(PYTEST) -n 2 --dist loadfile -m "not full_rate" tests/flight
