@@ -102,7 +102,7 @@ def held(found: Position, tag: Walker, origin_ns: int = 0) -> list[bool]:
 def test_a_walker_is_followed_from_turn_to_turn() -> None:
     rng = np.random.default_rng(77)
     within: list[bool] = []
-    for number in seeds(8, 14):
+    for number in range(14):
         tag = a_walker(rng, (0.5, 1.0)[number % 2])
         given = turns_around(rng, tag)
         found = estimate_position(given, method="track")
