@@ -4,8 +4,6 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 PYTEST := $(BIN)/pytest -r fEsxR --durations 15 --durations-min 5
-# Real time is mostly waiting: more workers than cores.
-TIMED  := -n 3 --dist loadfile
 CC_X86_64  ?= x86_64-linux-gnu-gcc
 CC_AARCH64 ?= aarch64-linux-gnu-gcc
 LOCK   := --universal --generate-hashes --python-version 3.11 --no-header -q
@@ -19,30 +17,37 @@ export OMP_NUM_THREADS = 1
 # compiles all that it imports, and each worker rewrites the assertions of all tests.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test computing unit system flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
+.PHONY: demo check quick test realtime computing unit system full-rate flights claims claims-status lint types bench locks licences browser disk-tools radio-tools screenshots video docs clean setup wheels try-arm64
 demo: $(STAMP)          ## the whole system on this machine
 	$(BIN)/uavrt demo
 
 check: $(STAMP)         ## before each commit: style, types, import contracts, quick unit tests
-	$(MAKE) --no-print-directory -j 2 lint types
+	$(MAKE) --no-print-directory -j 3 lint types quick
+
+quick: $(STAMP)         ## unit tests of files that compute for less than ten seconds
 	$(PYTEST) -n 2 --dist loadfile -m "not slow" tests/unit
 
 test: $(STAMP) browser disk-tools radio-tools  ## everything that belongs to a change: check, manual, all tests
-	$(MAKE) --no-print-directory -k -j 2 flights computing
-	$(MAKE) --no-print-directory system
+	$(MAKE) --no-print-directory -k -j 2 realtime computing
 
-computing: $(STAMP)     ## what only computes, at low priority: flights run at the same time
-	nice -n 19 $(MAKE) --no-print-directory lint types docs unit
+realtime: $(STAMP)      ## all that waits for real time, one after the other
+	$(MAKE) --no-print-directory -k -j 1 full-rate flights system
+
+computing: $(STAMP)     ## what only computes, at low priority: what waits for real time runs at the same time
+	nice -n 19 $(MAKE) --no-print-directory -k -j 1 lint types docs unit
 
 unit: $(STAMP)          ## all unit tests
 	$(PYTEST) -n 2 --dist loadfile tests/unit
 
+# Real time is mostly waiting: more workers than cores.
 system: $(STAMP)        ## tests with sockets, programs and threads in real time
-	$(PYTEST) $(TIMED) tests/system
+	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/system
 
-flights: $(STAMP)       ## whole flights in real time, and the page in a browser
-	$(PYTEST) -m full_rate tests/flight
-	$(PYTEST) $(TIMED) -m "not full_rate" tests/flight
+full-rate: $(STAMP)     ## flights and radios that need a core of their own
+	$(PYTEST) -m full_rate tests/flight tests/system/radio
+
+flights: $(STAMP)       ## all other flights in real time, and the page in a browser
+	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/flight
 
 claims: $(STAMP) browser disk-tools radio-tools  ## hours: campaigns, guides word by word, all seeds, new random examples, emulated ARM
 	UAVRT_ALL_SEEDS=1 UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 \

@@ -106,8 +106,9 @@ export function buildFly(go: (name: string) => void): void {
   store.on(["state", "reset"], () => view.drawFleet());
   store.on(["reset", "selection"], drawReplay);
   store.on(["hindsight", "reset", "selection", "pulses"], () => view.drawHindsight());
+  // Only what speaks of a past flight goes with it: a flight that begins leaves *Move* open.
   store.on(["reset"], () => {
-    if (!store.review) side("tags");
+    if (!store.review && !by("after").hidden) side("tags");
   });
   store.on(["state", "reset"], drawMarks);
   setInterval(drawCards, 1000);

@@ -112,6 +112,15 @@ def sparse(head: bytes, size: int) -> Content:
     return make
 
 
+def late(make: Callable[[], bytes]) -> Content:
+    """Content that is packed only when its file is written."""
+
+    def write(path: Path) -> None:
+        path.write_bytes(make())
+
+    return write
+
+
 def pipe(path: Path) -> None:
     os.mkfifo(path)
 
@@ -129,8 +138,8 @@ COMMON: Attacks = {
     "quotes": b'"' * 300_001,
     "3 GB": sparse(b"", 3_000_000_000),
     "pipe": pipe,
-    "gzip bomb": gzip.compress(bytes(60_000_000)),
-    "gzip of lines": gzip.compress(b"\n" * 30_000_000),
+    "gzip bomb": late(lambda: gzip.compress(bytes(60_000_000))),
+    "gzip of lines": late(lambda: gzip.compress(b"\n" * 30_000_000)),
     "UTF-16": "\ufeff[a]\n".encode("utf-16") * 10_000,
     "wide numbers": b"1" * 500_000 + b"\n" + b"9e999," * 1000,
     "escapes": b"\x1b[2J\x1b]0;title\x07,=1+1,@SUM(1)\n" * 1000,
@@ -234,10 +243,9 @@ SHAPE_ATTACKS: Attacks = {
 
 
 def ulog(messages: list[tuple[bytes, bytes]], formats: list[bytes]) -> bytes:
-    out = b"ULog\x01\x12\x35\x01" + bytes(8)
-    for kind, body in [(b"B", bytes(40)), *((b"F", one) for one in formats), *messages]:
-        out += struct.pack("<Hc", len(body), kind) + body
-    return out
+    parts = [(b"B", bytes(40)), *((b"F", one) for one in formats), *messages]
+    packed = (struct.pack("<Hc", len(body), kind) + body for kind, body in parts)
+    return b"ULog\x01\x12\x35\x01" + bytes(8) + b"".join(packed)
 
 
 ULOG_FORMATS = [
@@ -494,7 +502,7 @@ def table_attacks(line: str) -> Attacks:
         "formulas": changed(1, "=HYPERLINK(1)"),
         "escapes": changed(1, "\x1b[2J"),
         "packed": gzip.compress(line.encode() * 10),
-        "packed bomb": gzip.compress(line.encode() * 200_000),
+        "packed bomb": late(lambda: gzip.compress(line.encode() * 200_000)),
     }
 
 
@@ -942,7 +950,7 @@ FORMATS = [
         "empty messages": fmt(128, b"FMT", b"BBnNZ", b"T,L,N,F,C", 89)
         + fmt(130, b"ATT", b"", b"", 3) + b"\xa3\x95\x82" * 700_000,
         "empty names": dataflash() + fmt(130, b"ATT", b"Q", b"", 11) + b"\xa3\x95\x82" * 1000,
-        "long": dataflash(12_000),
+        "long": late(lambda: dataflash(12_000)),
         "zeros": dataflash() + bytes(30_000_000),
         "letters": dataflash() + b"\xa3" * 10_000_000,
         "formats": b"".join(
@@ -971,17 +979,19 @@ FORMATS = [
         "short": bytes(1000), "other size": bytes(2 * 1200 * 1200)}, read=read_heights),
     Format(name="N47E008.hgt.zip", honest=zipped("N47E008.hgt", bytes(2 * 1201 * 1201)),
            attacks={
-               "bomb": zipped("N47E008.hgt", bytes(150_000_000)),
-               "bomb by LZMA": zipped("N47E008.hgt", bytes(25_934_402), zipfile.ZIP_LZMA),
-               "bomb by bzip2": zipped("N47E008.hgt", bytes(25_934_402), zipfile.ZIP_BZIP2),
-               "honest second": zipped("N47E008.hgt", bytes(25_934_402)),
+               "bomb": late(lambda: zipped("N47E008.hgt", bytes(150_000_000))),
+               "bomb by LZMA": late(
+                   lambda: zipped("N47E008.hgt", bytes(25_934_402), zipfile.ZIP_LZMA)),
+               "bomb by bzip2": late(
+                   lambda: zipped("N47E008.hgt", bytes(25_934_402), zipfile.ZIP_BZIP2)),
+               "honest second": late(lambda: zipped("N47E008.hgt", bytes(25_934_402))),
                "two": zipped("N47E008.hgt", b"")[:-22] + zipped("N47E009.hgt", b""),
                "directory": b"PK\1\2" + bytes(42) * 600_000 + b"PK\5\6" + struct.pack(
                    "<4H2IH", 0, 0, 65535, 65535, 46 * 500_000, 0, 0),
            }, read=read_heights),
     Format(name="heights.tif", honest=geotiff(), attacks={
-        "bomb": geotiff(4000, 8, zlib.compress(bytes(300_000_000))),
-        "large strip": geotiff(4000, 8, zlib.compress(bytes(2 * 4000 * 4000))),
+        "bomb": late(lambda: geotiff(4000, 8, zlib.compress(bytes(300_000_000)))),
+        "large strip": late(lambda: geotiff(4000, 8, zlib.compress(bytes(2 * 4000 * 4000)))),
         "LZW": geotiff(4000, 5, bytes(random.Random(2).randbytes(100_000))),
         "PackBits": geotiff(4000, 32773, b"\x81\0" * 250_000),
         "PackBits of nothing": geotiff(4000, 32773, b"\x80" * 2_000_000),
@@ -1095,7 +1105,8 @@ FORMATS = [
             b"{}", *[tarfile.TarInfo(f"wheels/{n}") for n in range(9_000)])},
         read=read_update_file, is_read=False),
     Format(name="uavrt-9.9-py3-none-any.whl", honest=zipped("a", b"a"), attacks={
-        "bomb": zipped("a", bytes(90_000_000))}, read=read_update_file, is_read=False),
+        "bomb": late(lambda: zipped("a", bytes(90_000_000)))},
+        read=read_update_file, is_read=False),
     Format(name="flight.sqlite", honest=honest_flight, attacks=flight_attacks(),
            read=read_whole_flight),
     Format(name="tags.json", honest=json.dumps([VERDICT]).encode(), attacks={

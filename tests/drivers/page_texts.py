@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 
 PAGE = Path(__file__).parents[2] / "page/src"
@@ -71,6 +72,7 @@ def _find(text: str) -> Found | None:
     return before + found[0] + text[len(text.rstrip()) :] if middle else before, found[1]
 
 
+@cache
 def _find_bare(text: str) -> Found | None:
     if plain(text) in _WHOLE:
         return _WHOLE[plain(text)], []

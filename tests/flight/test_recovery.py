@@ -3,13 +3,14 @@
 from pathlib import Path
 
 import pytest
+from tests.flight.conftest import FLIGHT_RATE_HZ
 
 from uavrt_experiments.recovery.run import BURST_NAMES, Plan, run_recovery
 from uavrt_experiments.resources.report import SAMPLES_LIMIT_MB_H, WRITTEN_LIMIT_MB_H
 from uavrt_experiments.resources.run import Plan as ResourcePlan
 from uavrt_experiments.resources.run import run_resources
 
-pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(400)]
+pytestmark = pytest.mark.timeout(400)
 
 
 def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(
@@ -17,7 +18,15 @@ def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(
 ) -> None:
     # Five processes and their helper once each, the connection stopped, connection and recorder
     # killed six times each as fast as they come back, the supervisor, everything at once.
-    plan = Plan(kills=6, stops=1, bursts=2, supervisor_kills=1, power_cuts=2, seed=3)
+    plan = Plan(
+        kills=6,
+        stops=1,
+        bursts=2,
+        supervisor_kills=1,
+        power_cuts=2,
+        seed=3,
+        sample_rate_hz=FLIGHT_RATE_HZ,
+    )
     report = run_recovery(plan, tmp_path)
     assert report.faults == ()
     killed = [kill.process for kill in report.kills]
@@ -37,6 +46,7 @@ def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(
     assert report.as_dict()["resumed_s"]["power SIGKILL"]["count"] == 2
 
 
+@pytest.mark.full_rate
 def test_resources_are_measured_for_every_process_and_no_sample_is_lost() -> None:
     report = run_resources(ResourcePlan(minutes=0.1, tags=4, loads=(8,), load_s=4.0))
     assert report.lost_samples == 0

@@ -77,6 +77,8 @@ class Plan:
     supervisor_kills: int = 5
     power_cuts: int = 100
     seed: int = 1
+    sample_rate_hz: float = 3_000_000.0
+    """Of the radio."""
 
 
 class Recovery:
@@ -279,7 +281,7 @@ def run_recovery(
     """
     count = plan.kills + plan.supervisor_kills + plan.power_cuts
     count += plan.stops + 2 * plan.bursts
-    scenario = turning_scenario(60.0 + SECONDS_EACH * count, plan.seed)
+    scenario = turning_scenario(60.0 + SECONDS_EACH * count, plan.seed, plan.sample_rate_hz)
     faults: list[str] = []
     with ServedDrone(scenario, flights.resolve(), workers=workers) as drone:
         recovery = Recovery(drone, plan, say)
@@ -310,12 +312,15 @@ def run_recovery(
     )
 
 
-def turning_scenario(duration_s: float, seed: int) -> Scenario:
+def turning_scenario(duration_s: float, seed: int, sample_rate_hz: float) -> Scenario:
     """Make the demo's animals, and a drone that turns above them from the first second."""
     scenario = demo_scenario(60.0, seed)
     turn = Leg(duration_s=duration_s, turn_deg=TURN_DEG_S * duration_s)
     return replace(
-        scenario, duration_s=duration_s, flight=Flight(height_m=HEIGHT_M, leg=(turn,))
+        scenario,
+        duration_s=duration_s,
+        radio=replace(scenario.radio, sample_rate_hz=sample_rate_hz),
+        flight=Flight(height_m=HEIGHT_M, leg=(turn,)),
     )
 
 

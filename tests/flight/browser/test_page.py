@@ -19,6 +19,7 @@ from film import file_tree, log_lines
 from page_driver import SCREENSHOTS, VIDEO, WAIT_MS, Ground, Watched, type_tags, write_map
 from playwright.sync_api import Browser, Page, expect
 from quiet_radio import QuietRadio
+from tests.flight.conftest import FLIGHT_RATE_HZ
 
 from uavrt.cli.bench import bench_findings
 from uavrt.commands import Generation
@@ -104,7 +105,8 @@ def test_a_whole_flight_is_flown_through_the_page(
     page = watched.page
     scenario = demo_scenario(FLIGHT_S, 1)
     if not (SCREENSHOTS or VIDEO):
-        scenario = replace(scenario, tag=(*scenario.tag, CODED_TAG))
+        radio_here = replace(scenario.radio, sample_rate_hz=FLIGHT_RATE_HZ)
+        scenario = replace(scenario, radio=radio_here, tag=(*scenario.tag, CODED_TAG))
 
     watched.film()
     watched.caption("On the laptop: one command starts the ground station.", 0)

@@ -64,9 +64,12 @@ def test_a_search_is_refused_without_tags_and_watched_with_them(
     page.click("#show-tags")
     page.click("#act-send_tags")
     expect(page.locator("#act-send_tags")).to_contain_text("Tags sent")
+    page.click("#show-move")
     page.click("#act-start")
     expect(page.locator("#chip-state")).to_have_text("Detecting")
-    page.click("#show-move")
+    # The page loads the flight that has begun, and what is done meanwhile stays open.
+    page.wait_for_function("() => window.uavrt.store.liveFlight !== null")
+    expect(page.locator("#move-ask")).to_be_visible()
     watched.caption("Asked again, it says what it would do. Nothing moves until it is held.")
     assert "search" in here.fly()
     watched.caption("Each flight and turn comes with its reason.", 1.0)

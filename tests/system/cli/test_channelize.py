@@ -41,7 +41,7 @@ out = upfirdn(taps, data, 1, 8)[10 : data.size // 8].astype(np.complex64).tobyte
 for start in range(0, len(out), 16312):  # 2039 samples, as csdr writes
     sys.stdout.buffer.write(out[start : start + 16312])
     sys.stdout.buffer.flush()
-    time.sleep(16312 / 12e6)  # four times as fast as the radio
+    time.sleep(16312 / 6e6)  # twice as fast as the radio
 """
 # Reads what comes, as netcat does, but cuts where netcat would not: within samples.
 NETCAT = """

@@ -68,7 +68,7 @@ class Served:
     def ask(
         self, method: str, path: str, body: object = None, headers: dict[str, str] | None = None
     ) -> Answer:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
         told = {"Content-Type": "application/json"} if body is not None else {}
         told |= headers or {}
         content = body if isinstance(body, bytes | None) else json.dumps(body).encode()

@@ -271,7 +271,7 @@ def test_a_thousand_half_open_connections_leave_page_and_link_their_descriptors(
             for _ in range(20):
                 vehicle.sendto(writer.encode(heartbeat), ("127.0.0.1", link))
                 time.sleep(0.05)
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
         connection.request("GET", "/api/state")
         state = json.loads(connection.getresponse().read())
         connection.close()

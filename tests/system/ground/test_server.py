@@ -217,7 +217,7 @@ def test_a_large_request_is_refused(standing: Any) -> None:
 
 
 def test_a_request_without_an_end_is_cut_off(served: Any) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", served.port, timeout=20)
+    connection = http.client.HTTPConnection("127.0.0.1", served.port, timeout=60)
     connection.putrequest("PUT", "/api/tags")
     connection.putheader("Content-Type", "application/json")
     connection.putheader("Transfer-Encoding", "chunked")

@@ -17,7 +17,8 @@ from uavrt.config.loader import load_settings
 from uavrt.config.radios import RADIOS
 from uavrt.errors import ConfigError
 
-pytestmark = pytest.mark.timeout(300)
+# Together the radios stream 6 MS/s.
+pytestmark = [pytest.mark.full_rate, pytest.mark.timeout(300)]
 RATES_HZ = {"airspy": 3e6, "airspyhf": 192e3, "rtlsdr": 250e3, "hackrf": 2e6, "soapy": 250e3}
 GAINS = {"soapy": 20}
 

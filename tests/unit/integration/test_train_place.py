@@ -101,10 +101,12 @@ def test_cells_in_parts_cover_the_same_ground_and_are_parted_where_they_differ()
 def test_a_tag_between_lanes_is_where_it_is_said_to_be(enr_db: float) -> None:
     """Regions of 90 % once held two of five at 25 dB, of places 25 m off."""
     course = lawnmower(tag="inside", legs=4, side_m=1000.0)
-    flown = [placed(np.random.default_rng((9, seed)), course, enr_db, 0.0) for seed in range(3)]
+    flown = [
+        placed(np.random.default_rng((9, seed)), course, enr_db, 0.0) for seed in seeds(2, 3)
+    ]
     found = [one for one in flown if one is not None]
-    assert len(found) == 3
-    assert sum(one.held for one in found) >= 2
+    assert len(found) == len(flown)
+    assert sum(one.held for one in found) >= len(found) - 1
     assert max(one.off_m for one in found) < (60.0 if enr_db < 20.0 else 25.0)
 
 
@@ -113,7 +115,7 @@ def test_a_loud_tag_between_lanes_is_as_near_as_its_pulses_tell() -> None:
     course = lawnmower(tag="inside", legs=4, side_m=1000.0)
     flown = [
         placed(np.random.default_rng((9, seed)), course, 25.0, 0.0)
-        for seed in range(2, 2 + count(3, 5))
+        for seed in range(2, 2 + count(2, 5))
     ]
     found = [one for one in flown if one is not None]
     assert len(found) == len(flown)
@@ -155,7 +157,7 @@ def test_a_loud_tag_tells_how_much_it_fades(fading_db: float, exponent: float) -
     course = lawnmower(tag="inside", legs=4, side_m=1000.0, exponent=exponent)
     flown = [
         placed(np.random.default_rng((13, seed)), course, 45.0, 0.0, fading_db=fading_db)
-        for seed in seeds(3, 6)
+        for seed in seeds(2, 6)
     ]
     found = [one for one in flown if one is not None]
     assert len(found) == len(flown)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import made
 import pytest
-from foreign_files import ENDLESS
 from past_flight import TAG, write_flight
 from some import some
 
@@ -15,6 +14,8 @@ from uavrt.errors import FormatError
 from uavrt.localization.heard import MOST_MISSED, Heard
 from uavrt.messages import PulsePose
 from uavrt.recording.flight_reader import read_flight
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
 
 
 @pytest.fixture
