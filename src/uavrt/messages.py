@@ -753,11 +753,13 @@ class VehicleSeen:
     """Latitude and longitude [deg]."""
     battery_percent: float | None
     obeyed: bool
-    """The last command is seen to be obeyed, and another may follow now."""
+    """The last command is seen to be obeyed."""
     wishes_sent: int
     wishes_refused: int
     turned_deg: float
     ground_silent_s: float
+    settling: bool = False
+    """It is near its target and not yet at rest: only a return or a stop may follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -238,13 +238,14 @@ class Authority:
             wishes_refused=wishes_refused,
             turned_deg=0.0 if motion is None else motion.turned_deg,
             ground_silent_s=ground_silent_s,
+            settling=motion is not None and motion.not_settled_yet,
         )
 
     @property
     def obeyed(self) -> bool:
-        """Whether the last command is seen to be obeyed and another may follow now."""
+        """Whether the last command is seen to be obeyed."""
         motion = None if self._order is None else self._order.motion
-        return motion is not None and motion.obeyed and not motion.not_settled_yet
+        return motion is not None and motion.obeyed
 
     # --------------------------------------------------------------- what is seen
 
@@ -253,7 +254,7 @@ class Authority:
         restarted = self.vehicle.restarted(seen)
         if restarted is not None:
             self._end(restarted, seen.time_s)
-            self.vehicle = ObservedVehicle(self.manners)
+            self.vehicle = ObservedVehicle(self.manners, self.vehicle.failsafe)
         if not self.vehicle.take(seen):
             return
         self._offers.see(seen, self.vehicle)

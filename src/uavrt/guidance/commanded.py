@@ -23,6 +23,8 @@ from uavrt.units import wrap_degrees_180
 OBEYED_WITHIN_S, TAKES_OFF_WITHIN_S = 3.0, 10.0
 CHANGES_WITHIN_S = 0.5
 """The autopilots show a new target after 0.05 to 0.09 s; until then the one before is right."""
+STALL_S = 1.0
+"""Longest pause of our own process that ends no order: reports are read later by it at most."""
 ASTRAY_M = 6.0
 """Farther from the target than before, besides what it takes to brake."""
 HEIGHT_OFF_M = 5.0
@@ -191,9 +193,9 @@ class Commanded:
         return same_place(one, other, self.manners.target_m)
 
     def _made_s(self, seen: TargetSeen | PositionSeen) -> float:
-        """When a report was made at the latest [s]: after a stall it is read later."""
+        """When a report was made [s], by its own clock: after a stall it is read later."""
         by_its_clock_s = self.start.time_s + seen.boot_s - self.start.boot_s
-        return min(seen.time_s, by_its_clock_s)
+        return max(min(seen.time_s, by_its_clock_s), seen.time_s - STALL_S)
 
     def _waits(self, seen: TargetSeen) -> bool:
         """Whether the autopilot may not have taken the command when it reported this."""

@@ -40,8 +40,9 @@ class HandWatch:
         self._off_since_s = {
             number: self._off_since_s.get(number, seen.time_s) for number in off
         }
-        sticks = zip(seen.channels_us, self._then.channels_us, strict=True)
-        if any(abs(now - then) > STICK_US for now, then in sticks):
+        now_us, then_us = seen.channels_us, self._then.channels_us
+        sticks = zip(now_us, then_us, strict=False)
+        if len(now_us) != len(then_us) or any(abs(a - b) > STICK_US for a, b in sticks):
             return "the sticks were moved"
         return _switched(again)
 

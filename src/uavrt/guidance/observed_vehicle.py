@@ -35,7 +35,7 @@ LANDED_AGE_S = 3.0
 class ObservedVehicle:
     """Holds the newest report of each kind; `take` brings the next one."""
 
-    def __init__(self, manners: Manners) -> None:
+    def __init__(self, manners: Manners, failsafe: FailsafeSeen | None = None) -> None:
         self.manners = manners
         self.mode: ModeSeen | None = None
         self.heartbeat: ModeSeen | None = None
@@ -47,7 +47,8 @@ class ObservedVehicle:
         self.landed: LandedSeen | None = None
         self.sticks: SticksSeen | None = None
         self.home: HomeSeen | None = None
-        self.failsafe: FailsafeSeen | None = None
+        self.failsafe = failsafe
+        """Kept over a restart of the autopilot, until it is too old."""
         self._lateness = Lateness()
 
     def take(self, seen: Observation) -> bool:

@@ -141,35 +141,43 @@ class Pilot:
         if now.wishes_sent + now.wishes_refused < self._wished or (
             now.began and not now.obeyed
         ):
-            return None  # the last one is on its way, not seen to be obeyed, or nearly there
+            return None  # the last one is on its way, or is not seen to be obeyed yet
         if now.wishes_sent < self._sent_for_step:
             self._wished_step = None  # it was refused
+        step = self._due(now)
+        if step is None or (now.settling and not isinstance(step, Home)):
+            return None
+        return self._wish(step, now)
+
+    def _due(self, now: VehicleNow) -> Step | None:
+        """Get the step to command now: a return, then a hold, then the order's own."""
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.among:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None
             self._flies_home = True
         elif urgent is not None:
-            return self._wish(urgent, now)
+            return urgent
         if self._flies_home and not isinstance(self._wished_step, Home):
             return self._next_step(now)
         if self._returning or self._holding is not None:
             waiting = Home() if self._holding is None or self._returning else self._holding
-            return None if self._wished_step in (waiting, Home()) else self._wish(waiting, now)
+            return None if self._wished_step in (waiting, Home()) else waiting
         return self._next_step(now)
 
-    def _next_step(self, now: VehicleNow) -> Wish | None:
+    def _next_step(self, now: VehicleNow) -> Step | None:
         if self.idle:
             return None
         step = self._steps[self._number]
         if self._wished_step is not step:
-            return self._wish(step, now)
-        if not self._done(step, now):
+            return step
+        last = self._number + 1 == len(self._steps)
+        if not self._done(step, now) or (now.settling and not last):
             return None
         self._number += 1
-        if self._number == len(self._steps):
+        if last:
             self.ended = None if self._waits else "done"
             return None
-        return self._wish(self._steps[self._number], now)
+        return self._steps[self._number]
 
     def _wish(self, step: Step, now: VehicleNow) -> Wish:
         self._wished += 1

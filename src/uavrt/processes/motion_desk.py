@@ -14,6 +14,7 @@ from uavrt.commands import CommandName
 from uavrt.config.settings import GuidanceSettings
 from uavrt.errors import CommandRefused, TunnelError
 from uavrt.guidance.authority import Authority, Standing
+from uavrt.guidance.commanded import STALL_S
 from uavrt.guidance.heights import target_amsl_m
 from uavrt.guidance.manners import MANNERS, AutopilotName
 from uavrt.guidance.observed import Boot
@@ -57,9 +58,9 @@ PENDING = 16
 NEVER_S = 1e6
 STANDS_WITHIN_S = 1.5
 """After this a stop is one without the command to stand."""
-GAP_S, LATE_S = 1.0, 0.2
-"""Between two turns of the process, which come every 50 ms: beyond the first it is out, beyond
-the second what the autopilot said meanwhile is read before a command is sent, and before it
+LATE_S = 0.2
+"""Between two turns of the process, which come every 50 ms: beyond `STALL_S` it is out, beyond
+this what the autopilot said meanwhile is read before a command is sent, and before it
 counts as silent."""
 LATE_TURNS = 2
 """So many turns later it is read: the hub and the link wait for one turn together, in whatever
@@ -518,9 +519,9 @@ class MotionDesk:
         gap_s, self._awake_s = now_s - self._awake_s, now_s
         if gap_s > LATE_S:
             if not self._late_turns:
-                self._silence_counts_from_s = now_s + GAP_S
+                self._silence_counts_from_s = now_s + STALL_S
             self._late_turns = LATE_TURNS
-        if gap_s > GAP_S and self._authority is not None:
+        if gap_s > STALL_S and self._authority is not None:
             self._authority.stop(now_s, f"the drone side stood still for {gap_s:.0f} s")
             self._watch(now_s)
         return gap_s

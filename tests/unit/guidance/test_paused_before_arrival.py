@@ -6,6 +6,8 @@ import pytest
 from flown import Flown
 
 from uavrt.guidance.authority import Standing
+from uavrt.guidance.manners import MANNERS
+from uavrt.guidance.orders import Limits
 from uavrt.simulation.flying import Frame
 
 STANDS_M_S = 0.1
@@ -60,3 +62,28 @@ def test_a_slow_last_approach_is_flown_to_its_end(gain_hz: float) -> None:
     flown.run(300.0, until=lambda: flown.authority.standing is Standing.OUT)
     assert flown.authority.reason == "done"
     assert flown.refused < 10
+
+
+def approaching(limits: Limits | None = None) -> Flown:
+    """On a slow last approach: within 3 m of the first corner, and not at rest."""
+    flown = Flown("ardupilot", frame=Frame(position_gain_hz=0.3), limits=limits)
+    flown.run(1.5)
+    corners = ((60.0, 0.0), (60.0, 60.0), (0.0, 60.0))
+    flown.order("survey", places=tuple(flown.place(*one) for one in corners), spacing_m=20.0)
+    flown.run(60.0, until=lambda: bool(flown.commands) and left_m(flown) < 2.5)
+    assert left_m(flown) > 1.5
+    return flown
+
+
+def test_a_low_battery_sends_the_drone_home_also_on_a_slow_last_approach() -> None:
+    flown = approaching()
+    flown.vehicle.used_wh = 0.8 * flown.vehicle.frame.battery_wh
+    flown.run(2.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.vehicle.mode in MANNERS["ardupilot"].return_modes
+
+
+def test_a_lost_link_sends_the_drone_home_also_on_a_slow_last_approach() -> None:
+    flown = approaching(Limits(battery_wh=120.0, link_lost="return"))
+    flown.ground_silent_s = 10.0
+    flown.run(2.0, until=lambda: flown.authority.standing is Standing.OUT)
+    assert flown.vehicle.mode in MANNERS["ardupilot"].return_modes
