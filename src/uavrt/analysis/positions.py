@@ -40,7 +40,6 @@ from uavrt.recording.formats.positions_csv import read_position_file
 from uavrt.recording.formats.recognise import ORIGINAL_POSES, pulse_logs_in
 from uavrt.recording.formats.text import cells_of, read_lines, with_commas
 from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, tag_numbers
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
@@ -118,8 +117,8 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
     """Make bearings of a file's; how strong the tag was is not in it."""
     found = []
     for row in rows:
-        times_s = [one for one in (row.start_time_s, row.end_time_s) if one is not None]
-        times_ns = [round(one * NANOSECONDS_PER_SECOND) for one in times_s] or [NO_TIME]
+        known = [one for one in (row.start_time_ns, row.end_time_ns) if one is not None]
+        times_ns = known or [NO_TIME]
         found.append(
             TagBearing(
                 tag_id=row.tag_id,
