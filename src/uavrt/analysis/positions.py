@@ -260,8 +260,7 @@ def _positions_of_turns(
             if each.flight == number
         ]
         # Keys are tags already: their frequencies need not be compared.
-        found, receiver = found_of(one.heard, how, own), one.recorded.receiver
-        together.append(replace(found, frequencies_hz={}, receiver=receiver))
+        together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
     if len(kept) < len(noted):
