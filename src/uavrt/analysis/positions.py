@@ -19,6 +19,7 @@ from uavrt.analysis.log_clocks import clock_doubts
 from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
 from uavrt.errors import UsageError
 from uavrt.geodesy import distance_m
+from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import MONOPOLE
 from uavrt.localization.flight_estimates import (
     NO_TIME,
@@ -43,6 +44,10 @@ from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, ta
 
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
+_SAME_BEARING_SIGMAS = 3.0
+"""Bearings of one turn differ by less, also where another program made one of them."""
+_USUAL_SIGMA_DEG = 6.0
+"""Of a bearing that comes without a standard deviation."""
 _FIRST_LINES = 100
 """Which show what a file is; comments may come first."""
 
@@ -90,12 +95,14 @@ def read_positions(
     for text in dict.fromkeys(text for one in logs for text in one.log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    noted = [(path, _noted(read_bearing_file(path))) for path in files]
+    noted = _without_repeats(
+        [(os.fspath(path), _noted(read_bearing_file(path))) for path in files], warn
+    )
     times: list[tuple[str | Path, list[int]]] = [
         (one.path, [each.pulse.start_time_ns for each in one.log.pulse_poses]) for one in logs
     ]
     times += [
-        (os.fspath(path), [one.start_time_ns for one in rows if one.start_time_ns != NO_TIME])
+        (path, [one.start_time_ns for one in rows if one.start_time_ns != NO_TIME])
         for path, rows in noted
     ]
     for text in clock_doubts(times):
@@ -138,6 +145,29 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
                 end_time_ns=times_ns[-1],
             )
         )
+    return found
+
+
+def _without_repeats(
+    files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
+) -> list[tuple[str, list[TagBearing]]]:
+    """Leave out what an earlier file has, too: tag, place, time and bearing are the same."""
+    found: list[tuple[str, list[TagBearing]]] = []
+    known: set[tuple[float, ...]] = set()
+    for path, rows in files:
+        keys = [
+            (
+                *(one.tag_id, one.latitude_deg, one.longitude_deg),
+                *(one.start_time_ns, one.bearing.bearing_deg),
+            )
+            for one in rows
+        ]
+        kept = [one for one, key in zip(rows, keys, strict=True) if key not in known]
+        if len(kept) < len(rows):
+            copies = len(rows) - len(kept)
+            warn(f"{copies} bearings of {path} are in another file, too: left out")
+        known.update(keys)
+        found.append((path, kept))
     return found
 
 
@@ -210,7 +240,7 @@ def _positions_of_logs(
     turned = [one for one in logs if one not in whips]
     standing = [one for one in whips if (turned or noted) and stands(one.heard)]
     whips = [one for one in whips if one not in standing]
-    if whips and turned:
+    if whips and (turned or noted):
         warn(
             "some of these logs give bearings and some only strengths: each kind has its own "
             "positions"
@@ -222,7 +252,7 @@ def _positions_of_logs(
         try:
             found += survey(_together(whips), how, over)[0].values()
         except UsageError as error:
-            if not turned:
+            if not (turned or noted):
                 raise
             tags = {tag_id for one in whips for tag_id in one.heard.pulses}
             found += [
@@ -274,8 +304,12 @@ def _positions_of_turns(
 def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
     """Whether a bearing of a file was made of a turn that was read, too."""
     places = (noted.latitude_deg, noted.longitude_deg), (own.latitude_deg, own.longitude_deg)
+    off_deg = abs(difference_deg(noted.bearing.bearing_deg, own.bearing.bearing_deg))
+    sigmas_deg = (one.bearing.sigma_deg or _USUAL_SIGMA_DEG for one in (noted, own))
     return (
         noted.tag_id == own.tag_id
+        and own.bearing.accepted
+        and off_deg <= _SAME_BEARING_SIGMAS * math.hypot(*sigmas_deg)
         and own.start_time_ns <= noted.middle_time_ns <= own.end_time_ns
         and distance_m(*places[0], *places[1]) < _SAME_PLACE_M
     )
