@@ -83,7 +83,7 @@ def read_positions(
     files = [path for path in paths if _columns_of_named_file(path)]
     if files and how.elevation is not None:
         raise UsageError(
-            "a bearings.csv does not tell how high the drone was, as the ground needs",
+            "a bearings.csv has no heights of the drone, which --dem needs",
             remedy="Name the flights that its bearings came from, or leave --dem out",
         )
     logs = [
@@ -183,7 +183,7 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
         if len(keys.get(tag_id, ())) > 1:
             raise UsageError(
                 f"{tag_id} is the number of several tags in these flights",
-                remedy="Name flights in which it is one tag, beside bearings of a file",
+                remedy="Name flights in which it is one tag, to use bearings of a file with them",
             )
     return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
 

@@ -1,6 +1,7 @@
 """Bearings noted by hand beside turns, surveys by strength, and copies of themselves."""
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from uavrt.analysis.positions import read_positions
 from uavrt.analysis.survey import read_survey
 from uavrt.clock import iso_utc
 from uavrt.localization.flight_estimates import ReadAs
+from uavrt.messages import PulsePose
 
 OFF_THE_TURNS = ((-250.0, 0.0), (0.0, 0.0), (400.0, 300.0))
 LEFT_OUT = "of turns in these flights: left out"
@@ -23,6 +25,16 @@ LEFT_OUT = "of turns in these flights: left out"
 def by_hand(path: Path, sigma: str = "3") -> Path:
     rows = [(*place, from_there(*place), "", sigma) for place in OFF_THE_TURNS]
     return noted(path, *rows)
+
+
+def still(pulses: Sequence[PulsePose]) -> list[PulsePose]:
+    """The pulses as a receiver that stays where it began has them."""
+    first = some(pulses[0].pose)
+    times_ns = [some(one.pose).time_ns for one in pulses]
+    return [
+        replace(one, pose=replace(first, time_ns=time_ns))
+        for one, time_ns in zip(pulses, times_ns, strict=True)
+    ]
 
 
 @pytest.mark.parametrize(("off_deg", "kept"), [(0.0, 0), (10.0, 0), (60.0, 3), (-120.0, 3)])
@@ -87,3 +99,12 @@ def test_a_method_for_bearings_places_what_was_noted_beside_a_survey(tmp_path: P
     (placed,) = [one.position for one in found if one.position is not None]
     assert miss_m(placed) < 20.0
     assert any("mle needs bearings" in some(reason) for reason in reasons)
+
+
+def test_a_mast_among_bearings_without_strengths_is_left_out_with_that_reason(
+    tmp_path: Path,
+) -> None:
+    mast = as_log(tmp_path / "mast.jsonl", still(flown(threshold_db=-20.0).pulse_poses))
+    (found,) = read_positions(mast, by_hand(tmp_path / "noted.csv"))
+    (listener,) = some(found.position).listeners
+    assert listener.endswith("not used: no bearing has a strength")

@@ -93,7 +93,7 @@ def test_a_cut_off_tile_is_named_before_anything_is_computed(
 def test_bearings_without_heights_are_not_put_over_hills(tmp_path: Path) -> None:
     table = tmp_path / "bearings.csv"
     table.write_text("2,x.csv,10.0,0.9,47.0,8.0,450.0,1000.0,1.0,2.0\n")
-    with pytest.raises(UsageError, match="how high the drone was"):
+    with pytest.raises(UsageError, match="no heights of the drone"):
         localize(table, place=Placing(dem=write_tile(tmp_path)))
 
 

@@ -186,8 +186,8 @@ def _level_evidence(
     )
 
 
-_HILLS_UNKNOWN = "what hills take from them is not reckoned with"
-_NO_LEVELS = "not every bearing tells how strong the tag was"
+_HILLS_UNKNOWN = "their losses behind hills are not computed"
+_NO_LEVELS = "no bearing has a strength"
 
 
 def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:

@@ -136,7 +136,7 @@ def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow])
     """Write a bearings.csv, whole or not at all.
 
     Lines that are there already stay, except those of a tag and a parent file that are written
-    anew: all its rotations are replaced together.
+    again: all its rotations are replaced together.
 
     Raises `FormatError`: what is there already is no bearings.csv, or a name holds a comma.
     Raises `RecordingError`: it cannot be written.
