@@ -183,7 +183,7 @@ def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
         if len(keys.get(tag_id, ())) > 1:
             raise UsageError(
                 f"{tag_id} is the number of several tags in these flights",
-                remedy="Name flights in which it is one tag, to use bearings of a file with them",
+                remedy="Give bearings of a file with flights in which it is one tag",
             )
     return [replace(one, tag_id=keys.get(one.tag_id, [one.tag_id])[0]) for one in rows]
 

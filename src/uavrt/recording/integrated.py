@@ -2,8 +2,8 @@
 
 The flight's own log is never changed. ``integrated/pulses.jsonl`` holds pulses as ``uavrt
 detect`` writes them, with the status *integrated*; ``integrated/tags.json`` the verdict on each
-tag, ``integrated/folds.json`` the flight folded at its interval. A new verdict on a tag replaces
-the old one.
+tag, ``integrated/folds.json`` the flight folded at its interval. A new verdict on a tag
+replaces the old one.
 """
 
 import json
