@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
+from uavrt.lean_scipy import special
 from uavrt.localization.angles import difference_deg, widest_gap_deg
 from uavrt.localization.results import Caution
 from uavrt.units import wrap_degrees_360
@@ -206,7 +206,7 @@ def _fitted(
         heading_error_sigma_deg=float(covariance[2, 2]) ** 0.5,
         velocity_m_s=theta[3:],
         inlier=inlier,
-        misfit=float(chdtrc(max(1, len(residual) - 2), squares)),
+        misfit=float(special.chdtrc(max(1, len(residual) - 2), squares)),
         log_evidence=np.log(model.share) + log_likelihood + log_prior - 0.5 * float(log_det),
     )
 

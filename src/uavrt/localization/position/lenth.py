@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import i0e, i1e
+
+from uavrt.lean_scipy import special
 
 _ITERATIONS = 200
 _CONVERGED_M = 0.001
@@ -138,7 +139,9 @@ def fisher_information(rays: Rays, point: _Floats, kappa: _Floats) -> _Floats:
     `kappa` (n,): concentration of each bearing, 1 / sigma² [rad⁻²].
     """
     dx, dy = point[0] - rays.east_m, point[1] - rays.north_m
-    strength = kappa * (i1e(kappa) / i0e(kappa)) / np.maximum(dx**2 + dy**2, 1e-6) ** 2
+    strength = (
+        kappa * (special.i1e(kappa) / special.i0e(kappa)) / np.maximum(dx**2 + dy**2, 1e-6) ** 2
+    )
     mixed = -float(strength @ (dx * dy))
     return np.array([[float(strength @ dy**2), mixed], [mixed, float(strength @ dx**2)]])
 
@@ -160,7 +163,7 @@ def _placed(rays: Rays, point: _Floats, weights: _Floats) -> PlanePosition:
 
 
 def _bessel_ratio(kappa: float) -> float:
-    return max(float(i1e(kappa) / i0e(kappa)), 1e-6)
+    return max(float(special.i1e(kappa) / special.i0e(kappa)), 1e-6)
 
 
 def _andrews(t: _Floats) -> _Floats:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
 from uavrt.localization.position.loss_error import OF_EACH_PULSE, LossError, doubtful_db
-from uavrt.special import special
 from uavrt.terrain.hill_losses import HillLosses
 
 _ROOT_TWO_PI = 2.506_628_275

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
+from uavrt.lean_scipy import special
 from uavrt.localization.antenna import AntennaPattern, monopole_gain_db
 from uavrt.localization.position.censored_power import (
     CensoredSums,
@@ -372,7 +372,7 @@ class _Sums:
             whitening
             - 0.5 * np.log(determinant)
             - 0.5 * self.count * np.log(np.pi * size)
-            + gammaln(0.5 * self.count)
+            + special.gammaln(0.5 * self.count)
         )
 
     def solution(self, rho: float | _Floats) -> tuple[_Floats, _Floats]:
