@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from uavrt.batch.ledger import ASIDE, Ledger
-from uavrt.batch.run import DONE
-from uavrt.batch.tables import PULSES, RecordingRow
+from uavrt.batch.tables import DONE, PULSES, RecordingRow
 
 KEY = "0123456789abcdef"
 
