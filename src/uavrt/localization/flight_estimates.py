@@ -286,9 +286,9 @@ def _missed_yaws_deg(
     about then.
     """
     times = pulses.missed_ns(rhythm)
-    inside = [time for time in times if turn.start_time_ns <= time <= turn.end_time_ns]
-    if not inside:
-        return np.zeros(0)
+    inside = times[(times >= turn.start_time_ns) & (times <= turn.end_time_ns)]
+    if not len(inside):
+        return inside
     off_deg = yaws_deg(pulses.quaternion_wxyz) - np.interp(pulses.time_ns, pose_ns, yaw_deg)
     offset = np.angle(np.mean(np.exp(1j * np.radians(off_deg))), deg=True)
     return np.asarray(np.remainder(np.interp(inside, pose_ns, yaw_deg) + offset, 360.0))

@@ -144,13 +144,21 @@ def find_turns(
                     east[span] - np.median(east[span]), north[span] - np.median(north[span])
                 )
                 if abs(turned[-1] - turned[0]) >= least_turn_deg and drift.max() <= radius_m:
-                    place = plane.to_geodetic(np.median(east[span]), np.median(north[span]))
+                    place = _middle(latitude_deg[span], longitude_deg[span])
                     turns.append(_described(time_ns[span], seconds[span], turned, place))
     return turns
 
 
+def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
+    """Median of places, the same to the last digit whatever is flown before and after."""
+    plane = plane_around(latitude_deg, longitude_deg)
+    east, north = plane.to_local(latitude_deg, longitude_deg)
+    latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
+    return float(latitude), float(longitude)
+
+
 def _described(
-    time_ns: _Ints, seconds: _Floats, yaw: _Floats, place: tuple[_Floats, _Floats]
+    time_ns: _Ints, seconds: _Floats, yaw: _Floats, place: tuple[float, float]
 ) -> Turn:
     return Turn(
         start_time_ns=int(time_ns[0]),
@@ -158,8 +166,8 @@ def _described(
         turned_deg=float(yaw[-1] - yaw[0]),
         stops=len(_stops(seconds, yaw)),
         widest_gap_deg=widest_gap_deg(yaw),
-        latitude_deg=float(place[0]),
-        longitude_deg=float(place[1]),
+        latitude_deg=place[0],
+        longitude_deg=place[1],
     )
 
 
