@@ -165,15 +165,12 @@ def flight(
     poses: Iterable[Pose] = (),
     pulse_poses: Iterable[PulsePose] = (),
     pulses: Iterable[Pulse] = (),
-    notes: Iterable[str] = (),
 ) -> Path:
     """Record a whole flight; its directory."""
     recorder = FlightRecorder.create(info, settings)
     recorder.write_poses(Poses(poses=tuple(poses)))
     recorder.write_pulse_poses(pulse_poses)
     recorder.write_pulses(pulses)
-    for text in notes:
-        recorder.write_note(text, info.start_time_ns)
     recorder.close()
     return Path(info.directory)
 

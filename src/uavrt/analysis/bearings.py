@@ -184,8 +184,6 @@ def past_turns(
     cannot be read, or is another drone's, teaches nothing. Past are those before it in the
     order that was noted, and where none was, those that began earlier.
 
-    `flight`: the one that is looked at.
-    `antenna`: its pattern.
     `offset_deg`: boresight clockwise from the heading that the pulses carry.
     `besides`: flights that teach anyway.
     """

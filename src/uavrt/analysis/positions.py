@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from operator import attrgetter
 from pathlib import Path
 from typing import get_args
 
@@ -152,21 +153,15 @@ def _without_repeats(
     files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
 ) -> list[tuple[str, list[TagBearing]]]:
     """Leave out what an earlier file has, too: tag, place, time and bearing are the same."""
-    found: list[tuple[str, list[TagBearing]]] = []
-    known: set[tuple[float, ...]] = set()
+    key = attrgetter(
+        "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
+    )
+    found, known = list[tuple[str, list[TagBearing]]](), set[tuple[float, ...]]()
     for path, rows in files:
-        keys = [
-            (
-                *(one.tag_id, one.latitude_deg, one.longitude_deg),
-                *(one.start_time_ns, one.bearing.bearing_deg),
-            )
-            for one in rows
-        ]
-        kept = [one for one, key in zip(rows, keys, strict=True) if key not in known]
-        if len(kept) < len(rows):
-            copies = len(rows) - len(kept)
+        kept = [one for one in rows if key(one) not in known]
+        if copies := len(rows) - len(kept):
             warn(f"{copies} bearings of {path} are in another file, too: left out")
-        known.update(keys)
+        known.update(map(key, rows))
         found.append((path, kept))
     return found
 
@@ -293,8 +288,7 @@ def _positions_of_turns(
         together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
-    if len(kept) < len(noted):
-        copies = len(noted) - len(kept)
+    if copies := len(noted) - len(kept):
         warn(f"{copies} bearings of a file are of turns in these flights: left out")
     together.append(Found(bearings=kept))
     every = Found(heard=frozenset().union(*(each.heard for each in together)))

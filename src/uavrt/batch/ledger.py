@@ -38,7 +38,6 @@ class Ledger(Generic[R]):
 
     `output`: directory of the tables.
     `name`: folder of the rows.
-    `record`: of a row.
     `tables`: folders of what belongs to a row.
     `thorough`: read all files, and do not go by their sizes and times.
     Raises `RecordingError`: a file cannot be read.
@@ -102,7 +101,6 @@ class Ledger(Generic[R]):
     def settle(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
         """Write a row, and remove the rows and tables that it replaces.
 
-        `row`: of the finished recording or flight.
         `files`: its tables, which are on the disk; None keeps those of the row before.
         Raises `OSError`: the directory cannot be written.
         """

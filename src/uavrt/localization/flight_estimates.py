@@ -534,8 +534,6 @@ def estimate(
 ) -> Estimated:
     """Estimate all bearings and positions of a flight or log.
 
-    `heard`: what was heard.
-    `how`: how to read it.
     `past`: turns of past flights, which teach the antenna's pattern too.
     `theirs`: bearings that the drone itself estimated.
     `others`: what other receivers have of the tags; it goes into the positions where a number

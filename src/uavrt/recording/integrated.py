@@ -150,11 +150,7 @@ def write_integrated(
     pulses: Iterable[PulsePose],
     folds: Sequence[FlightFold] = (),
 ) -> Path:
-    """Write the results of some tags into a flight; those of other tags stay.
-
-    `verdicts`: one for each tag that was judged.
-    Returns: the directory of the results.
-    """
+    """Write the results of some tags into a flight; those of other tags stay."""
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
     kept = [one for one in old_verdicts if one.tag_id not in judged]

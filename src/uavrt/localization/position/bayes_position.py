@@ -60,7 +60,6 @@ def bayes_position(
     """Find the posterior of a place, and what an operator is told about it.
 
     `stations`, `powers`: what was measured; one of them at the least.
-    `known`: what is believed before the flight.
     `follow`: when the way of a tag that moves is sought.
     Raises `UsageError`: a way was asked for, and times are not known.
     """

@@ -188,9 +188,7 @@ def censored_fit(
 ) -> CensoredFit:
     """Fit level, exponent, fading and misses by chance at each place.
 
-    `sums`: of the places.
     `miss_weight`: how many misses each stands for.
-    `propagation`: prior of the exponent.
     `correlation`: of neighbouring pulses' fading, the same for all places that are compared.
     """
     fits = [_fitted(part, miss_weight, propagation, correlation) for part in sums.cut()]

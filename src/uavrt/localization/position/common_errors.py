@@ -109,10 +109,8 @@ def explanations(
     """Fit all explanations; each with its probability, that of a resting tag first.
 
     `bearings`: four or more, around the tag.
-    `place`: where the search begins.
     `heading_sigma_deg`: common error of the headings that is usual; 0: they are known.
     `outlier_share`: probability that a bearing has nothing to do with the tag.
-    `unusual`: what else may be.
     """
     models = []
     if "compass" in unusual:
@@ -255,7 +253,6 @@ def cautions_of(
 ) -> tuple[Caution, ...]:
     """What the operator must know of the most probable explanation.
 
-    `fit`: that explanation.
     `outlier_probabilities`: for each bearing of a tag that rests, over all places where it may
     be.
     """

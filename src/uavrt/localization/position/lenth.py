@@ -66,7 +66,6 @@ def maximum_likelihood(rays: Rays) -> PlanePosition | None:
 def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """Lenth's M-estimator with Andrews' psi, c = 1.5; None when it diverges.
 
-    `rays`: the bearings.
     `as_original`: True sets kappa = 1 / A(C), A = I1/I0, as uavrt_localize does. Kappa is then
     near 2.2 for any bearings, and none is ever rejected. False sets it to the inverse function
     A⁻¹(C), as Lenth has it.
@@ -96,7 +95,6 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """Median over all bearings of the medians of their intersections; None without any.
 
-    `rays`: the bearings.
     `as_original`: True counts every crossing of two lines; False only those ahead of both
     antennas.
     """

@@ -142,10 +142,7 @@ class Behind:
     def hills(
         cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
     ) -> "Behind | None":
-        """Look from the drone to some places; None over level ground.
-
-        `heard`: where the drone was.
-        """
+        """Look from the drone to some places; None over level ground."""
         if hills is None:
             return None
         up_m = float(heard.height_m) + hills.tag_m

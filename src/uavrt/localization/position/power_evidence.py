@@ -118,7 +118,6 @@ class PowerEvidence:
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: heights, powers, antenna.
-    `propagation`: prior of the path loss exponent.
     `correlation`: of neighbouring pulses' fading, where pulses were missed; see
     `correlation_at_best`. Without misses it is integrated out.
     `over_hills`: what the ground takes from the pulses; None is level.
