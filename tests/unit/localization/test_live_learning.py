@@ -8,7 +8,7 @@ from turned import turned_flight
 
 from uavrt.localization import flight_estimates
 from uavrt.localization.antenna import AntennaPattern
-from uavrt.localization.bearing.learned_pattern import TurnPulses
+from uavrt.localization.bearing.learned_pattern import TurnPulses, learn_pattern
 from uavrt.localization.estimate_cache import Cache
 from uavrt.localization.flight_estimates import ReadAs, TagBearing, estimate
 from uavrt.localization.heard import Heard
@@ -17,13 +17,12 @@ from uavrt.localization.heard import Heard
 def test_poses_after_the_last_turn_teach_nothing_again(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = turned_flight(3, tags=2, turns=4)
     learnt: list[int] = []
-    learn = flight_estimates.learn_pattern
 
     def counted(
         turns: Sequence[TurnPulses], antenna: AntennaPattern, *, threshold_db: float
     ) -> AntennaPattern:
         learnt.append(len(turns))
-        return learn(turns, antenna, threshold_db=threshold_db)
+        return learn_pattern(turns, antenna, threshold_db=threshold_db)
 
     monkeypatch.setattr(flight_estimates, "learn_pattern", counted)
     cache, of_first_turn = Cache(), list[TagBearing]()
