@@ -1,10 +1,9 @@
-"""Limits of files and texts that others made, and the readers that keep them.
+"""Limits for files and texts of others, and the functions that read them.
 
-Every parser of a foreign format reads by these functions, so that one place says how many
-bytes, unpacked bytes, levels and values are taken. A file beyond its limit is refused with one
-line. A limit is some ten times what honest files have; reading up to it takes at most two
-seconds and 200 MB, except for recordings, logs and terrain, which take time in proportion to
-their size.
+Every parser of a foreign format reads with these functions, which limit bytes, unpacked bytes,
+levels of nesting and values. A file beyond its limit is refused with one line. A limit is about
+ten times the size of usual files; reading up to it takes at most 2 s and 200 MB, except for
+recordings, logs and terrain, which take time in proportion to their size.
 """
 
 import json
@@ -24,11 +23,11 @@ if TYPE_CHECKING:
     from zipfile import ZipFile
 
 CPU_S = 2
-"""Time that one foreign input may take where nothing in it is long [s of CPU]."""
+"""Time that reading one short foreign input may take [s of CPU]."""
 MEMORY_BYTES = 200_000_000
 """Memory that reading one foreign input may take."""
 MOST_FAULTS = 50
-"""Faults of one file that are listed; more help nobody to mend it."""
+"""Faults of one file that are listed; more do not help to mend it."""
 _REMEDY = "Check the name: another file may be meant"
 _PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 50_000_000
@@ -39,12 +38,12 @@ _PIPES = ("/dev/fd/", "/dev/stdin", "/proc/self/fd/")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """What is taken of one kind of foreign file."""
+    """Size and nesting that one kind of foreign file may have."""
 
     what: str
     """What the file is, for the refusal: ``"a tag file"``."""
     bytes: int
-    """As it is on the disk; also after unpacking."""
+    """Size on the disk, and after unpacking."""
     values: int = 100_000
     """Elements, objects, lists and members together."""
     depth: int = 32
@@ -65,7 +64,7 @@ YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, d
 """PyYAML reads some 200 kB a second; 500 codes have 60 kB."""
 SHAPES = Limit(what="an area or a way", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
-"""SigMF metadata of a recording with gaps, verdicts beside a flight."""
+"""SigMF metadata of a recording with gaps, verdicts of a flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
 """Of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
@@ -82,11 +81,10 @@ TRACK = Limit(what="an autopilot's log", bytes=2_000_000_000)
 
 
 def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
-    """Read a whole file that others made.
+    """Read a whole file of others.
 
     Raises `OSError`: it cannot be read.
-    Raises `FormatError`: it is too large, hardly written, or a pipe or device that might never
-    end.
+    Raises `FormatError`: it is too large, mostly holes, or a pipe or device without an end.
     """
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(handle, "rb") as file:
@@ -98,7 +96,7 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
             os.set_blocking(handle, True)
         limit.check_size(about.st_size, os.fspath(path))
         _check_holes(about, os.fspath(path))
-        # A pipe has no size, and a log may grow; a read sets all it may take aside.
+        # A pipe has no size, and a log may grow; each read allocates all that it may return.
         pieces = [file.read(about.st_size + 1)]
         while pieces[-1] and sum(map(len, pieces)) <= limit.bytes:
             pieces.append(file.read(_PIECE_BYTES))
@@ -108,7 +106,7 @@ def read_file(path: str | os.PathLike[str], limit: Limit) -> bytes:
 
 
 def _check_holes(about: os.stat_result, name: object) -> None:
-    """Refuse a large file of which hardly anything was ever written; raises `FormatError`."""
+    """Refuse a large file that is mostly holes; raises `FormatError`."""
     written = 512 * getattr(about, "st_blocks", about.st_size)
     if about.st_size > _LARGE_BYTES and written < about.st_size // 8:
         raise FormatError(
@@ -118,7 +116,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
-    """Refuse a pipe, socket or device, except what a shell passes; raises `FormatError`."""
+    """Refuse a pipe, socket or device, except a pipe from a shell; raises `FormatError`."""
     name = os.fspath(path)
     mode = os.stat(path).st_mode if mode is None else mode
     passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)
@@ -185,14 +183,13 @@ def pieces_of(content: bytes) -> Iterable[bytes]:
 
 
 def read_json(content: bytes | str, limit: Limit) -> Any:
-    """Decode JSON that others wrote.
+    """Decode JSON of others.
 
-    Raises `ValueError`: it is none, or beyond the limit; the text says which, for the end of a
-    sentence.
+    Raises `ValueError`: it is not JSON, or beyond the limit; the text ends a sentence.
     """
     if len(content) > limit.bytes:
         raise ValueError(f"it is too long: more than {limit.bytes:,} bytes")
-    # Commas in texts count, too: they are few beside the limit.
+    # Commas in texts count, too: they are few compared with the limit.
     if isinstance(content, str):
         marks = sum(content.count(mark) for mark in (",", "[", "{"))
     else:
@@ -219,7 +216,7 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML that others wrote, from its element `root` on where that is found.
+    """Parse XML of others, from its element `root` on where that is found.
 
     The declaration before it is left out: the text is decoded already.
 
@@ -246,7 +243,7 @@ _TOML_QUIET = re.compile(
     r'|"(?:[^"\\\n]|\\[^\n])*(?:"|(?=\n)|\Z)' + r"|'[^'\n]*(?:'|(?=\n)|\Z)|#[^\n]*",
     re.S,
 )
-"""Texts and comments of TOML, in which brackets and points mean nothing."""
+"""Strings and comments of TOML, in which brackets and points mean nothing."""
 _TOML_MARK = re.compile(r"[\[\]{}=]|[\w-]+(?:[ \t]*\.[ \t]*[\w-]+)*")
 
 
@@ -287,7 +284,7 @@ def size_of(path: Path) -> int:
     """Bytes of a plain file.
 
     Raises `OSError`: it is not there.
-    Raises `FormatError`: it is a pipe or a device, or hardly anything of it was ever written.
+    Raises `FormatError`: it is a pipe or a device, or mostly holes.
     """
     about = path.stat()
     require_plain_file(path, about.st_mode)

@@ -98,7 +98,7 @@ def _c_code(path: Path) -> str:
 
 @lru_cache(maxsize=1024)
 def _of_file(path: Path, time_ns: int, size: int) -> str:
-    """Digest of a file's code; time and size tell that it is another."""
+    """Digest of a file's code; time and size show that it is another."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     return hashlib.sha256(" ".join(_tokens(tree)).encode()).hexdigest()
 

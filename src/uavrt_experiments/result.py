@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """A measured figure beside its bar, the original's figure and the bounds of theory."""
+    """A measured figure with its bar, the original's figure and the bounds of theory."""
 
     experiment: str
     """E1, B2, L3 …"""

@@ -150,7 +150,7 @@ def level_for(
         chosen = near
         closer, its_error = _logistic(chosen, share)
         if abs(closer - level) > _NEAR_DB:
-            break  # points that are alike tell no slope: it would lead anywhere
+            break  # points that are equal give no slope
         level, error = closer, its_error
     return level, level - Z95 * error, level + Z95 * error, error
 
@@ -188,5 +188,5 @@ def _logistic(points: Sequence[tuple[float, int, int]], share: float) -> tuple[f
 def _likelihood(
     logits: NDArray[np.float64], hits: NDArray[np.float64], trials: NDArray[np.float64]
 ) -> float:
-    """Logarithm of the chance of so many hits."""
+    """Logarithm of the chance of this number of hits."""
     return float(hits @ logits - trials @ np.logaddexp(0.0, logits))

@@ -61,17 +61,6 @@ class Recorded:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
-    @property
-    def receiver(self) -> Hashable | None:
-        """Drone, antenna and radio as set up: flights that share them share the gain.
-
-        None where the vehicle is not known.
-        """
-        if self.flight is None or vehicle_of(self.flight.notes) is None:
-            return None
-        settings = flight_settings(self.flight)
-        return _set_up(self.flight), None if settings is None else settings.radio
-
     def turning(self) -> str:
         """Name of the antenna for bearings; a log that does not say has the usual one.
 
@@ -195,8 +184,6 @@ def past_turns(
     cannot be read, or is another drone's, teaches nothing. Past are those before it in the
     order that was noted, and where none was, those that began earlier.
 
-    `flight`: the one that is looked at.
-    `antenna`: its pattern.
     `offset_deg`: boresight clockwise from the heading that the pulses carry.
     `besides`: flights that teach anyway.
     """

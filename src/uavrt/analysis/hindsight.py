@@ -69,7 +69,6 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
     and too great by up to 2 dB where the jitter leaves a choice. Score, group and noise density
     are those of no group, hence unknown.
 
-    `flight`: its poses and pulses.
     `result`: None are made of a tag that was not found.
     """
     if not result.found:

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from operator import attrgetter
 from pathlib import Path
 from typing import get_args
 
@@ -19,6 +20,7 @@ from uavrt.analysis.log_clocks import clock_doubts
 from uavrt.analysis.same_tags import SameTags, ToldTag, same_tags
 from uavrt.errors import UsageError
 from uavrt.geodesy import distance_m
+from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import MONOPOLE
 from uavrt.localization.flight_estimates import (
     NO_TIME,
@@ -40,10 +42,13 @@ from uavrt.recording.formats.positions_csv import read_position_file
 from uavrt.recording.formats.recognise import ORIGINAL_POSES, pulse_logs_in
 from uavrt.recording.formats.text import cells_of, read_lines, with_commas
 from uavrt.recording.formats.ucsd import TargetEstimate, read_ucsd_estimates, tag_numbers
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
+_SAME_BEARING_SIGMAS = 3.0
+"""Bearings of one turn differ by less, also where another program made one of them."""
+_USUAL_SIGMA_DEG = 6.0
+"""Of a bearing that comes without a standard deviation."""
 _FIRST_LINES = 100
 """Which show what a file is; comments may come first."""
 
@@ -91,12 +96,14 @@ def read_positions(
     for text in dict.fromkeys(text for one in logs for text in one.log.warnings):
         warn(text)
     logs = _without_copies(logs, warn)
-    noted = [(path, _noted(read_bearing_file(path))) for path in files]
+    noted = _without_repeats(
+        [(os.fspath(path), _noted(read_bearing_file(path))) for path in files], warn
+    )
     times: list[tuple[str | Path, list[int]]] = [
         (one.path, [each.pulse.start_time_ns for each in one.log.pulse_poses]) for one in logs
     ]
     times += [
-        (os.fspath(path), [one.start_time_ns for one in rows if one.start_time_ns != NO_TIME])
+        (path, [one.start_time_ns for one in rows if one.start_time_ns != NO_TIME])
         for path, rows in noted
     ]
     for text in clock_doubts(times):
@@ -118,8 +125,8 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
     """Make bearings of a file's; how strong the tag was is not in it."""
     found = []
     for row in rows:
-        times_s = [one for one in (row.start_time_s, row.end_time_s) if one is not None]
-        times_ns = [round(one * NANOSECONDS_PER_SECOND) for one in times_s] or [NO_TIME]
+        known = [one for one in (row.start_time_ns, row.end_time_ns) if one is not None]
+        times_ns = known or [NO_TIME]
         found.append(
             TagBearing(
                 tag_id=row.tag_id,
@@ -139,6 +146,23 @@ def _noted(rows: Sequence[BearingRow]) -> list[TagBearing]:
                 end_time_ns=times_ns[-1],
             )
         )
+    return found
+
+
+def _without_repeats(
+    files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
+) -> list[tuple[str, list[TagBearing]]]:
+    """Leave out what an earlier file has, too: tag, place, time and bearing are the same."""
+    key = attrgetter(
+        "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
+    )
+    found, known = list[tuple[str, list[TagBearing]]](), set[tuple[float, ...]]()
+    for path, rows in files:
+        kept = [one for one in rows if key(one) not in known]
+        if copies := len(rows) - len(kept):
+            warn(f"{copies} bearings of {path} are in another file, too: left out")
+        known.update(map(key, rows))
+        found.append((path, kept))
     return found
 
 
@@ -211,7 +235,7 @@ def _positions_of_logs(
     turned = [one for one in logs if one not in whips]
     standing = [one for one in whips if (turned or noted) and stands(one.heard)]
     whips = [one for one in whips if one not in standing]
-    if whips and turned:
+    if whips and (turned or noted):
         warn(
             "some of these logs give bearings and some only strengths: each kind has its own "
             "positions"
@@ -223,7 +247,7 @@ def _positions_of_logs(
         try:
             found += survey(_together(whips), how, over)[0].values()
         except UsageError as error:
-            if not turned:
+            if not (turned or noted):
                 raise
             tags = {tag_id for one in whips for tag_id in one.heard.pulses}
             found += [
@@ -261,12 +285,10 @@ def _positions_of_turns(
             if each.flight == number
         ]
         # Keys are tags already: their frequencies need not be compared.
-        found, receiver = found_of(one.heard, how, own), one.recorded.receiver
-        together.append(replace(found, frequencies_hz={}, receiver=receiver))
+        together.append(replace(found_of(one.heard, how, own), frequencies_hz={}))
     own_bearings = [one for each in together for one in each.bearings]
     kept = [one for one in noted if not any(_is_copy(one, each) for each in own_bearings)]
-    if len(kept) < len(noted):
-        copies = len(noted) - len(kept)
+    if copies := len(noted) - len(kept):
         warn(f"{copies} bearings of a file are of turns in these flights: left out")
     together.append(Found(bearings=kept))
     every = Found(heard=frozenset().union(*(each.heard for each in together)))
@@ -276,8 +298,12 @@ def _positions_of_turns(
 def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
     """Whether a bearing of a file was made of a turn that was read, too."""
     places = (noted.latitude_deg, noted.longitude_deg), (own.latitude_deg, own.longitude_deg)
+    off_deg = abs(difference_deg(noted.bearing.bearing_deg, own.bearing.bearing_deg))
+    sigmas_deg = (one.bearing.sigma_deg or _USUAL_SIGMA_DEG for one in (noted, own))
     return (
         noted.tag_id == own.tag_id
+        and own.bearing.accepted
+        and off_deg <= _SAME_BEARING_SIGMAS * math.hypot(*sigmas_deg)
         and own.start_time_ns <= noted.middle_time_ns <= own.end_time_ns
         and distance_m(*places[0], *places[1]) < _SAME_PLACE_M
     )

@@ -317,7 +317,6 @@ def silent_maps(
     The maps are those of `uavrt coverage FLIGHT`, made before the verdicts are kept. Tags that
     were heard, or may have been, have none: of them silence tells nothing.
 
-    `tags`: that were judged.
     `tag_power_dbm`: that they radiate.
     `elevation`: None takes the ground for level.
     `on_pulse`: takes how many pulses are done, and of how many.

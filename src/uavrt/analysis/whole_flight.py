@@ -109,7 +109,6 @@ def integrate_flight(
 ) -> list[IntegratedTag]:
     """Judge a whole flight for each tag.
 
-    `flight`: for its poses.
     `source`: what was recorded in it; the caller closes it.
     `tags`: at least one.
     Raises `ConfigError`: there are no tags.

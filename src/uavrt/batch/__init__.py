@@ -1,8 +1,8 @@
 """Whole archives of recordings under one tag list, to Parquet, and questions over them.
 
 `recordings` finds what there is, `copies` leaves out what is there twice, and `names` gives
-each flight a name of its own. `cells` cuts a recording, `cell_work` detects in a cell and hands
-its state on from chunk to chunk (`chain_state`), `detecting` makes recordings of cells again.
+each flight a name of its own. `cells` cuts a recording, `cell_work` detects in a cell,
+`detecting` makes recordings of cells again.
 `flight_work` makes poses, bearings and positions of a flight's pulses, `placing` of all.
 `workers` runs tasks side by side, `tables` writes Parquet, `ledger` knows what is done, `run`
 does it all; `questions` asks the tables, `flight_search` finds flights in them.

@@ -72,7 +72,6 @@ def work_on(
 ) -> CellResult | None:
     """Detect in a cell.
 
-    `task`: the cell.
     `should_stop`: called at each block; True leaves the cell undone.
     `on_samples`: takes how many samples were done since it was last called.
     Returns: None: stopped before the end.

@@ -33,11 +33,7 @@ _QUEUED_LEAST = 64
 
 
 class Sign:
-    """The file that says which run is going on, for workers to read.
-
-    `path`: the file.
-    `run`: name of the run.
-    """
+    """The file that says which run is going on, for workers to read."""
 
     def __init__(self, path: Path, run: str) -> None:
         self._path, self._run = path, run
@@ -67,7 +63,6 @@ def run_on_cluster(
 ) -> Iterator[tuple[int, R]]:
     """Work on tasks; yield each one's number and result as it is done.
 
-    `tasks`: what is to be done.
     `scheduler`: ``tcp://HOST:PORT``.
     `folder`: seen by all workers under the same name.
     `should_stop`: True ends it.

@@ -26,7 +26,6 @@ def copies_of(
     equals the one that was placed before. Two flights that both kept samples and heard nothing
     are two, whenever they were.
 
-    `found`: what there is now.
     `recordings`, `flights`: what is done: a flight is also a copy of one that was placed before
     and is away now.
     `output`: where outlines of the flights are kept for the next run.

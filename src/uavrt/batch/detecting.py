@@ -54,9 +54,6 @@ class _Job:
 class Detecting:
     """What is to be detected, and what becomes of it.
 
-    `sought`: the tags.
-    `output`: directory of the tables.
-    `settings`: how.
     `ledger`: what is done.
     """
 

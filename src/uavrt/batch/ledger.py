@@ -1,14 +1,15 @@
-"""What is done: a file for each recording or flight, so that a killed run keeps them all.
+"""Rows of finished recordings and flights, a file for each: a killed run loses none.
 
-A row is written after the tables that belong to it, each on the disk before the next, and it
-knows what they hold. So after a kill or a power cut there are whole rows with whole tables;
-what belongs to no row is removed, and what a row misses is done again.
+A row is written after its tables, each on the disk before the next, and holds their digests.
+So a kill or a power cut leaves whole rows with whole tables; tables without a row are removed,
+and a row without its tables is done again.
 """
 
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain, count
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -21,7 +22,7 @@ from uavrt.errors import FormatError, RecordingError
 
 R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
-"""Folder, below the output, of rows that cannot be read and of the tables that were theirs."""
+"""Folder, below the output, for rows that cannot be read and for their tables."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 """Name of a table, by its key (`uavrt.batch.step_keys`)."""
 
@@ -29,15 +30,14 @@ _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
 class _Entry(msgspec.Struct, frozen=True):
     row: msgspec.Raw
     files: dict[str, Seal]
-    """Of its tables, by path below the output."""
+    """Seals of its tables, by path below the output."""
 
 
 class Ledger(Generic[R]):
-    """The rows of all recordings or flights; what a newer row replaces goes with its tables.
+    """The rows of all recordings or flights; a newer row replaces an older one with its tables.
 
     `output`: directory of the tables.
     `name`: folder of the rows.
-    `record`: of a row.
     `tables`: folders of what belongs to a row.
     `thorough`: read all files, and do not go by their sizes and times.
     Raises `RecordingError`: a file cannot be read.
@@ -61,7 +61,7 @@ class Ledger(Generic[R]):
         self.damaged: dict[str, str] = {}
         """Files that are missing or damaged, with the reason; what they held is done again."""
         self.withdrawn: set[str] = set()
-        """Files of rows that were removed since a table of theirs is damaged."""
+        """Files of rows that were removed because one of their tables is damaged."""
         try:
             self._load(thorough=thorough)
         except PermissionError as error:
@@ -72,16 +72,16 @@ class Ledger(Generic[R]):
 
     @property
     def rows(self) -> list[R]:
-        """Get what was done so far, by path."""
+        """Get the rows of all that is done, in order of their paths."""
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Get the row of what is done under a key; what failed is not."""
+        """Get the row with a key; None where it failed or is missing."""
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Get the row of what is done of a path, under whatever key."""
+        """Get the newest row of a path, whatever its key; None where all failed."""
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
@@ -90,7 +90,7 @@ class Ledger(Generic[R]):
         return dict(self._files.get(key, {}))
 
     def times(self, table: str) -> dict[str, int | None]:
-        """Get the start of what is in each file of a table [ns], by the file's stem."""
+        """Get the start time of each file of a table [ns], by the file's stem."""
         return {
             Path(name).stem: row.start_time_ns
             for key, row in self._rows.items()
@@ -99,10 +99,9 @@ class Ledger(Generic[R]):
         }
 
     def settle(self, row: R, files: Mapping[str, Seal] | None = None) -> None:
-        """Put a row down, and take away what it replaces.
+        """Write a row, and remove the rows and tables that it replaces.
 
-        `row`: what was done.
-        `files`: its tables, which are on the disk; None: as they were.
+        `files`: its tables, which are on the disk; None keeps those of the row before.
         Raises `OSError`: the directory cannot be written.
         """
         key, before = row.fingerprint, self.files(row.fingerprint)
@@ -117,7 +116,7 @@ class Ledger(Generic[R]):
         self._keys[row.path] = {key}
 
     def drop(self, path: str) -> None:
-        """Take away what is known of a path."""
+        """Remove the rows of a path with their tables."""
         for old in self._keys.pop(path, ()):
             self._remove(old)
 
@@ -132,7 +131,7 @@ class Ledger(Generic[R]):
                 entry = msgspec.json.decode(read_note(path), type=_Entry)
                 row = msgspec.json.decode(entry.row, type=self._record)
                 if row.fingerprint != path.stem:
-                    raise FormatError("it holds another one's row")
+                    raise FormatError("it holds the row of another file")
                 # What is named here is removed with the row.
                 if not all(map(self._is_table, entry.files)):
                     raise FormatError("it names files that are no tables of a batch")
@@ -166,10 +165,10 @@ class Ledger(Generic[R]):
     def _remove_strays(self) -> None:
         """Remove tables of no row, which a cut left before the row was written.
 
-        They are set aside where rows could not be read, since they may belong to these. What a
-        batch cannot have written belongs to another program, and stays.
+        They are kept where rows were set aside, in this run or in one that was cut off, since
+        they may belong to these. Files of other programs stay.
         """
-        unreadable = any(name.startswith(f"{self._directory.name}/") for name in self.damaged)
+        unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}
         for table in self._tables:
             for path in (self._output / table).glob("*"):
@@ -187,9 +186,10 @@ class Ledger(Generic[R]):
         if not keeps:
             path.unlink()
             return
-        aside = self._output / ASIDE / path.parent.name / path.name
-        aside.parent.mkdir(parents=True, exist_ok=True)
-        path.replace(aside)
+        folder = self._output / ASIDE / path.parent.name
+        folder.mkdir(parents=True, exist_ok=True)
+        names = chain([path.name], (f"{path.stem}-{n}{path.suffix}" for n in count(2)))
+        path.replace(next(folder / one for one in names if not (folder / one).exists()))
 
     def place(self, key: str) -> str:
         """Name the file of a row, below the output."""

@@ -55,7 +55,6 @@ def gather_months(
 ) -> Index:
     """Bring the months up to date with what was written.
 
-    `output`: directory of the tables.
     `index`: which copies there are.
     `tables`: for each table the start of what is in each file [ns], by the file's stem.
     `least_files`: fewer files than this, that no month holds, are left as they are.
@@ -83,7 +82,6 @@ def gather_months(
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
     """Read which copies there are, and why others cannot be used.
 
-    `output`: directory of the tables.
     `thorough`: read all copies, and do not go by their sizes and times.
     """
     try:

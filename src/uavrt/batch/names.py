@@ -20,7 +20,6 @@ def name_flights(
 
     Where the name is another's already, more of the path comes before it: ``2024/walk``.
 
-    `found`: what there is.
     `recordings`, `flights`: what is done.
     `passed_over`: copies of flights, whose names are free.
     """

@@ -48,9 +48,6 @@ TABLE_OF = {"bearing": BEARINGS, "localize": POSITIONS, "integrate": INTEGRATED}
 class Placing:
     """Which flights are to be placed, and what becomes of them.
 
-    `sought`: the tags.
-    `output`: directory of the tables.
-    `settings`: how.
     `recordings`, `flights`: what is done.
     """
 
@@ -75,7 +72,6 @@ class Placing:
     def plan(self, found: Found, keys: Mapping[Path, str], copies: Mapping[Path, Path]) -> None:
         """Add all flights, and recordings with a track, that are not done yet.
 
-        `found`: what there is.
         `keys`: of the recordings, as the ledger knows them.
         `copies`: the flight that counts, by directory of each copy.
         """

@@ -133,7 +133,6 @@ def told_of(archive: Path) -> Iterator[None]:
 def keep_answers(archive: Path, index: Index) -> Index:
     """Keep the answers that need every pulse, for as long as no pulse changes.
 
-    `archive`: directory of the tables.
     `index`: which copies there are, which `write_index` has noted.
     Returns: which copies there are now.
     Raises `OSError`: the directory cannot be written.

@@ -45,7 +45,6 @@ def run_tasks(
 ) -> Iterator[tuple[int, R]]:
     """Work on tasks; yield each one's number and result as it is done.
 
-    `tasks`: what is to be done.
     `workers`: how many at a time; with one, this process does the work.
     `should_stop`: called several times a second; True ends it.
     `on_done`: takes how much was done since it was last called.

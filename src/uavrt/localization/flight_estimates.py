@@ -5,7 +5,7 @@ of one flight.
 """
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -154,8 +154,6 @@ class Found:
     """Of tags heard or listed: the same number may mean another animal elsewhere."""
     pattern: AntennaPattern | None = None
     """The antenna as the turns have shown it; None without a turn."""
-    receiver: Hashable | None = None
-    """Which drone, as it was set up; None is a receiver with a gain of its own."""
 
     def bearings_of(self, tag_id: int) -> list[TagBearing]:
         """Those of one tag."""
@@ -288,9 +286,9 @@ def _missed_yaws_deg(
     about then.
     """
     times = pulses.missed_ns(rhythm)
-    inside = [time for time in times if turn.start_time_ns <= time <= turn.end_time_ns]
-    if not inside:
-        return np.zeros(0)
+    inside = times[(times >= turn.start_time_ns) & (times <= turn.end_time_ns)]
+    if not len(inside):
+        return inside
     off_deg = yaws_deg(pulses.quaternion_wxyz) - np.interp(pulses.time_ns, pose_ns, yaw_deg)
     offset = np.angle(np.mean(np.exp(1j * np.radians(off_deg))), deg=True)
     return np.asarray(np.remainder(np.interp(inside, pose_ns, yaw_deg) + offset, 360.0))
@@ -536,8 +534,6 @@ def estimate(
 ) -> Estimated:
     """Estimate all bearings and positions of a flight or log.
 
-    `heard`: what was heard.
-    `how`: how to read it.
     `past`: turns of past flights, which teach the antenna's pattern too.
     `theirs`: bearings that the drone itself estimated.
     `others`: what other receivers have of the tags; it goes into the positions where a number
@@ -619,9 +615,10 @@ def _of_tag(tag_id: int, found: Sequence[Found]) -> list[Found]:
 def _placed(
     tag_id: int, found: Sequence[Found], how: ReadAs, over: OverGround | None, cache: Cache
 ) -> TagPosition | None:
-    receivers: dict[Hashable, int] = {}
+    # Each has its own gain: two flights may be of two drones under one number, and a shared
+    # gain narrows no circle by more than 4 %.
     bearings = [
-        replace(one, flight=receivers.setdefault(each.receiver or number, number))
+        replace(one, flight=number)
         for number, each in enumerate(found)
         for one in each.bearings_of(tag_id)
     ]

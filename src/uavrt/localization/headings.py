@@ -49,7 +49,6 @@ class Headings:
     ) -> NDArray[np.float64]:
         """Gain (n, b) [dB re boresight] towards bearings (b,) at one elevation.
 
-        `pattern`: the antenna.
         `bearing_deg` (b,): directions over ground.
         `elevation_deg`: elevation of the tag seen from the drone, negative below it.
         """

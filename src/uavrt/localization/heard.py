@@ -234,12 +234,10 @@ class PulseColumns:
         fits = (count > 1) & (count < MOST_MISSED)
         fits &= np.abs(gap_ns - count * interval_ns) <= slack_ns
         fits &= np.cumsum(np.where(fits, count - 1, 0)) < MOST_MISSED
-        gaps = np.flatnonzero(fits)
-        missed = [
-            int(self.time_ns[at]) + gap_ns[at] * np.arange(1, count[at]) / count[at]
-            for at in gaps
-        ]
-        return np.concatenate([np.zeros(0), *missed])
+        each = np.where(fits, count - 1, 0).astype(np.int64)
+        gap = np.repeat(np.arange(len(each)), each)
+        number = np.arange(1, len(gap) + 1) - np.repeat(np.cumsum(each) - each, each)
+        return np.asarray(self.time_ns[gap] + gap_ns[gap] * number / count[gap])
 
     def turned(self, offset_deg: float) -> "PulseColumns":
         """The same with the antenna turned clockwise about its own down axis."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
-from scipy.special import chndtr, i0e, ive
+
+from uavrt.lean_scipy import fft, special
 
 LEVEL_STEP_DB = 0.25
 LOWEST_LEVEL_DB = -30.0
@@ -106,9 +106,9 @@ def _log_density(
     s = 10.0 ** (level_db / 10.0)[None, :]
     root = 2.0 * folds * np.sqrt(y * s)
     if folds == 1:
-        exact = root - y - s + np.log(i0e(root))
+        exact = root - y - s + np.log(special.i0e(root))
     else:
-        scaled = np.log(np.maximum(ive(folds - 1, root), _TINY))
+        scaled = np.log(np.maximum(special.ive(folds - 1, root), _TINY))
         exact = root - folds * (y + s) + scaled + 0.5 * (folds - 1) * np.log(y / s)
     # The fold's own scatter is 4.34 sqrt(2 / sum) dB; 0.2 dB keeps it wider than the grid.
     variance = 18.86 * 2.0 / (folds * y) + 0.04
@@ -125,5 +125,5 @@ def _log_missed(
     # Beyond ten times the threshold the probability is under 1e-5 for the lowest thresholds
     # in use, far below the outliers' share; the series would need ever more terms there.
     near = np.minimum(s, 10.0 * y + 10.0)
-    probability = chndtr(2.0 * folds * y, 2.0 * folds, 2.0 * folds * near)
+    probability = special.chndtr(2.0 * folds * y, 2.0 * folds, 2.0 * folds * near)
     return np.log(np.maximum(np.where(s > near, 0.0, probability), _TINY))

@@ -12,6 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from uavrt.errors import ConfigError
+from uavrt.lean_scipy import special
 from uavrt.localization.position.level_belief import Listening, by_chance_density
 from uavrt.localization.position.trackers import (
     Expectation,
@@ -21,7 +22,6 @@ from uavrt.localization.position.trackers import (
     TagPrior,
     TrackEstimate,
 )
-from uavrt.special import special
 
 _Floats = NDArray[np.float64]
 _FADES = 0.95

@@ -13,9 +13,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import roots_hermitenorm
 
 from uavrt.detection.sensitivity import detection_probability
+from uavrt.lean_scipy import special
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern, monopole_gain_db
 from uavrt.localization.headings import Headings
 from uavrt.messages import Tag
@@ -153,7 +153,7 @@ def coverage_of(
     `most_drift`: of the interval over the flight, that it was searched with.
     `on_pulse`: takes how many pulses are done, and of how many.
     """
-    errors_db, weights = roots_hermitenorm(_ERRORS)
+    errors_db, weights = special.roots_hermitenorm(_ERRORS)
     weights = weights / weights.sum()
     view = _View(ground, budget, pattern, way, hills=hills)
     if whole_flight:

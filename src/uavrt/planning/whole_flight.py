@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
+from uavrt.lean_scipy import special
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM, Tag
 
 _Floats = NDArray[np.float64]

@@ -101,7 +101,7 @@ class DetectorBank:
             return
         try:
             if block.channel not in self._coded:
-                # Loads scipy.special, 27 MB.
+                # Loads scipy.special, 22 MB.
                 from uavrt.detection.coded.detector import CodedDetector
 
                 self._coded[block.channel] = CodedDetector(

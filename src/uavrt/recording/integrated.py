@@ -1,9 +1,9 @@
-"""What a whole flight said in hindsight, beside the flight: ``integrated/``.
+"""Results of ``uavrt integrate``, in the folder ``integrated/`` of the flight.
 
 The flight's own log is never changed. ``integrated/pulses.jsonl`` holds pulses as ``uavrt
-detect`` writes them, with the status *integrated*; ``integrated/tags.json`` what was found of
-each tag, ``integrated/folds.json`` the flight folded at its interval. What is judged again
-replaces what was said of that tag before.
+detect`` writes them, with the status *integrated*; ``integrated/tags.json`` the verdict on each
+tag, ``integrated/folds.json`` the flight folded at its interval. A new verdict on a tag
+replaces the old one.
 """
 
 import json
@@ -32,7 +32,7 @@ Ring = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedPart:
-    """One of the places that a flight cannot tell apart."""
+    """One of several places that fit the flight equally well."""
 
     latitude_deg: float
     longitude_deg: float
@@ -43,10 +43,10 @@ class IntegratedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchedFor:
-    """What was looked for: only of that does a search in vain say that it is not there."""
+    """The tag that was searched for: silence excludes only such a tag."""
 
     frequency_hz: float
-    """Of the tag list, as all of the tag below."""
+    """From the tag list, as the values below."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
     interval_uncertainty_s: float
@@ -60,31 +60,31 @@ class SearchedFor:
     antenna: str
     """Name of the pattern."""
     antenna_assumed: bool
-    """Nobody told which antenna the drone carried."""
+    """The antenna was not specified."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilentAround:
-    """What a search in vain says of the ground around a flight; the map is beside it."""
+    """What silence excludes on the ground around a flight; the map lies next to it."""
 
     tag_power_dbm: float
-    """That the tag is taken to radiate."""
+    """Power that the tag is assumed to radiate."""
     probability: float
-    """With which it would have been found."""
+    """Probability with which it would have been found."""
     within_m: float | None
-    """So near the flight everywhere; None: nowhere with so much."""
+    """Distance from the flight up to which this holds everywhere; None: nowhere."""
     whole_flight: bool
     """Found by judging the whole flight, else heard by groups of pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegratedVerdict:
-    """What a whole flight says of one tag."""
+    """Verdict of a whole flight on one tag."""
 
     tag_id: int
     found: bool
     false_alarm_probability: float
-    """That noise alone shows as much."""
+    """Probability that noise alone shows as much."""
     interval_s: float
     frequency_hz: float
     level_db: float | None = None
@@ -98,29 +98,29 @@ class IntegratedVerdict:
     radius50_m: float | None = None
     radius95_m: float | None = None
     places: int = 1
-    """Places that the flight cannot tell apart: mirror images of a straight way."""
+    """Places that fit equally well: mirror images across a straight path."""
     pulses: int = 0
-    """Seen in hindsight alone, in ``pulses.jsonl``."""
+    """Number of pulses found in hindsight only, in ``pulses.jsonl``."""
     flights: int = 1
     """Judged together; the place is then from the middle of all."""
     heard_live: int = 0
     """Of the train's pulses those that the flight's own log has already; not written again."""
     remarks: str = ""
-    """What the figures do not hold for: another datum, ground that no file tells."""
+    """Limits of the figures: another datum, ground without heights."""
     ambiguous: bool = False
     """Whether a train on its frequency may be its own, at a small ratio of its interval."""
     listened: str = ""
     """When there were samples of its channel: intervals of ISO 8601, spaces between. Empty
-    where nobody knows: earlier versions did not tell."""
+    where unknown, as in results of earlier versions."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_BESIDE)
     """Those places, the likeliest first. Of several, `latitude_deg` is of their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_BESIDE)
     """Holds the tag with 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_BESIDE)
     searched: SearchedFor | None = field(default=None, metadata=_BESIDE)
-    """None where earlier versions did not tell."""
+    """None in results of earlier versions."""
     silent: SilentAround | None = field(default=None, metadata=_BESIDE)
-    """None where it was heard, or nobody asked."""
+    """None where the tag was heard, or no map was made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +150,7 @@ def write_integrated(
     pulses: Iterable[PulsePose],
     folds: Sequence[FlightFold] = (),
 ) -> Path:
-    """Write what was found beside a flight; other tags' results stay.
+    """Write the results of some tags into a flight; those of other tags stay.
 
     `verdicts`: one for each tag that was judged.
     Returns: the directory of the results.
@@ -160,7 +160,7 @@ def write_integrated(
     judged = {one.tag_id for one in verdicts}
     old_verdicts, old_pulses = read_integrated(flight)
     kept = [one for one in old_verdicts if one.tag_id not in judged]
-    told = sorted([*kept, *verdicts], key=lambda one: one.tag_id)
+    every = sorted([*kept, *verdicts], key=lambda one: one.tag_id)
     left = [one for one in old_pulses if one.pulse.tag_id not in judged]
     rows = sorted([*left, *pulses], key=lambda one: one.pulse.start_time_ns)
     pictures = [one for one in read_folds(flight) if one.tag_id not in judged]
@@ -170,7 +170,7 @@ def write_integrated(
     try:
         directory.mkdir(exist_ok=True)
         write_atomically(directory / "pulses.jsonl", lines)
-        text = json.dumps([asdict(one) for one in told], allow_nan=False, indent=1) + "\n"
+        text = json.dumps([asdict(one) for one in every], allow_nan=False, indent=1) + "\n"
         write_atomically(directory / "tags.json", text)
         text = json.dumps([asdict(one) for one in pictures], allow_nan=False) + "\n"
         write_atomically(directory / "folds.json", text)
@@ -185,7 +185,7 @@ def write_integrated(
 def read_integrated(
     flight: str | os.PathLike[str],
 ) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
-    """Read what was found in hindsight; nothing where nobody has looked.
+    """Read the results of ``uavrt integrate``; empty where there are none.
 
     Raises `FormatError`: the files are damaged.
     """
@@ -205,7 +205,7 @@ def read_integrated(
 
 
 def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
-    """Read the folds of the tags that were judged; none of what earlier versions judged.
+    """Read the folds of the judged tags; earlier versions wrote none.
 
     Raises `FormatError`: the file is damaged.
     """
@@ -215,12 +215,13 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
     try:
         folds = _records(path, FlightFold)
         for one in folds:
-            columns = {len(row) for row in one.raster}
-            if (
-                columns != {len(one.profile)}
-                or len(one.profile) * len(one.raster) > _MOST_CELLS
-            ):
-                raise ValueError(f"rows of unequal length, or more than {_MOST_CELLS:,} cells")
+            columns = len(one.profile)
+            if not columns or {len(row) for row in one.raster} != {columns}:
+                raise ValueError("no columns, or rows of unequal length")
+            if columns * len(one.raster) > _MOST_CELLS:
+                raise ValueError(f"more than {_MOST_CELLS:,} cells")
+            if one.interval_s <= 0.0 or one.length_s <= 0.0:
+                raise ValueError("an interval or a length of zero or less")
     except _DAMAGED as error:
         raise FormatError(
             f"{path} cannot be read: {error}", remedy="Remove it, and integrate again"
@@ -229,7 +230,7 @@ def read_folds(flight: str | os.PathLike[str]) -> tuple[FlightFold, ...]:
 
 
 def _records(path: Path, kind: type[T]) -> tuple[T, ...]:
-    """Make records of JSON; what a later version wrote beyond them is passed over."""
+    """Make records of JSON; fields of later versions are ignored."""
     found = read_json(read_file(path, NOTES), NOTES)
     if len(found) > _MOST_TAGS:
         raise ValueError(f"it has more than {_MOST_TAGS:,} tags")

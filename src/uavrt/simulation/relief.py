@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fresnel
 
+from uavrt.lean_scipy import special
 from uavrt.simulation import geometry
 from uavrt.simulation.record import ScenarioRecord
 from uavrt.terrain.elevation_files import open_elevation
@@ -118,6 +118,6 @@ def _bullington_db(
     nu = float(np.max(over * np.sqrt(2.0 * far / (wavelength_m * at * (far - at)))))
     if nu <= -0.78:
         return 0.0
-    s, c = fresnel(nu)
+    s, c = special.fresnel(nu)
     edge = max(0.0, -10.0 * math.log10(((0.5 - c) ** 2 + (0.5 - s) ** 2) / 2.0))
     return edge + (1.0 - math.exp(-edge / 6.0)) * (10.0 + 2e-5 * far)

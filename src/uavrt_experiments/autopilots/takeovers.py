@@ -123,7 +123,7 @@ def _go(scene: Scene, away_m: float) -> None:
 
 
 def _go_nearby(scene: Scene) -> None:
-    """Send the drone to a metre beside its target."""
+    """Send the drone to a metre from its target."""
     latitude, longitude, altitude_m = _goal(scene.hand)
     scene.hand.reposition(latitude + 90, longitude, altitude_m)
 

@@ -28,7 +28,7 @@ class CapacityRow:
 
     @property
     def result(self) -> Row:
-        """What was received beside the thesis's number, which is the bar."""
+        """What was received, with the thesis's number, which is the bar."""
         bar: dict[str, float] = {}
         if self.thesis is not None and (self.sent, self.gap_ms) not in ODD:
             near = max(FEW, TOLERANCE * self.sent)

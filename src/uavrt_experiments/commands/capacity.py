@@ -27,8 +27,8 @@ def capacity(
 ) -> None:
     """Send series of packets through an autopilot, 0 to 10 ms apart (thesis §5.4).
 
-    First the simulated autopilot, beside Tables 5.10 to 5.13, then our sender. Exits with 1
-    when the tables are not reproduced or our sender loses one.
+    First the simulated autopilot, compared with Tables 5.10 to 5.13, then our sender. Exits
+    with 1 when the tables are not reproduced or our sender loses one.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ def resources(
     shapes: Annotated[bool, Parameter(negative="")] = False,
     json_summary: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Measure CPU and memory of each process in a long flight, beside the thesis's tables.
+    """Measure CPU and memory of each process in a long flight, with the thesis's tables.
 
     Samples come from a stand-in radio program at 3 MS/s. Afterwards, flights with ever more
     tags until real time is lost.

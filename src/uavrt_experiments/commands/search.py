@@ -36,7 +36,7 @@ def search(
     """Search simulated animals with every planner, against the published tables.
 
     Each table is flown by our planner and by the others, with the same animals and the same
-    fading; a run that does not find every animal counts as failed, with its time limit. Beside
+    fading; a run that does not find every animal counts as failed, with its time limit. With
     the figures stands what no planner could do better.
 
     A run of ours takes 2 s (T3), 5 s (T2), 11 s (T4) or half a minute (T8) of a core, longer
@@ -63,8 +63,8 @@ def search(
     workers
         Number of processes that share the runs.
     processes
-        So many searches by the real processes, one after another, four to ten minutes each; no
-        table is flown.
+        Number of searches by the real processes, one after another, four to ten minutes
+        each; no table is flown.
     kept
         File (.jsonl) of what every finished run brought: the same command with it goes on where
         it was stopped.

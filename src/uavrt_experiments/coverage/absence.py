@@ -41,12 +41,12 @@ class MappedFlight(Protocol):
     def hears(
         self, east_m: float, north_m: float, error_db: float, rng: np.random.Generator
     ) -> bool:
-        """Whether it hears a tag whose level is off by so much."""
+        """Whether it hears a tag whose level is off by this difference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silence:
-    """A way to hear tags, of which silence is to tell what it says."""
+    """A method of hearing tags, whose silence is to be rated."""
 
     experiment: str
     case: str
@@ -75,7 +75,7 @@ def seek_tags(
     seed: int = 1,
     on_tag: Callable[[int], None] = lambda done: None,
 ) -> None:
-    """Draw tags until so many were not heard; what became of each is kept.
+    """Draw tags until a number of them was not heard; what became of each is kept.
 
     `silent`: tags that are not heard, over all flights.
     `kept`: takes None of a tag that was heard, else whether the area drawn was empty.

@@ -109,7 +109,7 @@ def surveyed(
         threshold_db=_THRESHOLD_DB,
         time_s=pulses / 6.0,
     )
-    # Before the first pulse and after the last nobody knows that one must have come.
+    # Before the first pulse and after the last it is not known that one must have come.
     pulse = np.arange(len(snr))
     return track.chosen((pulse >= heard[0]) & (pulse <= heard[-1]))
 

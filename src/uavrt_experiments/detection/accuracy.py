@@ -119,7 +119,7 @@ def _level_rows(enr_db: float) -> Callable[[Sequence[Comparison]], list[Row]]:
 
 
 def _noise_case(strong: bool) -> Case:
-    """Noise density of the records, with and without a pulse of 60 dB beside."""
+    """Noise density of the records, with and without a pulse of 60 dB nearby."""
 
     def trial(rng: np.random.Generator, _: int, *, duration_s: float = 60.0) -> list[float]:
         flight = Flight(enr_db=16.0, duration_s=duration_s)

@@ -23,7 +23,7 @@ class Delivery:
     loss_share: float = 0.0
     """Of the samples, this share is lost without a word."""
     loss_s: float = 0.005
-    """Each time so much."""
+    """Duration of each [s]."""
     jitter_s: float = 0.002
     """Standard deviation of each arrival's delay."""
     jitter: Literal["exponential", "normal"] = "exponential"

@@ -33,7 +33,7 @@ class Case:
     """What stands for it in the tests, where few of its own trials take long or show little."""
 
     def count(self, trials: int) -> int:
-        """Trials of this case when a point of a Pd curve gets so many."""
+        """Trials of this case for a given number per point of a Pd curve."""
         return max(self.least, round(self.trials * trials / FULL_TRIALS))
 
 

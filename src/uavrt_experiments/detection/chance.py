@@ -1,4 +1,4 @@
-"""E18: random bursts on air, without a tag and beside one."""
+"""E18: random bursts on air, without a tag and with one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -96,7 +96,7 @@ def absent_together(
 def beside_bursts(
     scene: Scene, rng: np.random.Generator, index: int, stretch_s: float = STRETCH_S
 ) -> Comparison:
-    """A tag beside bursts; only the pulses that none covers count as true."""
+    """A tag among bursts; only the pulses that none covers count as true."""
     flight = Flight(
         enr_db=_TAG_DB,
         duration_s=stretch_s,

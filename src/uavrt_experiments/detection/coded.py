@@ -226,7 +226,7 @@ class Mistaken:
 
     code_hours: float
     wrong: int
-    """Tags that were told and did not send, each once."""
+    """Tags that were reported and did not send, each once."""
 
 
 def mistake(

@@ -1,4 +1,4 @@
-"""Wrong identities beside unlisted coded tags, for hundreds of hours: statistics, no samples.
+"""Wrong identities near unlisted coded tags, for hundreds of hours: statistics, no samples.
 
 Times and strengths of the pulses on air are drawn, and from them the energies at the places of
 each listed code that some of them hit. What judges these energies is the detector's own.
@@ -36,9 +36,9 @@ _SHIFTS_S = (-6e-4, 0.0, 6e-4)
 _LOOKS = 20
 """The same for several bursts, whose interval is searched too."""
 _COLUMN_S = 1.4e-4
-"""Half of a column: the most by which all pulses may lie beside the cells."""
+"""Half of a column: the most by which all pulses may lie off the cells."""
 _LEAST = 0.2
-"""Of a pulse's amplitude, the least of others that count beside it."""
+"""Of a pulse's amplitude, the least of others that count with it."""
 _ALIKE = 0.3
 """Of the second weakest place, the least of the weakest that is looked at."""
 _ROW_HZ = 125.0
@@ -209,7 +209,7 @@ def _levels(
     places_s: NDArray[np.float64],
     stretch_s: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Amplitude of what is loudest at each place, and how far it lies beside it."""
+    """Amplitude of what is loudest at each place, and how far it lies from it."""
     levels = np.zeros((len(begin_s), len(places_s)))
     away_s = np.zeros(levels.shape)
     best = np.zeros(levels.shape)
@@ -236,7 +236,7 @@ def _searched(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Energies where their sum is the largest, as the search chooses stretch and time.
 
-    And whether no pulse lies beside its place otherwise than the others.
+    And whether no pulse lies off its place otherwise than the others.
     """
     best = np.zeros(levels.shape)
     straight = np.zeros(len(levels), np.bool_)

@@ -20,7 +20,7 @@ from uavrt_experiments.statistics import count_interval
 Noise = Callable[[np.random.Generator, int], NDArray[np.complex64]]
 STRETCH_S = 300.0
 _CONFIRMED_PER_DECISION = 0.0005
-"""At most so many groups confirmed falsely per decision interval (§10 E1)."""
+"""Most groups confirmed falsely per decision interval (§10 E1)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""E22: what a receiver makes of a strong tag, beside tags listed where it appears."""
+"""E22: images that a receiver makes of a strong tag, with tags listed where they appear."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""E10, E11: carriers and impulses, alone and beside a tag."""
+"""E10, E11: carriers and impulses, alone and with a tag."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,14 +21,14 @@ from uavrt_experiments.result import Row
 
 Samples = NDArray[np.complex64]
 Interfere = Callable[[np.random.Generator, int, int], Samples]
-"""Makes so many samples of interference of a numbered kind."""
+"""Makes a number of samples of interference of a numbered kind."""
 _LEVELS_DB = (10.0, 20.0, 40.0, 60.0)
 """Of a carrier, in a bin of 50 Hz."""
 _TAG_HZ = 350.0
 _TAG_DB = 14.0
 _SHORT_STRETCH_S = 40.0
 _FALSE_TWICE = 2.0
-"""At most so many times the nominal false alarms."""
+"""Most false alarms, over the nominal ones."""
 _CONFIRMED_IN_300_S = 0.084
 """None in 300 s (§10 E10), to be measured over hours: twice what E1 allows for noise alone."""
 
@@ -101,7 +101,7 @@ def _beside_case(
     rounds: int = 4,
     short_s: float = _SHORT_STRETCH_S,
 ) -> Case:
-    """A tag beside interference of several kinds in turn."""
+    """A tag in interference of several kinds in turn."""
 
     def trial(rng: np.random.Generator, index: int, duration_s: float = 120.0) -> Comparison:
         flight = Flight(

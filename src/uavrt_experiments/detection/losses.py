@@ -107,7 +107,7 @@ class Disturbed:
     disturb: Disturb
     frame: int = FRAME
     when: Callable[[TruePulse], float] = lambda pulse: pulse.start_s
-    """Time of a pulse as the frames tell it [s]."""
+    """Time of a pulse by the frames [s]."""
     duration_s: float = _DURATION_S
 
     def fly(self, rng: np.random.Generator) -> Comparison:

@@ -1,4 +1,4 @@
-"""Noise that is not white: a neighbour with an edge beside the tag, and sparks of the mains."""
+"""Noise that is not white: a neighbour with an edge near the tag, and sparks of the mains."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Samples = NDArray[np.complex64]
 Scene = Callable[[np.random.Generator, int], Samples]
-"""Makes so many samples of what is on air, without noise."""
+"""Makes a number of samples of what is on air, without noise."""
 LEVELS_DB = (20.0, 35.0)
 _PULSE_S = 0.020
 _EDGE_S = 0.5e-3

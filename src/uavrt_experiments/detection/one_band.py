@@ -1,4 +1,4 @@
-"""E21: several listed tags of one band, each searched for beside the others."""
+"""E21: several listed tags of one band, each searched for with the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -65,7 +65,7 @@ def _finish(
 
 
 def draw_pd(figure: "Figure", rows: Sequence[Row]) -> bool:
-    """Pd of single decisions by ENR, beside the original and the bounds."""
+    """Pd of single decisions by ENR, with the original and the bounds."""
     ours = sorted(
         (r for r in rows if r.quantity == "Pd" and r.case.startswith("K = 3, pf 1 %")),
         key=lambda row: row.at or 0.0,
@@ -140,7 +140,7 @@ def draw_false_alarms(figure: "Figure", rows: Sequence[Row]) -> bool:
         mine = sorted(
             (r for r in ours if r.case.startswith(name + ", nominal")), key=lambda r: r.at or 0
         )
-        # Points of one share beside one another, not on one another.
+        # Points of one share next to one another, not on one another.
         shift = 1.0 + 0.05 * (number - len(names) / 2.0)
         at = np.array([(r.at or 0.0) * shift for r in mine])
         figures = np.array([r.figure for r in mine])

@@ -33,7 +33,7 @@ _STRETCH_S = 120.0
 _EDGE_HZ = 200.0
 """A transmitter's edge lies so near the tag's frequency, or nearer."""
 _SKIRT_HZ = 40.0
-"""Over so much its density falls to nothing."""
+"""Width over which its density falls to nothing."""
 _SOON_S = 0.1
 _LATE_S = 1.0
 """From so long after a rise false groups are counted, and counted as in steady noise."""

@@ -64,7 +64,7 @@ def clearly_above(
     """Short form of a curve: decisions at 1.5 dB above the ENR that it must reach.
 
     Where half of them must be found, nine in ten or more are to be expected there. Few trials
-    at the bar itself tell nothing: a curve fitted to misses alone reaches a half anywhere.
+    at the bar itself say nothing: a curve fitted to misses alone reaches a half anywhere.
     """
     level = bar_db + _CLEARLY_DB
 

@@ -83,7 +83,7 @@ class TimesKept:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unsaid:
-    """Losses that nobody tells, in arrivals that are late for other reasons as well."""
+    """Losses that are not reported, in arrivals that are late for other reasons as well."""
 
     delivery: Delivery
 
@@ -118,7 +118,7 @@ class Unsaid:
     def fly(
         self, rng: np.random.Generator, _index: int, *, duration_s: float = _FLIGHT_S
     ) -> tuple[Comparison, Comparison]:
-        """Pulses found when nobody reports the losses, and when somebody tells exactly."""
+        """Pulses found when losses are not reported, and when they are reported exactly."""
         flight = Flight(enr_db=_ENR_DB, duration_s=duration_s)
         samples, truth = flight.samples(rng)
         delivery = replace(self.delivery, sample_rate_hz=RATE_HZ)

@@ -63,7 +63,7 @@ class Course:
 
     @property
     def poses(self) -> PoseColumns:
-        """As the autopilot tells them."""
+        """As the autopilot reports them."""
         latitude, longitude = PLANE.to_geodetic(self.east_m, self.north_m)
         half = np.radians(self.yaw_deg) / 2.0
         nothing = np.zeros_like(half)

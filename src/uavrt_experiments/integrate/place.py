@@ -51,11 +51,11 @@ class Placed:
     mirror: bool
     """Whether the region of 95 % also holds the place mirrored at the line flown."""
     off_m: float
-    """From the nearest of the places told."""
+    """From the nearest of the reported places."""
     bound_m: float
     """Median of that by the bound."""
     fading_db: float
-    """Of single pulses, as the flight tells it."""
+    """Of single pulses, as the flight reports it."""
 
 
 def placed(
@@ -237,7 +237,7 @@ def _rows(
 ) -> Callable[[Sequence[Placed | None]], list[Row]]:
     def make(outcomes: Sequence[Placed | None]) -> list[Row]:
         found = [one for one in outcomes if one is not None]
-        # What is loud may be told too carefully: the model's errors limit it, not noise.
+        # What is loud may be reported too carefully: the model's errors limit it, not noise.
         bar = {"least": 0.86} if kind == "loud" else {"least": 0.86, "most": 0.94}
         held = [float(one.arc_held if kind == "bearing" else one.held) for one in found]
         what = "90 % arc holds" if kind == "bearing" else "90 % region holds"

@@ -30,7 +30,7 @@ _EDGE_S = 0.002
 """Left out at each end of a pulse, as `uavrt.analysis.measure.switched` does."""
 _HEADINGS_DEG: dict[str, tuple[float, ...]] = {
     "pseudo_doppler": (0.0,),
-    # A pair tells right from left; a quarter turn tells ahead from behind.
+    # A pair separates right from left; a quarter turn, ahead from behind.
     "two_point_phased": (0.0, 30.0, 60.0, 90.0),
 }
 

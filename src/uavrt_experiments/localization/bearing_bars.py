@@ -25,7 +25,7 @@ _OTHERS: tuple[BearingMethod, ...] = ("pca", "pearson", "ls_linear", "ls_db")
 
 
 def known_phase(runs: int, seed: int) -> list[Row]:
-    """B1 and B2: powers read at the known time of every pulse; the classic ones beside it."""
+    """B1 and B2: powers read at the known time of every pulse, and the classic methods."""
     bars = {
         RotationCase(): 2.2,
         RotationCase(snr_db=30.0, fading_db=0.5): 0.62,
@@ -146,7 +146,7 @@ def nothing_there(runs: int, seed: int) -> list[Row]:
 
 
 def _reflection_noticed(rng: Generator, relative_db: float) -> bool:
-    """Whether a turn beside a wall is within 10°, or says that it may not be."""
+    """Whether a turn next to a wall is within 10°, or says that it may not be."""
     pattern, yaw = PATTERNS["RA-23K"], np.arange(0.0, 360.0, 6.0)
     truth, phase = rng.uniform(0.0, 360.0), rng.uniform(0.0, 2.0 * np.pi)
     direct = 10.0 ** ((20.0 + pattern.gain_db(truth - yaw)) / 20.0)

@@ -48,7 +48,7 @@ class Bearings:
     unusual: bool = False
     """So do wrong compasses, walks and gross bearings."""
     known: bool = False
-    """The estimator is told that headings are true."""
+    """The estimator assumes that headings are true."""
     judged: bool = True
 
 
@@ -58,9 +58,9 @@ class Strengths:
 
     name: str
     heights: bool = False
-    """The told height errs, as the prior says."""
+    """The given height errs, as the prior says."""
     known: bool = True
-    """The estimator is told that heights are true."""
+    """The estimator assumes that heights are true."""
     too_weak: float = 0.0
     """Share of the pulses that are too weak to be heard."""
     lost: float = 0.0
@@ -93,7 +93,7 @@ STRENGTHS = (
 
 
 def circles(runs: int, seed: int) -> list[Row]:
-    """L7: what the circles hold; without bars where the estimator expects errors in vain."""
+    """L7: what the circles hold; without bars where the estimator allows for absent errors."""
     results = []
     for bearings in BEARINGS:
         rng = np.random.default_rng(seed)

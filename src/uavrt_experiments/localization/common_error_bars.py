@@ -27,7 +27,7 @@ _PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 _TURN_S = 60.0
 _FLIGHT_SPEED_M_S = 8.0
 _OWN_HEADING_DEG = 1.0
-"""Of each turn alone, as `estimate_bearing` is told."""
+"""Of each turn alone, as given to `estimate_bearing`."""
 _OUTLIER_SHARE = 0.05
 """Gross bearings, as `estimate_position` expects them."""
 

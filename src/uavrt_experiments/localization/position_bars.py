@@ -49,9 +49,9 @@ SQUARE = Layout(
 
 
 def crossings(runs: int, seed: int) -> list[Row]:
-    """L2 and L3: bearings that cross, clean and with one gross error; all methods beside.
+    """L2 and L3: bearings that cross, clean and with one gross error; all methods compared.
 
-    Headings are true here, and the estimator is told so; for those that err see L6.
+    Headings are true here, and the estimator assumes so; for those that err see L6.
     """
     results = []
     for sigma, clean, spoilt, worst in ((3.0, 22.0, 24.0, 60.0), (6.0, 43.0, 60.0, 150.0)):
@@ -197,7 +197,7 @@ def survey(
 ) -> PowerTrack:
     """Fly lines over a square at 6 m/s, a pulse each 1.5 s, fading that lasts.
 
-    The tag is at its place in the middle of the flight. Whatever the height, 40 m is told.
+    The tag is at its place in the middle of the flight. Whatever the height, 40 m is given.
     """
     corners = []
     for number, east_m in enumerate(np.arange(0.0, side_m + 1.0, spacing_m)):
@@ -239,7 +239,7 @@ def fusion(runs: int, seed: int) -> list[Row]:
     """L5: three stations 200 m apart, tag 500 m away; bearings alone and with the levels.
 
     The tag's strength is unknown, the path loss exponent known to 0.05, without shadowing: the
-    levels' differences then tell the distance. Bearings of 2°, levels of 0.26 dB, as 60 pulses
+    levels' differences then give the distance. Bearings of 2°, levels of 0.26 dB, as 60 pulses
     with 2 dB of fading give them.
     """
     rng = np.random.default_rng(seed)

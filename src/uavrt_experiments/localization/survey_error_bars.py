@@ -28,7 +28,7 @@ _WARNED = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A survey for which 40 m are told."""
+    """A survey for which 40 m are given."""
 
     name: str
     height_m: float | None = None

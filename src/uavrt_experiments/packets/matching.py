@@ -50,7 +50,7 @@ class Match:
     """Received and not in the onboard log."""
 
     def result(self, flight: str) -> Row:
-        """What did not arrive, beside the thesis's flights with 10 and 20 ms."""
+        """What did not arrive, compared with the thesis's flights with 10 and 20 ms."""
         return Row.counted(
             "packets",
             "pulses missing on the ground",

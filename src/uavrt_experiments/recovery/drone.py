@@ -58,7 +58,7 @@ class ServedDrone:
         """The last of each process."""
         self.status: SystemStatus | None = None
         self.detected: set[Pulse] = set()
-        """Pulses that a detector has told the supervisor of."""
+        """Pulses that a detector has reported to the supervisor."""
         self.unpromised: set[Pulse] = set()
         """Those that were not yet said to be on disk when everything was killed at once."""
         self._power_cut = False

@@ -29,7 +29,7 @@ class RecoveryReport:
     pulses_recorded: int
     """Pulses that were said to be on disk, all before one kill or another."""
     pulses_detected: int
-    """Pulses that a detector told the supervisor of."""
+    """Pulses that a detector reported to the supervisor."""
     pulses_promised: int
     """Those and the recorded ones, less what was not yet said to be on disk when everything was
     killed at once: what may not be lost."""

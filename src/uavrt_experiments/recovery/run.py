@@ -1,7 +1,7 @@
 """The experiment: each process in turn, at random, in bursts, the supervisor, the power.
 
-A pulse that a detector has told the supervisor of must reach the flight's database, its log and
-the ground station, whatever is killed. Only what was not yet said to be on disk when everything
+A pulse that a detector has reported to the supervisor must reach the flight's database, its log
+and the ground station, whatever is killed. Only what was not yet said to be on disk when all
 was killed at once is not promised.
 
 *Resumed* means that the new process has processed its first live block with its tags restored:
@@ -9,7 +9,7 @@ for the receiver, a radio block later than the kill; for a detector, a block of 
 that is not from the backlog, with as many tags as before; for the connection, poses on the
 autopilot's time again; for the recorder, the flight open again. A supervisor or the power is
 resumed when all of these are, with the same tags. The nursery, from which processes are forked,
-has resumed when there is a new one; nobody else may have ended by its death.
+has resumed when there is a new one; no other process may have ended by its death.
 """
 
 import random
@@ -179,7 +179,7 @@ class Recovery:
         )
 
     def _kill_nursery(self, number: signal.Signals, limit_s: float) -> None:
-        """Kill the helper; nobody may notice."""
+        """Kill the helper; no other process may notice."""
         others = {name: self._drone.pid_of(name) for name in self._detectors}
         old = self._drone.pid_of(NURSERY)
         self._drone.signal(NURSERY, number)

@@ -44,7 +44,7 @@ class SteadyFlight:
 
     `tags`: how many.
     `workers`: detector processes; 0: as many as the settings' default gives.
-    `flights`: where flight directories are made; else beside the rest, and removed.
+    `flights`: where flight directories are made; else in a temporary folder, and removed.
     `shape`: which stage runs in which process; see `uavrt.supervisor.tree.shapes`.
     """
 

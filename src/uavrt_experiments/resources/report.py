@@ -94,7 +94,7 @@ class ResourceReport:
         """Growth of each process's memory between the first moment and the last, relative.
 
         Forked processes share pages until one of them writes: what one of them gains so is no
-        leak. The sum of all, without the radio's stand-in, tells leaks.
+        leak. The sum of all, without the radio's stand-in, shows leaks.
         """
         first, last = self.moments[0].pss_mb, self.moments[-1].pss_mb
         growth = {name: last[name] / first[name] - 1.0 for name in last if first.get(name)}

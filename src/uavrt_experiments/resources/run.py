@@ -217,7 +217,7 @@ def _load(tags: int, seconds: float) -> Load:
         return Load(
             tags=tags,
             cpu_percent=ours(moment.cpu_percent),
-            # The health is up to a second old; so much is no sign of being late.
+            # The health is up to a second old; that is no sign of being late.
             behind_s=max(0.0, (clock.now_ns() - newest_ns) * 1e-9 - 1.0),
             lost_samples=flight.lost_samples(),
         )

@@ -27,7 +27,7 @@ NOISE_RMS = 0.01
 
 
 def steady_tags(count: int, center_frequency_hz: float) -> tuple[Tag, ...]:
-    """Make so many tags like the thesis's, at any place in the channels.
+    """Make a number of tags like the thesis's, at any place in the channels.
 
     Up to 101 stand 2390 Hz apart within ± 120 kHz; more repeat the frequencies, shifted by a
     third of that each time round.

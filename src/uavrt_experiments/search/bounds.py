@@ -11,9 +11,9 @@ called found. What bounds the mean square of errors is the inverse of the *mean*
 all tags (van Trees); the mean of inverses does not, and errors do fall below it.
 
 *Time*: a tag is found once its stop rule holds, and each rule needs an amount of information
-(the trace of J) that nobody gets sooner than
+(the trace of J) that no drone gets sooner than
 
-- whoever flies straight to it, and gets of each pulse the most that one from there can tell,
+- whoever flies straight to it, and gets from each pulse the most information possible there,
   with whatever heading;
 - whoever flies no farther than needed past all tags: in T seconds each must come so near that T
   pulses from there suffice. No way past all is shorter than the shortest tree between the start
@@ -47,7 +47,7 @@ _HEADINGS = 61
 def heard_share(below_sigmas: float) -> float:
     """Share of a level's information that is left where low ones are not heard.
 
-    A level that is heard tells its value, silence that it was below the threshold (Tobit's
+    A received level gives its value, silence that it was below the threshold (Tobit's
     model).
 
     `below_sigmas`: threshold minus mean level, over the fading's standard deviation.
@@ -228,7 +228,7 @@ def least_time_s(
 
 
 class MostInformative:
-    """The most that a pulse can tell at a distance or beyond it, whatever the heading.
+    """Most information of a pulse at a distance or beyond it, whatever the heading.
 
     `distances_m` (n,): over ground, rising from 0.
     `information`: the most there, as traces [1/m²].
@@ -244,7 +244,7 @@ class MostInformative:
         return np.asarray(self._most[place])
 
     def within(self, information: float) -> float:
-        """Farthest distance [m] at which a pulse may tell so much, rounded up."""
+        """Farthest distance [m] at which a pulse may give this information, rounded up."""
         enough = np.flatnonzero(self._most >= information)
         if not len(enough):
             return 0.0

@@ -128,7 +128,7 @@ def _each(planned: list[Run], workers: int) -> Iterator[tuple[Run, Outcome]]:
             for done in as_completed(waiting):
                 yield waiting[done], done.result()
         except BaseException:
-            # A run may take minutes: nobody waits for those that are being flown.
+            # A run may take minutes: do not wait for those in flight.
             for child in set(active_children()) - others:
                 child.terminate()
             raise

@@ -529,7 +529,7 @@ class FlightOfDrones:
         off = float(np.hypot(places[:, 0] - state.east_m, places[:, 1] - state.north_m).min())
         self.nearest_m = min(self.nearest_m, off)
         near = rule is not None and off < rule.radius_m
-        # A drone that starts beside an animal first leaves it.
+        # A drone that starts next to an animal first leaves it.
         self._clear |= set() if near else {number}
         self.too_near_s += int(near and number in self._clear)
 

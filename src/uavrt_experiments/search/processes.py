@@ -35,7 +35,7 @@ PROCESS_FOLDERS = ("detection", "dsp", "guidance", "localization", "planning")
 LIMIT_S = 600.0
 """Of each search, as in the demo."""
 _FALSE_RADII = 3.0
-"""Found so many of its 95 % radii from where it is, an animal is found falsely."""
+"""An animal reported farther away than this is found falsely [its own 95 % radii]."""
 _CASE = "mi_rate, our stop"
 _HEADS = (
     *("seed", "found", "time, s", "error of each animal, m (95 % radius)"),

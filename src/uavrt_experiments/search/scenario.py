@@ -57,7 +57,7 @@ class Known:
     """What the searcher believes before: None is what is true."""
 
     each: bool = False
-    """The strength of each tag and the exponent are told, whatever their spread."""
+    """The strength of each tag and the exponent are known, whatever their spread."""
     level_sigma_db: float = 0.0
     level_drift_db_per_root_s: float = 0.0
     exponent_sigma: float = 0.0
@@ -137,7 +137,7 @@ class Scenario:
     paper_stop: StopRule
     our_stop: HonestStop
     places: tuple[tuple[float, float], ...] = ()
-    """Of the tags; empty: anywhere, anew for each run."""
+    """Of the tags; empty: anywhere, drawn for each run."""
     absent: int = 0
     """Further tags that are searched for and are not there."""
     known: Known = field(default_factory=Known)

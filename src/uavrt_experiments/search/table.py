@@ -48,7 +48,7 @@ def p95(values: _Floats) -> float:
 
 
 def results(scenario: Scenario, flown: Sequence[Flown]) -> list[Row]:
-    """Rows of a scenario; the bars stand beside those of our planner."""
+    """Rows of a scenario; the bars stand next to those of our planner."""
     rows = [row for one in flown for row in _rows(scenario, one)]
     ours = [one for one in flown if one.contender.planner == "mi_rate"]
     ours = [one for one in ours if not one.contender.easier]
@@ -257,7 +257,7 @@ def asked_and_reached(
 ) -> tuple[list[str], list[list[str]]]:
     """Headings, and lines of text: what is asked, then one for each contender.
 
-    Columns are what is asked for, beside it what no search could do better, whether all was
+    Columns are the bar, next to it what no search could do better, whether all was
     found, and in how many runs it was not.
     """
     bars = {one.quantity: one for one in rows if one.barred}

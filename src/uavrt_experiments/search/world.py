@@ -1,6 +1,6 @@
 """The world of a search: where the tags are, and what the drone hears.
 
-Nothing of it is taken from the filters: levels are worked out from each path anew. What is
+Nothing of it is taken from the filters: levels are computed from each path again. What is
 drawn depends on the run's seed and the second alone, so that all planners see the same animals
 and the same fading.
 """
@@ -58,7 +58,7 @@ class World:
         low, high = truth.exponent_range or (truth.exponent, truth.exponent)
         self.exponent = float(rng.uniform(low, high))
         if truth.exponent_range is not None:
-            # The strength is told at 100 m: an exponent of another size turns about there.
+            # The strength is given at 100 m: an exponent of another size turns about there.
             self.levels_1m_db = self.levels_1m_db + 20.0 * (self.exponent - truth.exponent)
         towards = rng.uniform(0.0, 2.0 * np.pi, count)
         self._velocity = np.zeros((count, 2))

@@ -253,7 +253,7 @@ def test_a_mast_among_hills_is_left_out_by_name(tmp_path: Path, drone: Flown) ->
     mast = of_mast(tmp_path / "mast", Mast())
     both = read_positions(drone.path, mast.path, how=ReadAs(elevation=elevation))
     (told,) = some(both[0].position).listeners
-    assert told.endswith("not used: losses by hills are not included")
+    assert told.endswith("not used: their losses behind hills are not computed")
 
 
 def test_a_drone_that_waits_on_the_ground_is_left_out_by_name() -> None:

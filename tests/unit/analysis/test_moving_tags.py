@@ -128,8 +128,8 @@ def test_bearings_of_a_file_from_several_days_tell_no_walk(
     days = [
         replace(
             one,
-            start_time_s=(one.start_time_s or 0.0) + 86_400.0 * number,
-            end_time_s=(one.end_time_s or 0.0) + 86_400.0 * number,
+            start_time_ns=(one.start_time_ns or 0) + 86_400 * 10**9 * number,
+            end_time_ns=(one.end_time_ns or 0) + 86_400 * 10**9 * number,
         )
         for number, one in enumerate(rows)
     ]

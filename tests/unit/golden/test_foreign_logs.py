@@ -278,8 +278,8 @@ def test_the_golden_bearing_line_survives_and_a_new_one_replaces_its_parents(
         longitude_deg=-111.0,
         altitude_relative_m=None,
         altitude_amsl_m=None,
-        start_time_s=None,
-        end_time_s=None,
+        start_time_ns=None,
+        end_time_ns=None,
         sigma_deg=2.5,
     )
     write_bearing_file(path, [other])

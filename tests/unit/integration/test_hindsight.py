@@ -282,6 +282,8 @@ def test_the_fold_lies_beside_the_flight_and_is_drawn_in_the_report(
         '[{"tag_id": 2}]',
         '[{"tag_id": 2, "interval_s": 1.2, "length_s": 9, "profile": [1, 2], "raster": [[1]]}]',
         '[{"tag_id": 2, "interval_s": 1.2, "length_s": 9, "profile": [NaN], "raster": [[1]]}]',
+        '[{"tag_id": 2, "interval_s": 1.2, "length_s": 9, "profile": [], "raster": [[]]}]',
+        '[{"tag_id": 2, "interval_s": 0, "length_s": 9, "profile": [1], "raster": [[1]]}]',
     ],
 )
 def test_a_damaged_fold_is_named_and_the_flight_is_read_all_the_same(

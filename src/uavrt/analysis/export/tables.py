@@ -265,8 +265,8 @@ def _bearing_row(one: TagBearing, survey: Survey, parent_file: str) -> BearingRo
         longitude_deg=one.longitude_deg,
         altitude_relative_m=heights[len(heights) // 2] if heights else None,
         altitude_amsl_m=amsl if math.isfinite(amsl) else None,
-        start_time_s=one.start_time_ns / NANOSECONDS_PER_SECOND,
-        end_time_s=one.end_time_ns / NANOSECONDS_PER_SECOND,
+        start_time_ns=one.start_time_ns,
+        end_time_ns=one.end_time_ns,
         sigma_deg=one.bearing.sigma_deg,
     )
 

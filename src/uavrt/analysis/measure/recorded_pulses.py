@@ -31,7 +31,7 @@ _LOOK_S: Final = 0.5
 
 
 def _coded_detector() -> "type[CodedDetector]":
-    """Import it when a coded tag is listed: it loads scipy.special, 27 MB."""
+    """Import it when a coded tag is listed: it loads scipy.special, 22 MB."""
     from uavrt.detection.coded.detector import CodedDetector
 
     return CodedDetector

@@ -8,8 +8,7 @@ judged by the sum of amplitudes, Rayleigh's, whose tail is that of Lugannani and
 import math
 from functools import lru_cache
 
-from scipy.special import erf, gammainccinv, ndtr
-
+from uavrt.lean_scipy import special
 from uavrt.messages import Tag
 
 FALSE_PER_HOUR = 1e-4
@@ -27,7 +26,7 @@ _PER_LOOK = 14.0
 @lru_cache(maxsize=256)
 def limit(pulses: int, tests_per_hour: float, false_per_hour: float) -> float:
     """Sum of cells, in noise energies, that noise reaches so often."""
-    return float(gammainccinv(pulses, min(0.5, false_per_hour / tests_per_hour)))
+    return float(special.gammainccinv(pulses, min(0.5, false_per_hour / tests_per_hour)))
 
 
 def tests_per_hour(tag: Tag, *, bandwidth_hz: float, bursts: int) -> float:
@@ -80,7 +79,7 @@ def rayleigh_limit(count: int, chance: float) -> float:
 def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
     """A sum, by its saddle point, and the chance that noise exceeds it."""
     half_root_pi = 0.5 * math.sqrt(math.pi)
-    h = math.exp(0.25 * s * s) * (1.0 + float(erf(0.5 * s)))
+    h = math.exp(0.25 * s * s) * (1.0 + float(special.erf(0.5 * s)))
     slope = 0.5 * s * h + 1.0 / math.sqrt(math.pi)
     # The moment generating function and its derivatives.
     m = 1.0 + half_root_pi * s * h
@@ -91,7 +90,7 @@ def _rayleigh_tail(count: int, s: float) -> tuple[float, float]:
     w = math.sqrt(2.0 * (s * total - count * math.log(m)))
     u = s * math.sqrt(count * (second / m - mean * mean))
     density = math.exp(-0.5 * w * w) / math.sqrt(2.0 * math.pi)
-    return total, float(ndtr(-w)) + density * (1.0 / u - 1.0 / w)
+    return total, float(special.ndtr(-w)) + density * (1.0 / u - 1.0 / w)
 
 
 def longest(tag: Tag, kept_s: float) -> int:

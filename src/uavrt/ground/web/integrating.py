@@ -77,8 +77,6 @@ def fold_pictures(flight: Path) -> dict[str, Record]:
     pictures = {}
     for one in read_folds(flight):
         cells = np.asarray(one.raster, np.float32)
-        if cells.ndim != 2 or not cells.size:
-            continue
         low, high = _SIGMAS
         share = np.clip((cells - low) / (high - low), 0.0, 1.0)
         large = share.repeat(_LARGER, axis=0).repeat(_LARGER, axis=1)

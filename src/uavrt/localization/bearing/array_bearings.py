@@ -108,7 +108,6 @@ def switched_bound_deg(
 ) -> float:
     """Cramér–Rao bound of one pulse's direction, its strength and phase unknown.
 
-    `steering`: the array.
     `direction_deg`: from the array's nose.
     `snr`: power of an element of unit amplitude over the noise, per sample.
     `counts` (elements,): samples at each position.
@@ -136,7 +135,6 @@ def amplitude_monopulse(
 
     `boresight_deg` (a,): where each antenna points, clockwise from true north.
     `snr_db` (p, a): SNR of each pulse at each antenna; NaN where it was not heard.
-    `pattern`: of all antennas.
     `fading_db`: standard deviation of what else differs between antennas.
     Raises `UsageError`: no pulse was heard by two antennas.
     """

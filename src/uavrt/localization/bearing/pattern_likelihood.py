@@ -42,7 +42,6 @@ def bearing_likelihood(
 ) -> BearingLikelihood:
     """Sum the pulses' tables along the pattern, coarsely everywhere, finely where it matters.
 
-    `tables`: one row for each pulse.
     `gain`: the antenna's gain at each pulse towards a bearing.
     `noise_db` (n,): noise of each pulse over the median noise [dB].
     """

@@ -88,7 +88,6 @@ def measure_switched_pulse(
     `schedule`: position of the switch at each sample.
     `first_sample`: index of the first of the samples, as the schedule counts.
     `frequency_hz`: carrier of the pulse in the samples, as the detector says.
-    `sample_rate_hz`: rate.
     `frequency_error_hz`: how far the carrier may be from it: it is searched, since 10 Hz are a
     fifth of a turn over 20 ms.
     Raises `UsageError`: a position was visited less than twice during the pulse.

@@ -23,12 +23,14 @@ _WALK_WINDOW_S = 15.0
 _WALK_M = 3.0
 """A place that has moved by this much in the window before and in the one after is left …"""
 _WAY_M = 7.5
-"""… where the whole way is this long: half the radius within which a turn stays."""
-_SPOT_M = 10.0
-"""Within this of where it began, a turn by `_SPOT_DEG` is drift, and no way: a whole turn that
-stays within its radius turns by as much in 7.5 m."""
-_SPOT_DEG = 90.0
-_SPOT_STEP_DEG = 10.0
+"""… where the whole path is this long: half the radius within which a turn stays."""
+_DRIFT_M_PER_DEG = _WAY_M / 90.0
+"""Drift of a turn in place, at the most: a whole turn then stays within its radius."""
+_DRIFT_SPANS_DEG = (45.0, 90.0)
+"""Over which that is judged: a turn with stops needs the longer one."""
+_DRIFT_STEP_DEG = 5.0
+_ONE_TURN_DEG = 450.0
+"""Up to here all is one turn; what is more may be two with a path between them."""
 _REVERSAL_DEG = 25.0
 """Yaw that has gone back by less is hovering or overshoot, not the other way round."""
 _STILL_DEG = 4.0
@@ -123,7 +125,8 @@ def find_turns(
     plane = plane_around(latitude_deg, longitude_deg)
     east, north = plane.to_local(latitude_deg, longitude_deg)
     hovering = _speed(seconds, east, north) < speed_m_s
-    hovering &= ~_walking(seconds, east, north, np.unwrap(yaw_deg, period=360.0), hovering)
+    moves = _moves(seconds, east, north) & hovering
+    hovering &= ~_walking(east, north, np.unwrap(yaw_deg, period=360.0), moves)
     if height_m is not None:
         hovering &= _in_flight(east, north, height_m) & ~_climbing(seconds, height_m)
     if on_ground is not None and not np.all(on_ground):
@@ -131,7 +134,7 @@ def find_turns(
     turns = []
     for first, last in _runs(hovering):
         yaw = np.unwrap(yaw_deg[first:last], period=360.0)
-        for start, stop in _legs(yaw):
+        for start, stop in _cut_at_paths(yaw, moves[first:last], _legs(yaw), least_turn_deg):
             leg = slice(first + start, first + stop + 1)
             within = yaw[start : stop + 1]
             for part in _without_long_pauses(seconds[leg], within, longest_pause_s):
@@ -141,13 +144,21 @@ def find_turns(
                     east[span] - np.median(east[span]), north[span] - np.median(north[span])
                 )
                 if abs(turned[-1] - turned[0]) >= least_turn_deg and drift.max() <= radius_m:
-                    place = plane.to_geodetic(np.median(east[span]), np.median(north[span]))
+                    place = _middle(latitude_deg[span], longitude_deg[span])
                     turns.append(_described(time_ns[span], seconds[span], turned, place))
     return turns
 
 
+def _middle(latitude_deg: _Floats, longitude_deg: _Floats) -> tuple[float, float]:
+    """Median of places, the same to the last digit whatever is flown before and after."""
+    plane = plane_around(latitude_deg, longitude_deg)
+    east, north = plane.to_local(latitude_deg, longitude_deg)
+    latitude, longitude = plane.to_geodetic(np.median(east), np.median(north))
+    return float(latitude), float(longitude)
+
+
 def _described(
-    time_ns: _Ints, seconds: _Floats, yaw: _Floats, place: tuple[_Floats, _Floats]
+    time_ns: _Ints, seconds: _Floats, yaw: _Floats, place: tuple[float, float]
 ) -> Turn:
     return Turn(
         start_time_ns=int(time_ns[0]),
@@ -155,8 +166,8 @@ def _described(
         turned_deg=float(yaw[-1] - yaw[0]),
         stops=len(_stops(seconds, yaw)),
         widest_gap_deg=widest_gap_deg(yaw),
-        latitude_deg=float(place[0]),
-        longitude_deg=float(place[1]),
+        latitude_deg=place[0],
+        longitude_deg=place[1],
     )
 
 
@@ -169,40 +180,53 @@ def _speed(seconds: _Floats, east: _Floats, north: _Floats) -> _Floats:
     return np.asarray(moved / np.maximum(seconds[after] - seconds[before], 1e-3))
 
 
-def _walking(
-    seconds: _Floats, east: _Floats, north: _Floats, yaw: _Floats, slow: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Where the place changes for good, however slowly, and the heading does not turn."""
+def _moves(seconds: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
+    """Where the place changes for good, however slowly."""
     before = np.searchsorted(seconds, seconds - _WALK_WINDOW_S)
     after = np.searchsorted(seconds, seconds + _WALK_WINDOW_S, side="right") - 1
 
     def moved_m(other: _Ints) -> _Floats:
         return np.asarray(np.hypot(east - east[other], north - north[other]))
 
-    walking = np.minimum(moved_m(before), moved_m(after)) >= _WALK_M
-    for first, last in _runs(slow):
-        if walking[first:last].any():
-            walking[first:last] &= ~_on_the_spot(*(x[first:last] for x in (yaw, east, north)))
-    for first, last in _runs(walking):
+    return _that_lead_away(np.minimum(moved_m(before), moved_m(after)) >= _WALK_M, east, north)
+
+
+def _that_lead_away(
+    moves: NDArray[np.bool_], east: _Floats, north: _Floats
+) -> NDArray[np.bool_]:
+    """Keep the runs whose ends are `_WAY_M` apart."""
+    kept = np.zeros(len(moves), bool)
+    for first, last in _runs(moves):
         way_m = np.hypot(east[last - 1] - east[first], north[last - 1] - north[first])
-        walking[first:last] = way_m >= _WAY_M
-    return walking
+        kept[first:last] = way_m >= _WAY_M
+    return kept
+
+
+def _walking(
+    east: _Floats, north: _Floats, yaw: _Floats, moves: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Where the place changes for good, and the heading does not turn as in a turn in place."""
+    walking = moves.copy()
+    for first, last in _runs(moves):
+        within = slice(first, last)
+        walking[within] &= ~_on_the_spot(yaw[within], east[within], north[within])
+    return _that_lead_away(walking, east, north)
 
 
 def _on_the_spot(yaw: _Floats, east: _Floats, north: _Floats) -> NDArray[np.bool_]:
-    """Where the heading turns by `_SPOT_DEG` while the place stays within `_SPOT_M`."""
+    """Where the heading turns, over a span of degrees, while the place hardly changes."""
     found = np.zeros(len(yaw), bool)
     for start, stop in _legs(yaw):
         way = np.sign(yaw[stop] - yaw[start])
         turned = np.maximum.accumulate(way * (yaw[start : stop + 1] - yaw[start]))
-        last_deg = turned[-1] - _SPOT_DEG
-        for from_deg in (*np.arange(0.0, last_deg, _SPOT_STEP_DEG), last_deg):
-            if from_deg < 0.0:
-                break
-            first = start + int(np.searchsorted(turned, from_deg, side="right")) - 1
-            last = start + int(np.searchsorted(turned, from_deg + _SPOT_DEG)) + 1
-            away_m = np.hypot(east[first:last] - east[first], north[first:last] - north[first])
-            found[first:last] |= away_m.max() <= _SPOT_M
+        for span_deg in _DRIFT_SPANS_DEG:
+            from_deg = np.arange(turned[-1] - span_deg, 0.0, -_DRIFT_STEP_DEG)
+            begins = start + np.searchsorted(turned, from_deg, side="right") - 1
+            ends = start + np.searchsorted(turned, from_deg + span_deg) + 1
+            for first, last in zip(begins, ends, strict=True):
+                there = slice(first, last)
+                away_m = np.hypot(east[there] - east[first], north[there] - north[first])
+                found[there] |= away_m.max() <= _DRIFT_M_PER_DEG * span_deg
     return found
 
 
@@ -231,6 +255,22 @@ def _legs(yaw: _Floats) -> list[tuple[int, int]]:
         held = np.flatnonzero(np.abs(yaw[best:] - yaw[best]) > _STILL_DEG)
         legs.append((start, best + int(held[0]) - 1 if len(held) else len(yaw) - 1))
     return legs
+
+
+def _cut_at_paths(
+    yaw: _Floats, moves: NDArray[np.bool_], legs: list[tuple[int, int]], least_turn_deg: float
+) -> list[tuple[int, int]]:
+    """Cut legs where a path begins or ends with a whole turn; it may be a turn that drifts."""
+    parts = []
+    for start, stop in legs:
+        cuts = [start]
+        for first, last in _runs(moves[start : stop + 1]):
+            ends = start + first, start + last - 1
+            turned = abs(yaw[ends[0]] - yaw[start]), abs(yaw[stop] - yaw[ends[1]])
+            if max(turned) >= least_turn_deg and abs(yaw[stop] - yaw[start]) > _ONE_TURN_DEG:
+                cuts += ends
+        parts += list(pairwise([*cuts, stop]))
+    return parts
 
 
 def _stops(seconds: _Floats, yaw: _Floats) -> list[tuple[int, int]]:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
+from uavrt.lean_scipy import fft
 from uavrt.localization.antenna import AntennaPattern
 
 _APART_DEG = (20, 35, 50, 65, 80, 100, 120, 150, 180)

@@ -173,7 +173,6 @@ def cells_posterior(
     """Evaluate a likelihood on squares, and again on the quarters of those that hold much.
 
     `log_likelihood`: sees the width of each cell, so that a ray narrower than it is not missed.
-    `area`: uniform prior.
     `first_cells`: cells along the longer side at first.
     `held`: a cell that holds more is quartered.
     `growth`: cells within which the density varies much are quartered from a small share on; so
@@ -194,7 +193,6 @@ def cells_posterior(
 def cells_refined(log_likelihood: LogLikelihood, cells: Cells, density: _Floats) -> Cells:
     """Evaluate another likelihood, one that adds to the one that cells were made for.
 
-    `log_likelihood`: the other one.
     `cells`: where to begin: they are as small as the first likelihood asks for.
     `density` (n,): the other likelihood at these cells. Where it is the first one's but for a
     constant, no cell is quartered again.

@@ -186,8 +186,8 @@ def _level_evidence(
     )
 
 
-_HILLS_UNKNOWN = "losses by hills are not included"
-_NO_LEVELS = "not every bearing has a signal strength"
+_HILLS_UNKNOWN = "their losses behind hills are not computed"
+_NO_LEVELS = "no bearing has a strength"
 
 
 def _judged(stations: Stations, model: Model) -> tuple[Strengths, ...]:

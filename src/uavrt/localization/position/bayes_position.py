@@ -60,7 +60,6 @@ def bayes_position(
     """Find the posterior of a place, and what an operator is told about it.
 
     `stations`, `powers`: what was measured; one of them at the least.
-    `known`: what is believed before the flight.
     `follow`: when the way of a tag that moves is sought.
     Raises `UsageError`: a way was asked for, and times are not known.
     """
@@ -298,12 +297,14 @@ class _Mixture:
         rest = 1.0 - sum(probability for probability, _ in self.others)
         parts = [np.log(max(rest, 1e-12)) + resting - self.log_evidence]
         for probability, fit in self.others:
-            covariance = fit.covariance_m2[None] + (cell_m[:, None, None] ** 2 / 12) * np.eye(2)
-            off = np.stack([east_m, north_m], axis=1) - fit.place
-            squares = np.einsum("pi,pij,pj->p", off, np.linalg.inv(covariance), off)
+            wide = cell_m**2 / 12.0
+            (a, b), (_, d) = fit.covariance_m2
+            a, d = a + wide, d + wide
+            determinant = a * d - b * b
+            x, y = east_m - fit.place[0], north_m - fit.place[1]
+            squares = (d * x * x - 2.0 * b * x * y + a * y * y) / determinant
             parts.append(
-                np.log(probability / (2.0 * np.pi))
-                - 0.5 * (squares + np.log(np.linalg.det(covariance)))
+                np.log(probability / (2.0 * np.pi)) - 0.5 * (squares + np.log(determinant))
             )
         return np.asarray(np.logaddexp.reduce(parts))
 

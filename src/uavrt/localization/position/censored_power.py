@@ -13,8 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtr
 
+from uavrt.lean_scipy import special
 from uavrt.localization.position.level_evidence import Propagation
 
 MISSED_BY_CHANCE = 0.02
@@ -119,8 +119,8 @@ def thinned(missed: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
 def _normal_tables() -> tuple[_Floats, _Floats, _Floats, _Floats]:
     """Distribution function and inverse Mills ratio from `_LOWEST` on, and their steps."""
     u = np.arange(_LOWEST, _HIGHEST + 2.0 / _STEPS, 1.0 / _STEPS)
-    below = ndtr(u)
-    ratio = np.exp(-0.5 * u * u - _LOG_ROOT_TWO_PI - log_ndtr(u))
+    below = special.ndtr(u)
+    ratio = np.exp(-0.5 * u * u - _LOG_ROOT_TWO_PI - special.log_ndtr(u))
     return below[:-1], np.diff(below), ratio[:-1], np.diff(ratio)
 
 
@@ -188,9 +188,7 @@ def censored_fit(
 ) -> CensoredFit:
     """Fit level, exponent, fading and misses by chance at each place.
 
-    `sums`: of the places.
     `miss_weight`: how many misses each stands for.
-    `propagation`: prior of the exponent.
     `correlation`: of neighbouring pulses' fading, the same for all places that are compared.
     """
     fits = [_fitted(part, miss_weight, propagation, correlation) for part in sums.cut()]

@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
+from uavrt.lean_scipy import special
 from uavrt.localization.angles import difference_deg, widest_gap_deg
 from uavrt.localization.results import Caution
 from uavrt.units import wrap_degrees_360
@@ -109,10 +109,8 @@ def explanations(
     """Fit all explanations; each with its probability, that of a resting tag first.
 
     `bearings`: four or more, around the tag.
-    `place`: where the search begins.
     `heading_sigma_deg`: common error of the headings that is usual; 0: they are known.
     `outlier_share`: probability that a bearing has nothing to do with the tag.
-    `unusual`: what else may be.
     """
     models = []
     if "compass" in unusual:
@@ -206,7 +204,7 @@ def _fitted(
         heading_error_sigma_deg=float(covariance[2, 2]) ** 0.5,
         velocity_m_s=theta[3:],
         inlier=inlier,
-        misfit=float(chdtrc(max(1, len(residual) - 2), squares)),
+        misfit=float(special.chdtrc(max(1, len(residual) - 2), squares)),
         log_evidence=np.log(model.share) + log_likelihood + log_prior - 0.5 * float(log_det),
     )
 
@@ -255,7 +253,6 @@ def cautions_of(
 ) -> tuple[Caution, ...]:
     """What the operator must know of the most probable explanation.
 
-    `fit`: that explanation.
     `outlier_probabilities`: for each bearing of a tag that rests, over all places where it may
     be.
     """

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import i0e, i1e
+
+from uavrt.lean_scipy import special
 
 _ITERATIONS = 200
 _CONVERGED_M = 0.001
@@ -65,7 +66,6 @@ def maximum_likelihood(rays: Rays) -> PlanePosition | None:
 def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """Lenth's M-estimator with Andrews' psi, c = 1.5; None when it diverges.
 
-    `rays`: the bearings.
     `as_original`: True sets kappa = 1 / A(C), A = I1/I0, as uavrt_localize does. Kappa is then
     near 2.2 for any bearings, and none is ever rejected. False sets it to the inverse function
     A⁻¹(C), as Lenth has it.
@@ -95,7 +95,6 @@ def m_estimate(rays: Rays, *, as_original: bool) -> PlanePosition | None:
 def repeated_median(rays: Rays, *, as_original: bool) -> PlanePosition | None:
     """Median over all bearings of the medians of their intersections; None without any.
 
-    `rays`: the bearings.
     `as_original`: True counts every crossing of two lines; False only those ahead of both
     antennas.
     """
@@ -138,7 +137,9 @@ def fisher_information(rays: Rays, point: _Floats, kappa: _Floats) -> _Floats:
     `kappa` (n,): concentration of each bearing, 1 / sigma² [rad⁻²].
     """
     dx, dy = point[0] - rays.east_m, point[1] - rays.north_m
-    strength = kappa * (i1e(kappa) / i0e(kappa)) / np.maximum(dx**2 + dy**2, 1e-6) ** 2
+    strength = (
+        kappa * (special.i1e(kappa) / special.i0e(kappa)) / np.maximum(dx**2 + dy**2, 1e-6) ** 2
+    )
     mixed = -float(strength @ (dx * dy))
     return np.array([[float(strength @ dy**2), mixed], [mixed, float(strength @ dx**2)]])
 
@@ -160,7 +161,7 @@ def _placed(rays: Rays, point: _Floats, weights: _Floats) -> PlanePosition:
 
 
 def _bessel_ratio(kappa: float) -> float:
-    return max(float(i1e(kappa) / i0e(kappa)), 1e-6)
+    return max(float(special.i1e(kappa) / special.i0e(kappa)), 1e-6)
 
 
 def _andrews(t: _Floats) -> _Floats:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavrt.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
 from uavrt.localization.position.loss_error import OF_EACH_PULSE, LossError, doubtful_db
-from uavrt.special import special
 from uavrt.terrain.hill_losses import HillLosses
 
 _ROOT_TWO_PI = 2.506_628_275
@@ -142,10 +142,7 @@ class Behind:
     def hills(
         cls, hills: HillLosses | None, heard: Listening, east_m: _Floats, north_m: _Floats
     ) -> "Behind | None":
-        """Look from the drone to some places; None over level ground.
-
-        `heard`: where the drone was.
-        """
+        """Look from the drone to some places; None over level ground."""
         if hills is None:
             return None
         up_m = float(heard.height_m) + hills.tag_m

@@ -30,7 +30,6 @@ class LevelEvidence:
 
     `east_m`, `north_m`, `height_m` (n,): stations in the local plane, and above the tag.
     `level_db`, `sigma_db` (n,): levels and the errors of their estimates.
-    `propagation`: what is known of the path.
     `receiver` (n,): which receiver each is of: gains of several are not known from one another.
     `over_hills`: what the ground takes from each; None is level.
     """

@@ -50,7 +50,6 @@ def way_by_bearings(
 ) -> tuple[TrackPoint, ...]:
     """Follow a tag from bearing to bearing.
 
-    `stations`: bearings with their times.
     `around`: where the tag was during the flight, roughly.
     `heading_sigma_deg`: error of the headings, taken as each bearing's own.
     Raises `UsageError`: times are not known, or fewer than three.
@@ -78,7 +77,6 @@ def way_by_powers(
 ) -> tuple[TrackPoint, ...]:
     """Follow a tag from pulse to pulse, missed ones included.
 
-    `powers`: powers with their times.
     `ends`: east and north of where the tag was at first and at last, roughly: hypotheses are
     spread around them, for those that begin anywhere are too few for some hundred pulses.
     `fading_db`: of the pulses; greater where neighbours fade alike and are less than two facts.

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
 
+from uavrt.lean_scipy import special
 from uavrt.localization.antenna import AntennaPattern, monopole_gain_db
 from uavrt.localization.position.censored_power import (
     CensoredSums,
@@ -118,7 +118,6 @@ class PowerEvidence:
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: heights, powers, antenna.
-    `propagation`: prior of the path loss exponent.
     `correlation`: of neighbouring pulses' fading, where pulses were missed; see
     `correlation_at_best`. Without misses it is integrated out.
     `over_hills`: what the ground takes from the pulses; None is level.
@@ -372,7 +371,7 @@ class _Sums:
             whitening
             - 0.5 * np.log(determinant)
             - 0.5 * self.count * np.log(np.pi * size)
-            + gammaln(0.5 * self.count)
+            + special.gammaln(0.5 * self.count)
         )
 
     def solution(self, rho: float | _Floats) -> tuple[_Floats, _Floats]:

@@ -85,7 +85,6 @@ class JoinedLevels:
 
     `levels`: two or more.
     `listeners`: the receivers, as their groups number them.
-    `propagation`: what is known of the path.
     """
 
     def __init__(

@@ -122,7 +122,6 @@ def signal_section(
     Around the tag a monopole's field is the same in all directions; from the side one sees the
     silence above the tag, and what a greater height gains or loses.
 
-    `track`: the survey.
     `latitude_deg`, `longitude_deg`: where distances begin: the tag's position, as far as it is
     known.
     Raises `UsageError`: it was flown at one height.

@@ -82,8 +82,6 @@ class SurveyEvidence:
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `track`: heights as reported, powers, antenna.
-    `propagation`: prior of the path loss exponent.
-    `height_sigma_m`: what may be wrong.
     `over_hills`: what the ground takes from the pulses; None is level.
     """
 

@@ -117,7 +117,6 @@ def survey_walk(
 
     `east_m`, `north_m` (n,): the track in the local plane.
     `powers`: with times; foreign pulses left out.
-    `around`: where to look for the tag.
     Returns: None for a flight that is too short, or that shows no walk at a first look.
     """
     if powers.time_s is None:

@@ -17,17 +17,19 @@ from dataclasses import dataclass
 
 from uavrt.clock import parse_iso_utc
 from uavrt.errors import FormatError
-from uavrt.foreign import TEXT_LOG, read_file
 from uavrt.recording.formats.text import (
     finite,
     latitude,
     longitude,
     number_or_nan,
+    read_lines,
+    seconds_ns,
+    seconds_text,
     whole,
     with_commas,
+    wrong_line,
 )
 from uavrt.recording.formats.whole_file import write_whole
-from uavrt.units import NANOSECONDS_PER_SECOND
 
 _COLUMNS = 10
 _NOTED = frozenset(("tag_id", "latitude_deg", "longitude_deg", "bearing_deg"))
@@ -46,8 +48,8 @@ class BearingRow:
     longitude_deg: float
     altitude_relative_m: float | None
     altitude_amsl_m: float | None
-    start_time_s: float | None
-    end_time_s: float | None
+    start_time_ns: int | None
+    end_time_ns: int | None
     sigma_deg: float | None = None
 
 
@@ -56,22 +58,9 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
 
     Raises `FormatError`: the file cannot be read, or a line is not a bearing.
     """
-    name = os.fspath(path)
-    try:
-        lines = read_file(path, TEXT_LOG).decode("utf-8-sig").splitlines()
-    except OSError as error:
-        raise FormatError(
-            f"{name} cannot be read: {error.strerror}",
-            remedy="Name a flight directory or a bearings.csv",
-        ) from error
-    except UnicodeDecodeError:
-        raise FormatError(
-            f"{name} is not a text file",
-            remedy="A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …",
-        ) from None
     rows = []
     names: list[str] = []
-    for number, line in enumerate(with_commas(lines), start=1):
+    for number, line in enumerate(with_commas(read_lines(path)), start=1):
         cells = [cell.strip() for cell in line.split(",")]
         if not line.strip() or line.startswith("#"):
             continue
@@ -82,11 +71,8 @@ def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
             noted = dict(zip(names, [*cells, *[""] * len(names)], strict=False))
             rows.append(_noted_row(noted) if names else _row(cells))
         except (ValueError, IndexError) as error:
-            raise FormatError(
-                f"{name} line {number} is not a bearing: {error}",
-                remedy="Give a flight directory, or a bearings.csv with its 10 columns: tag, "
-                "file, bearing, tau, latitude, …",
-            ) from None
+            remedy = "A bearings.csv has 10 columns: tag, file, bearing, tau, latitude, …"
+            raise wrong_line(path, number, error, remedy) from None
     return tuple(rows)
 
 
@@ -102,9 +88,9 @@ def _row(cells: list[str]) -> BearingRow:
         longitude_deg=longitude(cells[5]),
         altitude_relative_m=_known(cells[6]),
         altitude_amsl_m=_known(cells[7]),
-        start_time_s=_known(cells[8]),
-        end_time_s=_known(cells[9]),
-        sigma_deg=_known(cells[10]) if len(cells) > _COLUMNS else None,
+        start_time_ns=_time_ns(cells[8]),
+        end_time_ns=_time_ns(cells[9]),
+        sigma_deg=_sigma_deg(cells[10]) if len(cells) > _COLUMNS else None,
     )
 
 
@@ -124,9 +110,9 @@ def _noted_row(cells: Mapping[str, str]) -> BearingRow:
         longitude_deg=longitude(cells["longitude_deg"]),
         altitude_relative_m=None,
         altitude_amsl_m=None,
-        start_time_s=parse_iso_utc(time) / NANOSECONDS_PER_SECOND if time else None,
-        end_time_s=None,
-        sigma_deg=_known(cells.get("sigma_deg") or "NaN"),
+        start_time_ns=parse_iso_utc(time) if time else None,
+        end_time_ns=None,
+        sigma_deg=_sigma_deg(cells.get("sigma_deg") or "NaN"),
     )
 
 
@@ -135,11 +121,22 @@ def _known(cell: str) -> float | None:
     return None if math.isnan(value) else value
 
 
+def _time_ns(cell: str) -> int | None:
+    return None if _known(cell) is None else seconds_ns(cell)
+
+
+def _sigma_deg(cell: str) -> float | None:
+    value = _known(cell)
+    if value is not None and value <= 0.0:
+        raise ValueError(f"{cell} is not a standard deviation")
+    return value
+
+
 def write_bearing_file(path: str | os.PathLike[str], rows: Iterable[BearingRow]) -> None:
     """Write a bearings.csv, whole or not at all.
 
     Lines that are there already stay, except those of a tag and a parent file that are written
-    anew: all its rotations are replaced together.
+    again: all its rotations are replaced together.
 
     Raises `FormatError`: what is there already is no bearings.csv, or a name holds a comma.
     Raises `RecordingError`: it cannot be written.
@@ -164,7 +161,10 @@ def bearing_line(row: BearingRow) -> str:
         _number(row.confidence, 6),
         *(f"{row.latitude_deg:.9f}", f"{row.longitude_deg:.9f}"),
         *(_number(row.altitude_relative_m, 6), _number(row.altitude_amsl_m, 6)),
-        *(_number(row.start_time_s, 6), _number(row.end_time_s, 6)),
+        *(
+            "NaN" if t is None else seconds_text(t)
+            for t in (row.start_time_ns, row.end_time_ns)
+        ),
     ]
     if row.sigma_deg is not None:
         cells.append(_number(row.sigma_deg, 6))

@@ -8,13 +8,12 @@ a comma at its end::
 An estimator that found no place leaves ``NaN`` in its two cells.
 """
 
-import math
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from uavrt.errors import FormatError
-from uavrt.recording.formats.text import cells_of, read_lines, whole, wrong_line
+from uavrt.recording.formats.text import cells_of, place_or_none, read_lines, whole, wrong_line
 from uavrt.recording.formats.whole_file import write_whole
 
 Place = tuple[float, float]
@@ -46,7 +45,7 @@ def read_position_file(path: str | os.PathLike[str]) -> tuple[PositionRow, ...]:
             if not 4 <= len(cells) <= 8:
                 raise ValueError(f"{len(cells)} columns")
             cells += [""] * (8 - len(cells))
-            places = [_place(cells[i], cells[i + 1]) for i in (2, 4, 6)]
+            places = [place_or_none(cells[i], cells[i + 1]) for i in (2, 4, 6)]
             found.append(
                 PositionRow(
                     tag_id=whole(cells[0]),
@@ -87,14 +86,3 @@ def _line(row: PositionRow) -> str:
     for place in (row.mle, row.rmr, row.mest):
         cells += ["NaN", "NaN"] if place is None else [f"{degrees:.9f}" for degrees in place]
     return ",".join(cells) + ",\n"
-
-
-def _place(latitude: str, longitude: str) -> Place | None:
-    if not latitude and not longitude:
-        return None
-    place = (float(latitude), float(longitude))
-    if any(map(math.isnan, place)):
-        return None
-    if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0):
-        raise ValueError(f"{latitude}, {longitude} is not a place on earth")
-    return place

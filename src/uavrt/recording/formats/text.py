@@ -183,7 +183,8 @@ def seconds_ns(cell: str) -> int:
     if point and before.isdigit() and after.isdigit():
         value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))
     else:
-        value = ns_from_s(finite(cell))
+        seconds = finite(cell)
+        value = ns_from_s(seconds) if abs(seconds) < MAX_TIME_NS else -1
     if not 0 <= value <= MAX_TIME_NS:
         raise ValueError(f"{cell} is not a time")
     return value

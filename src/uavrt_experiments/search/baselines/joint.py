@@ -1,4 +1,4 @@
-"""ConservationBots: move and listen, or move and turn, whichever tells more of the nearest tag.
+"""ConservationBots: move and listen, or move and turn, whichever gains more on the nearest tag.
 
 Measurements are those of the mean hypothesis without noise (predicted ideal measurements).
 """
