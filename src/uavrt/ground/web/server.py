@@ -153,7 +153,7 @@ def application(
     worker = ForeignWorker()
     api = Api(session, settings.drone_settings, worker)
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
-    routes = _routes(session, api)
+    routes = _routes(session, api, worker)
     for path, method, handler in SetUpApi(session, settings.drone_settings).routes():
         routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
     if fleet is not None:
@@ -182,13 +182,15 @@ def _doors(settings: ServerSettings) -> Callable[[Request], Awaitable[Any]]:
     return ways_in
 
 
-def _routes(session: GroundSession, api: Api) -> list[Route | Mount | WebSocketRoute]:
+def _routes(
+    session: GroundSession, api: Api, worker: ForeignWorker
+) -> list[Route | Mount | WebSocketRoute]:
     """The page and what it asks of one session."""
     routes: list[Route | Mount | WebSocketRoute] = [
         Route("/", _page),
         WebSocketRoute("/api/records", api.records),
     ]
-    more = [*ExtraApi(session).routes(), *FlightListApi(session).routes()]
+    more = [*ExtraApi(session).routes(), *FlightListApi(session, worker).routes()]
     for path, method, handler in [*api.routes(), *more]:
         ready = _with_flights_written(session, handler) if "flights" in path else handler
         routes.append(Route(f"/api{path}", answered(ready), methods=[method]))
@@ -229,10 +231,8 @@ class FurtherVehicles:
             return
         kept = self._made.get(number)
         if kept is None or kept[0] is not session:
-            kept = (
-                session,
-                Starlette(routes=_routes(session, Api(session, None, self._worker))),
-            )
+            api = Api(session, None, self._worker)
+            kept = session, Starlette(routes=_routes(session, api, self._worker))
             self._made[number] = kept
         await kept[1](scope, receive, send)
 
