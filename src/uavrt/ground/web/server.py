@@ -22,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from uavrt.errors import ConfigError, LinkError
+from uavrt.foreign import KEYS, read_file
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.api import Api, answered
@@ -95,16 +96,26 @@ def _check_certificate(settings: ServerSettings) -> None:
             raise ConfigError("a key without a certificate", remedy="Also give --certificate")
         return
     for path in (settings.certificate, settings.key):
-        if path is not None and not path.is_file():
-            raise ConfigError(f"there is no file {path}", remedy="Check the name")
+        if path is not None:
+            try:
+                read_file(path, KEYS)  # OpenSSL takes any length
+            except OSError as error:
+                reason = f"{path} cannot be read: {error.strerror}"
+                raise ConfigError(reason, remedy="Check the name") from error
     try:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        context.load_cert_chain(settings.certificate, settings.key)
+        context.load_cert_chain(settings.certificate, settings.key, _no_pass_phrase)
     except OSError as error:
         raise ConfigError(
             f"{settings.certificate} is not a certificate (PEM) with its key",
             remedy="Give the certificate with --certificate, and its key with --key",
         ) from error
+
+
+def _no_pass_phrase() -> str:
+    """Answer OpenSSL, which would ask at the terminal."""
+    remedy = "Write it without one: openssl pkey -in KEY -out NEW"
+    raise ConfigError("the page's key has a pass phrase", remedy=remedy)
 
 
 class PageServer(uvicorn.Server):
