@@ -90,6 +90,10 @@ class GroundSettings:
         return replace(self, **{name: _judged(name, value) for name, value in values.items()})
 
 
+_NEWEST_BYTES = 1_000_000
+"""Of the corrections, those that are read: some 2000."""
+
+
 class GroundStore:
     """The directory's small files: settings, tags, the current flight.
 
@@ -209,7 +213,8 @@ class GroundStore:
         """Read the corrections; a damaged line is left out."""
         found = []
         with contextlib.suppress(OSError, FormatError):
-            for line in read_file(self._corrections_path, OWN).splitlines():
+            newest = read_file(self._corrections_path, OWN)[-_NEWEST_BYTES:]
+            for line in filter(None, newest.splitlines()):
                 with contextlib.suppress(FormatError):
                     found.append(decode_record(line, TagCorrection))
         return found
