@@ -14,14 +14,17 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from xml.etree import ElementTree as ET
+
+import msgspec
 
 from uavrt.errors import FormatError
 
 if TYPE_CHECKING:
     from zipfile import ZipFile
 
+T = TypeVar("T")
 CPU_S = 2
 """Time that reading one short foreign input may take [s of CPU]."""
 MEMORY_BYTES = 200_000_000
@@ -69,6 +72,9 @@ ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
 """Of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
 """Lines instead of values: ends of lines pack well, so they are counted."""
+OWN = Limit(what="a file of uavrt's own", bytes=20_000_000)
+"""What a program keeps over a restart; the list of 10 000 flights has 8 MB."""
+KEYS = Limit(what="a key or certificate", bytes=200_000)
 REQUEST = Limit(what="a request", bytes=500_000, values=60_000, depth=16)
 """Decoded in the ground station's event loop: some 20 ms at most."""
 UPLOADED_FILE = Limit(what="a file in a request", bytes=4_000_000, values=500_000, depth=16)
@@ -213,6 +219,23 @@ def read_json(content: bytes | str, limit: Limit) -> Any:
             if isinstance(inner, list | dict)
         ]
     raise ValueError(f"it is nested more than {limit.depth} levels deep")
+
+
+def read_record(path: str | os.PathLike[str], kind: type[T], limit: Limit = OWN) -> T:
+    """Read a JSON file of one record.
+
+    Raises `OSError`: it cannot be read.
+    Raises `FormatError`: it is damaged, too large, or no plain file.
+    """
+    return decode_record(read_file(path, limit), kind)
+
+
+def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
+    """Decode a record that was written as JSON; raises `FormatError` with the reason alone."""
+    try:
+        return msgspec.json.decode(content, type=kind)
+    except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
+        raise FormatError(str(error)) from None
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:

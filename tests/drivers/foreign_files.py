@@ -25,6 +25,7 @@ import shutil
 import signal
 import sqlite3
 import struct
+import subprocess
 import sys
 import tarfile
 import tempfile
@@ -56,6 +57,8 @@ class Format:
     read: Callable[[Path], object]
     is_read: bool = True
     """Whether the honest file is read; an update needs a key that no test has."""
+    mb_s: float = 0.0
+    """CPU that a MB may take besides [s]: a recording is searched, however long it is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,15 +71,14 @@ class Outcome:
     cpu_s: float
     peak_bytes: int
 
-    @property
-    def fault(self) -> str | None:
+    def fault(self, most_s: float = CPU_S) -> str | None:
         """Why it is not as it should be."""
         if self.what not in ("read", "refused"):
             return f"{self.what}: {self.text}"
         lines = self.text.splitlines()
         if len(lines) > MOST_FAULTS + 3 or len(self.text) > 40_000:
             return f"an error of {len(lines)} lines and {len(self.text)} characters"
-        if self.cpu_s > CPU_S:
+        if self.cpu_s > most_s:
             return f"{self.cpu_s:.1f} s of CPU"
         if self.peak_bytes > MEMORY_BYTES:
             return f"{self.peak_bytes / 1e6:.0f} MB"
@@ -94,6 +96,10 @@ def sqlite(*statements: str) -> Content:
                 database.execute(one)
 
     return make
+
+
+def put(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
 
 
 def zipped(name: str, content: bytes, kind: int = zipfile.ZIP_DEFLATED) -> bytes:
@@ -710,12 +716,78 @@ def read_map_file(path: Path) -> object:
 
 
 def read_samples(path: Path) -> object:
+    """Search a recording for a tag, as `uavrt detect` does."""
+    from uavrt.analysis.measure.recorded_pulses import detect
     from uavrt.radio.opening import open_recording
 
     if path.suffix == ".sigmf-meta":
         path.with_suffix(".sigmf-data").write_bytes(bytes(8 * 4800))
-    with contextlib.closing(open_recording(path)) as source:
-        return source.read(4096)
+    raw = path.suffix not in (".sigmf-meta", ".wav")
+    rate_hz, frequency_hz = (48_000.0, 148.7e6) if raw else (None, None)
+    source = open_recording(path, sample_rate_hz=rate_hz, center_frequency_hz=frequency_hz)
+    with contextlib.closing(source):
+        return detect(source, [recorded_tag(source.center_frequency_hz)], lambda _: None)
+
+
+def recorded_tag(frequency_hz: float) -> Any:
+    from uavrt.messages import Tag
+
+    return Tag(
+        tag_id=2, frequency_hz=frequency_hz, pulse_width_s=0.02, pulse_intervals_s=(1.254,)
+    )
+
+
+def read_certificate(path: Path) -> None:
+    from uavrt.ground.web.server import ServerSettings, listening_socket
+
+    for name, content in zip(("page.pem", "page.key"), certificate(), strict=True):
+        if path.name != name:
+            path.with_name(name).write_bytes(content)
+    pem, key = path.with_name("page.pem"), path.with_name("page.key")
+    listening_socket(ServerSettings(port=0, certificate=pem, key=key)).close()
+
+
+def read_secret(path: Path) -> object:
+    from uavrt.mavlink.signing import read_signing_key
+    from uavrt.tunnel.seal import read_key
+
+    path.chmod(0o600)
+    return read_key(path), read_signing_key(path)
+
+
+def start_ground(path: Path) -> object:
+    """Start a ground station in whose directory one file is another."""
+    from uavrt.ground.store.beside_drone import flight_under_way
+    from uavrt.ground.store.event_log import EventLog
+    from uavrt.ground.store.flights import FlightLibrary
+    from uavrt.ground.store.settings import GroundStore
+
+    store = GroundStore(path.parent)
+    library = FlightLibrary(path.parent)
+    library.summaries()
+    library.prepare()
+    lines = EventLog(store.log_path).lines()
+    return store.settings, store.corrections_listed, flight_under_way(path.parent), lines
+
+
+def start_drone(path: Path) -> object:
+    """Start a drone side in whose directory one file is another."""
+    from uavrt.config.settings import RecordingSettings, Settings
+    from uavrt.mavlink.signing import Signing, SigningKey
+    from uavrt.messages import Tag
+    from uavrt.processes.signing_memory import SigningMemory
+    from uavrt.recording.kept_file import KeptFile
+    from uavrt.supervisor.mission.kept_parameters import KeptParameters
+    from uavrt.supervisor.mission.saved_state import StateStore
+
+    settings = Settings(recording=RecordingSettings(directory=str(path.parent)))
+    if path.name == "signing_times.json":
+        SigningMemory(Signing(SigningKey(bytes(32)), lambda: 0), path.parent)
+    if path.name == "last_tags.json":
+        return KeptFile(path, tuple[Tag, ...], "last tags").read()
+    return StateStore(path.parent).read(), KeptParameters(path.parent, settings).applied_to(
+        settings
+    )
 
 
 def read_update_file(path: Path) -> object:
@@ -871,6 +943,118 @@ GPX_ATTACKS: Attacks = {
     "gap of years": gpx(trkpt(0) + trkpt(1).replace("2026", "0001")),
     "entities": b"<!DOCTYPE x><gpx/>",
     "packed": gzip.compress(gpx("".join(map(trkpt, range(60))))),
+}  # fmt: skip
+
+
+def rows_of(*numbers: float) -> bytes:
+    """Raw samples as complex64."""
+    return struct.pack(f"<{len(numbers)}f", *numbers)
+
+
+NOISE = struct.pack("<40000f", *(random.Random(3).gauss(0, 0.01) for _ in range(40_000)))
+RAW_ATTACKS: Attacks = {
+    "not finite": rows_of(float("nan"), float("inf"), 1.0, -float("inf")) * 5_000,
+    "huge": rows_of(3e38, -3e38) * 20_000,
+    "tiny": rows_of(1e-45, -1e-40) * 20_000,
+    "one of many": NOISE + rows_of(float("nan"), 1e30) + NOISE,
+    "steps": (NOISE + rows_of(1e9, 1e9) * 3_000) * 3,
+    "half a sample": NOISE[:-3],
+    "one sample": bytes(8),
+    "one byte": b"a",
+    "full scale": b"\x7f\x80" * 300_000,
+    "ends of a scale": b"\xff\x00\x80" * 200_000,
+}
+KEPT_TAG: dict[str, Any] = {
+    "tag_id": 2, "frequency_hz": 148.71e6, "pulse_width_s": 0.02, "pulse_intervals_s": [1.2],
+}  # fmt: skip
+SAVED: dict[str, Any] = {
+    "boot_id": "a", "clock_offset_ns": 1, "state": "HAS_TAGS", "tags": [KEPT_TAG],
+    "flight": None, "last_flights": ["a"], "waiting": {"DET_K": 3.0}, "commander": None,
+}  # fmt: skip
+CORRECTION: dict[str, Any] = {
+    "time_ns": 1, "tag_id": 2, "what": "frequency", "before": KEPT_TAG,
+    "after": KEPT_TAG | {"frequency_hz": 148.7101e6},
+}  # fmt: skip
+STATION: dict[str, Any] = {
+    "settings": {"antenna": "RA-23K"}, "current_flight": "../../etc", "vehicle": [1, "u"],
+    "commander": "page", "further_vehicles": [2],
+}  # fmt: skip
+KNOWN: dict[str, Any] = {"version": 1, "flights": []}
+LOG_LINE: dict[str, Any] = {"time_ns": 1, "severity": 6, "text": "Started", "source": "ground"}
+
+
+def json_attacks(record: Any) -> Attacks:
+    """Other values for each field, and shapes that are none."""
+    record = record[0] if isinstance(record, list) else record
+    values: dict[str, Any] = {
+        "nothing": None, "whole": 10**4000, "negative": -(2**70), "number": 1.5, "text": "x",
+        "escapes": "\x1b[2J\0" * 9_000, "long": "x" * 5_000_000, "list": [[]] * 300_000,
+        "object": {"a": {}}, "objects": [{}] * 200_000, "yes": True,
+    }  # fmt: skip
+    attacks: Attacks = {
+        f"{what} in all": json.dumps(dict.fromkeys(record, value)).encode()
+        for what, value in values.items()
+    }
+    whole = json.dumps(record)
+    return attacks | {
+        f"{what} for {name}": json.dumps(record | {name: values[what]}).encode()
+        for name in record
+        for what in ("nothing", "whole", "escapes", "list")
+    } | {
+        f"deep {name}": json.dumps(record | {name: 0}).replace(
+            f'"{name}": 0', f'"{name}": ' + "[" * 90_000 + "]" * 90_000).encode()
+        for name in record
+    } | {
+        "deep unknown": f'{whole[:-1]}, "x": {"[" * 90_000}'.encode() + b"]" * 90_000 + b"}",
+        "lines": f"{whole}\n".encode() * 60_000,
+        "list of it": f"[{whole}]".encode(),
+        "bytes": whole.encode().replace(b"a", b"\xff"),
+    }  # fmt: skip
+
+
+@functools.cache
+def certificate() -> tuple[bytes, bytes]:
+    """Make a certificate and its key."""
+    command = (
+        "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 9 -subj"
+        " /CN=a -keyout key -out pem"
+    )
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        subprocess.run(command.split(), cwd=place, check=True, capture_output=True)
+        return (place / "pem").read_bytes(), (place / "key").read_bytes()
+
+
+def pem_attacks(number: int) -> Attacks:
+    """Of the certificate (0) or its key (1)."""
+    body = b"A" * 64 + b"\n"
+
+    def made(change: Callable[[bytes], bytes]) -> Content:
+        return lambda path: put(path, change(certificate()[number]))
+
+    return {
+        "other half": lambda path: put(path, certificate()[1 - number]),
+        "many": made(lambda pem: pem * 3_000),
+        "after text": made(lambda pem: b"a\n" * 900_000 + pem),
+        "truncated": made(lambda pem: pem[:-40]),
+        "not closed": made(lambda pem: pem.partition(b"\n")[0] + b"\n" + body * 60_000),
+        "long": made(lambda pem: pem.partition(b"\n")[0] + b"\n" + body * 60_000
+                     + pem[pem.index(b"-----END"):]),
+        "encrypted": lambda path: encrypted(path),
+        "odd cipher": b"-----BEGIN EC PRIVATE KEY-----\nProc-Type: 4,ENCRYPTED\nDEK-Info: "
+        + b"A" * 90_000 + b"\n\n" + body + b"-----END EC PRIVATE KEY-----\n",
+    }  # fmt: skip
+
+
+def encrypted(path: Path) -> None:
+    """A key with a pass phrase, which nobody is there to type."""
+    command = ["openssl", "pkey", "-aes256", "-passout", "pass:secret", "-out", str(path)]
+    subprocess.run(command, input=certificate()[1], check=True, capture_output=True)
+
+
+SECRET_ATTACKS: Attacks = {
+    "long": b"ab" * 900_000, "short": b"ab\n", "odd": b"a" * 63, "spaces": b" " * 900 + b"ab",
+    "letters of others": "٣".encode() * 64, "not text": bytes(range(256)),
 }  # fmt: skip
 
 
@@ -1061,6 +1245,25 @@ FORMATS = [
                                   (b"data", 4, bytes(4))),
                "64 bits": b"RF64\xff\xff\xff\xffWAVEds64\x1c\0\0\0" + b"\xff" * 28,
            }, read=read_samples),
+    *(Format(name=name, honest=NOISE, attacks=RAW_ATTACKS, read=read_samples,
+             mb_s=3.0)
+      for name in ("rec.cf32", "rec.cs16", "rec.cu8", "rec.ci8", "rec_148.7MHz_48ksps.cfile")),
+    Format(name="page.pem", honest=lambda path: put(path, certificate()[0]),
+           attacks=pem_attacks(0), read=read_certificate),
+    Format(name="page.key", honest=lambda path: put(path, certificate()[1]),
+           attacks=pem_attacks(1), read=read_certificate),
+    Format(name="drone.key", honest=b"ab" * 32, attacks=SECRET_ATTACKS, read=read_secret),
+    *(Format(name=name, honest=json.dumps(record).encode(), attacks=json_attacks(record),
+             read=start_ground)
+      for name, record in (("ground.json", STATION), ("tag_corrections.jsonl", CORRECTION),
+                           ("ground_log.jsonl", LOG_LINE), ("flight_list.json", KNOWN),
+                           ("supervisor_state.json", SAVED))),
+    *(Format(name=name, honest=json.dumps(record).encode(), attacks=json_attacks(record),
+             read=start_drone)
+      for name, record in (("supervisor_state.json", SAVED),
+                           ("parameters.json", {"DET_K": {"value": 5.0, "instead_of": 3.0}}),
+                           ("signing_times.json", {"boot_id": "a", "times": {"newest": 9}}),
+                           ("last_tags.json", [KEPT_TAG]))),
     Format(name="pulses.jsonl", honest=pulses(), attacks={
         "long": pulses(8_000),
         "nested field": pulses(1)[:-2] + b', "x": ' + b"[" * 50_000 + b"\n",
@@ -1171,7 +1374,8 @@ def mutated(content: bytes, rng: random.Random) -> bytes:
 
 def known_files(one: Format) -> Attacks:
     """All files of a format but its mutations."""
-    return {"honest": one.honest, **one.attacks, **COMMON}
+    common = {name: made for name, made in COMMON.items() if name != "3 GB" or not one.mb_s}
+    return {"honest": one.honest, **one.attacks, **common}
 
 
 def files_of(one: Format, count: int, rng: random.Random) -> Iterator[tuple[str, Content]]:
@@ -1276,11 +1480,12 @@ def run(
             with tempfile.TemporaryDirectory() as name:
                 path = Path(name) / one.name
                 write(one, content, path)
-                found = tried(one, path)
+                most_s = CPU_S + (1e-6 * path.stat().st_size * one.mb_s if one.mb_s else 0.0)
+                found = tried(one, path, round(most_s) + 4)
             count += 1
             refused += found.what == "refused"
             worst_s, worst_bytes = max(worst_s, found.cpu_s), max(worst_bytes, found.peak_bytes)
-            fault = found.fault
+            fault = found.fault(most_s)
             if what == "honest" and one.is_read and found.what != "read":
                 fault = f"the honest file is {found.what}: {found.text}"
             if fault is not None:

@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavrt.batch.months import quoted, source_of
-from uavrt.batch.questions import QUESTIONS, check_archive, kept_answer, told_of
+from uavrt.batch.questions import QUESTIONS, asked, kept_answer
 from uavrt.batch.tables import PULSES, RECORDINGS
-from uavrt.errors import needs_extra
 
 if TYPE_CHECKING:
     import duckdb
 
+_LIMITS = {"threads": "1", "memory_limit": "100MB", "temp_directory": ""}
+"""Of DuckDB: what asks has pulses to take in meanwhile, and 10 million need some 50 MB."""
 _FLOWN = """
 SELECT flight, min(path) AS path, min(start_time_ns) AS start_time_ns,
        max(start_time_ns + CAST(1e9 * (coalesce(length_s, 0)
@@ -89,11 +90,7 @@ def find_flights(
     UsageError
         The extra is missing.
     """
-    with needs_extra("batch", "An archive"):
-        import duckdb
-    check_archive(archive)
-    # One thread: what asks has pulses to take in meanwhile.
-    with told_of(archive), duckdb.connect(config={"threads": 1}) as connection:
+    with asked(archive, **_LIMITS) as connection:
         _make_views(connection, archive)
         sought = {"since_ns": since_ns, "before_ns": before_ns, "tag_id": tag_id}
         connection.execute(_WANTED, sought)

@@ -19,6 +19,7 @@ from uavrt.atomic_file import is_part
 from uavrt.batch.seals import Seal, fault_of, read_note, write_note
 from uavrt.batch.tables import FlightRow, RecordingRow
 from uavrt.errors import FormatError, RecordingError
+from uavrt.foreign import decode_record
 
 R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
@@ -128,15 +129,15 @@ class Ledger(Generic[R]):
                     path.unlink()
                 continue
             try:
-                entry = msgspec.json.decode(read_note(path), type=_Entry)
-                row = msgspec.json.decode(entry.row, type=self._record)
+                entry = decode_record(read_note(path), _Entry)
+                row = decode_record(entry.row, self._record)
                 if row.fingerprint != path.stem:
                     raise FormatError("it holds the row of another file")
                 # What is named here is removed with the row.
                 if not all(map(self._is_table, entry.files)):
                     raise FormatError("it names files that are no tables of a batch")
-            except (FormatError, msgspec.DecodeError, RecursionError) as error:
-                self._discard(path, getattr(error, "message", str(error)))
+            except FormatError as error:
+                self._discard(path, error.message)
                 continue
             self._note(row, entry.files)
         for keys in list(self._keys.values()):

@@ -22,7 +22,7 @@ from uavrt.atomic_file import make_directories, replacing
 from uavrt.batch.seals import Seal, fault_of, read_note, sealed, write_note
 from uavrt.batch.tables import FLIGHTS, MONTHS, RECORDINGS, ROWS, SCHEMA_VERSION
 from uavrt.errors import FormatError, needs_extra
-from uavrt.foreign import require_plain_file
+from uavrt.foreign import decode_record, require_plain_file
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 LEAST_FILES = 100
@@ -85,11 +85,11 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
     `thorough`: read all copies, and do not go by their sizes and times.
     """
     try:
-        noted = msgspec.json.decode(read_note(output / INDEX), type=Index)
+        noted = decode_record(read_note(output / INDEX), Index)
     except FileNotFoundError:
         written = any((output / name).exists() for name in (RECORDINGS, FLIGHTS, ROWS))
         return {}, {INDEX: "missing"} if written else {}
-    except (FormatError, msgspec.DecodeError):
+    except FormatError:
         return {}, {INDEX: "not what was written"}
     faults = {
         name: fault

@@ -71,13 +71,10 @@ def ask(archive: Path, question: str) -> "pa.Table":
     UsageError
         The question is wrong, or the extra is missing.
     """
-    with needs_extra("batch", "An archive"):
-        import duckdb
-    check_archive(archive)
     for name in KEPT:
         if question == QUESTIONS[name] and (kept := kept_answer(archive, name)) is not None:
             question = f"SELECT * FROM read_parquet({quoted(kept)})"
-    with told_of(archive), duckdb.connect() as connection:
+    with asked(archive) as connection:
         _make_views(connection, archive, question)
         answer = connection.sql(question)
         if answer is None:
@@ -110,16 +107,35 @@ def check_archive(archive: Path) -> None:
 
 
 @contextmanager
-def told_of(archive: Path) -> Iterator[None]:
-    """Tell of what DuckDB does not take, and what to do."""
-    import duckdb
+def asked(archive: Path, **limits: str) -> Iterator["duckdb.DuckDBPyConnection"]:
+    """Open DuckDB for questions to an archive; its errors become ours.
 
+    `limits`: of DuckDB, such as `threads` and `memory_limit`.
+    Raises `FormatError`: no batch has written there, or a file is damaged.
+    Raises `UsageError`: the question is wrong, or the extra is missing.
+    """
+    with needs_extra("batch", "An archive"):
+        import duckdb
+    check_archive(archive)
+    recordings = quoted(archive / RECORDINGS)
+    size = f"SELECT num_rows, file_size_bytes FROM parquet_file_metadata({recordings})"
     try:
-        yield
-    except (duckdb.IOException, duckdb.InvalidInputException) as error:
-        denied = "Permission denied" in str(error)
+        with duckdb.connect(config={**limits}) as connection:
+            rows, size_bytes = connection.sql(size).fetchall()[0]
+            if rows > size_bytes:  # a batch writes the path of each
+                raise FormatError(f"{archive / RECORDINGS} holds {rows:,} rows of nothing")
+            yield connection
+    except duckdb.OutOfMemoryException as error:
+        most = limits.get("memory_limit", "this computer has")
         raise FormatError(
-            f"{archive}: {error}",
+            f"{archive}: this question takes more memory than {most}",
+            remedy="Ask about fewer flights or columns with uavrt archive query",
+        ) from error
+    except (duckdb.IOException, duckdb.InvalidInputException) as error:
+        text, _, _ = str(error).partition("\n")
+        denied = "Permission denied" in text
+        raise FormatError(
+            f"{archive}: {text}",
             remedy="Give this user access to the archive"
             if denied
             else "Run the same uavrt batch again with --verify: it writes damaged files again",

@@ -51,6 +51,7 @@ from uavrt.batch.tables import (
 )
 from uavrt.batch.workers import Task, run_tasks
 from uavrt.errors import FormatError, RecordingError
+from uavrt.foreign import decode_record
 from uavrt.recording.writer_lock import WriterLock
 
 R = TypeVar("R")
@@ -192,8 +193,8 @@ def _lost_rows(
 ) -> dict[str, str]:
     """Name the files of rows that the last run had, where there is no row of that path now."""
     try:
-        before = msgspec.json.decode(read_note(output / ROWS), type=list[dict[str, list[str]]])
-    except (FormatError, msgspec.DecodeError, OSError):
+        before = decode_record(read_note(output / ROWS), list[dict[str, list[str]]])
+    except (FormatError, OSError):
         return {}  # noticed with the other copies
     return {
         name: "missing"

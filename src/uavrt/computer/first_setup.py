@@ -26,7 +26,8 @@ from uavrt.config.loader import load_settings
 from uavrt.config.radios import RADIOS
 from uavrt.config.setting_writer import change_settings
 from uavrt.config.settings import Settings
-from uavrt.errors import ConfigError, UsageError
+from uavrt.errors import ConfigError, FormatError, UsageError
+from uavrt.foreign import KEYS, read_file
 from uavrt.localization.antenna import PATTERNS
 from uavrt.mavlink.address import parse_address
 from uavrt.messages import SystemStatus
@@ -166,7 +167,7 @@ class FirstSetup:
         named = self._settings().mavlink.key_file
         if named is None:
             raise UsageError("there is no command key yet")
-        return Path(named).read_text(encoding="ascii").strip() + "\n"
+        return read_file(named, KEYS).decode("ascii", "replace").strip() + "\n"
 
     # ------------------------------------------------------------------- steps
 
@@ -284,8 +285,8 @@ class FirstSetup:
             )
 
     def _handed_over(self) -> dict[str, str]:
-        with suppress(OSError, ValueError):
-            text = (self.config.parent / HANDOVER).read_text(encoding="ascii")
+        with suppress(OSError, ValueError, FormatError):
+            text = read_file(self.config.parent / HANDOVER, KEYS).decode("ascii")
             return dict(line.split("=", 1) for line in text.splitlines())
         return {}
 

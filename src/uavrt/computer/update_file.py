@@ -15,7 +15,6 @@ one file of public keys, PEM blocks one after the other; only root may write it.
 
 import hashlib
 import io
-import os
 import re
 import stat
 import subprocess
@@ -33,7 +32,7 @@ from typing import Annotated
 import msgspec
 
 from uavrt.errors import FormatError, UsageError
-from uavrt.foreign import Limit, read_file, require_plain_file
+from uavrt.foreign import KEYS, Limit, decode_record, read_file, require_plain_file
 
 MANIFEST, SIGNATURE, WHEELS = "update.json", "update.sig", "wheels"
 FORMAT = 1
@@ -250,8 +249,8 @@ def _member(archive: tarfile.TarFile, name: str, size: int | None = None) -> byt
 
 def _manifest(text: bytes, path: Path) -> Manifest:
     try:
-        manifest = msgspec.json.decode(text, type=Manifest)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        manifest = decode_record(text, Manifest)
+    except FormatError as error:
         raise FormatError(f"{path}: {MANIFEST} cannot be read: {error}") from error
     if manifest.format != FORMAT:
         text_ = f"{path} is an update of format {manifest.format}; this version knows {FORMAT}"
@@ -293,9 +292,8 @@ def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> 
 
 def _trusted(keys: Path) -> list[str]:
     try:
-        with open(keys, encoding="ascii", errors="replace") as file:
-            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
-            trusted = split_keys(file.read(MOST_MANIFEST_BYTES))
+        trusted = split_keys(read_file(keys, KEYS).decode("ascii", "replace"))
+        mode = stat.S_IMODE(keys.stat().st_mode)
     except OSError as error:
         raise UsageError(
             f"no key counts here: {keys}: {error.strerror}",

@@ -5,6 +5,7 @@ import stat
 from pathlib import Path
 
 from uavrt.errors import ConfigError
+from uavrt.foreign import KEYS, read_file
 
 REMEDY = "`(umask 077; openssl rand -hex 32 > FILE)` makes one"
 
@@ -14,20 +15,18 @@ def read_key_file(path: str | Path, what: str, *, least: int, most: int) -> byte
 
     `what`: what the file is called when it cannot be read: ``key file``.
     `least`, `most`: bytes that the secret may have.
+    Raises `FormatError`: it is a pipe or far too large.
     Raises `ConfigError`: there is no such file, other users may read or change it, or it does
     not hold that many hexadecimal digits.
     """
     try:
-        with open(path, encoding="ascii") as file:
-            # Windows keeps its permissions elsewhere.
-            mode = os.fstat(file.fileno()).st_mode if os.name == "posix" else 0
-            text = file.read(1000)
+        text = read_file(path, KEYS).decode("ascii", "replace")
+        # Windows keeps its permissions elsewhere.
+        mode = os.stat(path).st_mode if os.name == "posix" else 0
     except OSError as error:
         raise ConfigError(
             f"cannot read the {what} {path}: {error.strerror}", remedy=REMEDY
         ) from error
-    except ValueError:
-        text = ""
     try:
         secret = bytes.fromhex(text.strip())
     except ValueError:

@@ -10,6 +10,8 @@ from typing import Generic, TypeVar
 import msgspec
 
 from uavrt.atomic_file import sync_to_disk, write_atomically
+from uavrt.errors import FormatError
+from uavrt.foreign import read_record
 from uavrt.log import get_logger
 
 log = get_logger()
@@ -37,12 +39,12 @@ class KeptFile(Generic[R]):
     def read(self) -> R | None:
         """Get what was kept; a damaged file is put aside, with ``.damaged`` at its name."""
         try:
-            return msgspec.json.decode(self.path.read_bytes(), type=self._kind)
+            return read_record(self.path, self._kind)
         except FileNotFoundError:
             return None
         except OSError as error:
             log.warning(self._unread, reason=str(error.strerror))
-        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        except FormatError as error:
             log.warning(self._unread, reason=f"damaged: {error}")
             with suppress(OSError):
                 self.path.replace(self.path.with_suffix(".damaged"))

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from archived_pulses import DAY_NS, archive, gathered, put
 
+from uavrt.batch import flight_search
 from uavrt.batch.flight_search import find_flights
-from uavrt.batch.questions import kept_answer
+from uavrt.batch.questions import QUESTIONS, ask, kept_answer
+from uavrt.batch.tables import RECORDINGS
 from uavrt.errors import FormatError
 
 
@@ -46,4 +49,22 @@ def test_what_is_newer_than_the_kept_answer_counts(tmp_path: Path) -> None:
 
 def test_another_directory_is_named(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"holds no recordings\.parquet.*-o"):
+        find_flights(tmp_path)
+
+
+def test_rows_of_nothing_are_refused(tmp_path: Path) -> None:
+    archive(tmp_path)
+    place = tmp_path / RECORDINGS
+    pq.write_table(pq.read_table(place).take([0] * 300_000), place, compression="zstd")
+    for question in (lambda: find_flights(tmp_path), lambda: ask(tmp_path, QUESTIONS["list"])):
+        with pytest.raises(FormatError, match="holds 300,000 rows of nothing"):
+            question()
+
+
+def test_what_takes_too_much_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive(tmp_path)
+    monkeypatch.setitem(flight_search._LIMITS, "memory_limit", "300kB")
+    with pytest.raises(FormatError, match="more memory than 300kB"):
         find_flights(tmp_path)

@@ -95,7 +95,8 @@ class LineCanceller:
         floor = np.partition(power.reshape(-1, _GROUP), middle, axis=1)[:, middle]
         # Beside an edge of the noise the group on its louder side counts.
         floor = np.maximum(floor, np.maximum(np.roll(floor, 1), np.roll(floor, -1)))
-        over = power > np.repeat(_RATIO * floor, _GROUP)
+        least = np.finfo(np.float32).tiny
+        over = power > np.maximum(np.repeat(_RATIO * floor, _GROUP), least)
         for line in self._held:
             line.looks_left -= 1
         self._held = [line for line in self._held if line.looks_left > 0]
@@ -107,7 +108,8 @@ class LineCanceller:
         found: list[float] = []
         bin_hz = self._rate / self._length
         for peak in peaks[np.argsort(-power[peaks])][: 2 * _MOST]:
-            below, at, above = np.log(power[[peak - 1, peak, (peak + 1) % self._length]])
+            three = power[[peak - 1, peak, (peak + 1) % self._length]]
+            below, at, above = np.log(np.maximum(three, least))
             shift = 0.5 * (below - above) / (below - 2.0 * at + above)
             index = peak - self._length if peak > self._length // 2 else peak
             frequency = float((index + shift) * bin_hz)

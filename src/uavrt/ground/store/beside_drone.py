@@ -7,9 +7,9 @@ and the drone's disk guard removes both.
 
 from pathlib import Path
 
-import msgspec
-
 from uavrt.commands import SystemState
+from uavrt.errors import FormatError
+from uavrt.foreign import read_record
 from uavrt.supervisor.mission.saved_state import LOCK_NAME, STATE_NAME, SavedState
 
 _FLYING = (SystemState.DETECTING, SystemState.CAPTURING)
@@ -23,9 +23,8 @@ def is_the_drones(directory: Path) -> bool:
 def flight_under_way(directory: Path) -> Path | None:
     """Get the flight that the drone side of this computer is at, if it is in this directory."""
     try:
-        content = (directory / STATE_NAME).read_bytes()
-        saved = msgspec.json.decode(content, type=SavedState)
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
+        saved = read_record(directory / STATE_NAME, SavedState)
+    except (OSError, FormatError):
         return None
     if saved.flight is None or saved.state not in _FLYING:
         return None

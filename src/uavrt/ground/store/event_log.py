@@ -8,6 +8,8 @@ from typing import Any
 
 import msgspec
 
+from uavrt.errors import FormatError
+from uavrt.foreign import decode_record, size_of
 from uavrt.recording.disk_thread import Disk, DiskBatches, at_once
 
 LINES = 1000
@@ -72,16 +74,17 @@ class EventLog:
 
     def _read(self) -> None:
         try:
+            size_of(self._path)
             with self._path.open("rb") as file:
                 size = file.seek(0, 2)
                 file.seek(max(0, size - TAIL))
                 data = file.read()
-        except OSError:
+        except (OSError, FormatError):
             return
         for text in data.decode("utf-8", "replace").splitlines():
             try:
-                line = msgspec.json.decode(text, type=_Line)
-            except msgspec.MsgspecError:
+                line = decode_record(text, _Line)
+            except FormatError:
                 continue  # the first line is cut by the tail, the last by a power cut
             self._number += 1
             self._lines.append(msgspec.to_builtins(line) | {"number": self._number})

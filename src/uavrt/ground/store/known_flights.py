@@ -11,6 +11,8 @@ from typing import TypeAlias
 import msgspec
 
 from uavrt.atomic_file import write_atomically
+from uavrt.errors import FormatError
+from uavrt.foreign import read_record
 from uavrt.messages import Tag
 
 Stamp: TypeAlias = tuple[int, int]
@@ -71,8 +73,8 @@ class KnownFlights:
         self._flights: dict[str, tuple[Stamp, FlightSummary]] = {}
         self._changed = False
         try:
-            kept = msgspec.json.decode(path.read_bytes(), type=_Kept)
-        except (OSError, msgspec.MsgspecError):
+            kept = read_record(path, _Kept)
+        except (OSError, FormatError):
             return
         if kept.version == _VERSION:
             self._flights = {one[1].flight_id: one for one in kept.flights}

@@ -16,6 +16,7 @@ from uavrt.config.parameters import check_start
 from uavrt.config.tag_corrections import TagCorrection, standing_corrections
 from uavrt.config.tag_files import write_tags
 from uavrt.errors import ConfigError, FormatError, UavrtError, UsageError
+from uavrt.foreign import OWN, decode_record, read_file, read_record
 from uavrt.ground.store.estimates import AntennaChoice
 from uavrt.ground.store.tag_table import read_table
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
@@ -88,6 +89,10 @@ class GroundSettings:
         if unknown:
             raise UsageError(f"there is no setting {sorted(unknown)[0][:40]!r}")
         return replace(self, **{name: _judged(name, value) for name, value in values.items()})
+
+
+_NEWEST_BYTES = 1_000_000
+"""Of the corrections, those that are read: some 2000."""
 
 
 class GroundStore:
@@ -221,10 +226,11 @@ class GroundStore:
     def _read_corrections(self) -> list[TagCorrection]:
         """Read the corrections; a damaged line is left out."""
         found = []
-        with contextlib.suppress(OSError):
-            for line in self._corrections_path.read_bytes().splitlines():
-                with contextlib.suppress(msgspec.MsgspecError):
-                    found.append(msgspec.json.decode(line, type=TagCorrection))
+        with contextlib.suppress(OSError, FormatError):
+            newest = read_file(self._corrections_path, OWN)[-_NEWEST_BYTES:]
+            for line in filter(None, newest.splitlines()):
+                with contextlib.suppress(FormatError):
+                    found.append(decode_record(line, TagCorrection))
         return found
 
     def set_settings(self, settings: GroundSettings) -> None:
@@ -254,10 +260,9 @@ class GroundStore:
 
     def _read(self) -> dict[str, Any]:
         try:
-            kept = json.loads((self.own / "ground.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            return read_record(self.own / "ground.json", dict[str, Any])
+        except (OSError, FormatError):
             return {}
-        return kept if isinstance(kept, dict) else {}
 
     def _write_soon(self) -> None:
         """Write what no operator waits for; a disk that does not take it is tried again."""

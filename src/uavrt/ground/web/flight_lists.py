@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any
 
 from starlette.requests import Request
@@ -13,6 +14,7 @@ from uavrt.errors import FormatError
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store.known_flights import FlightChoice
 from uavrt.ground.web.api import whole_number
+from uavrt.ground.web.foreign_worker import ForeignWorker
 from uavrt.units import NANOSECONDS_PER_SECOND
 
 MOST = 500
@@ -26,10 +28,11 @@ class FlightListApi:
     """Flights by tag and day, so many at a time.
 
     `session`: whose flights they are.
+    `worker`: reads the archive, which may be damaged or come from others.
     """
 
-    def __init__(self, session: GroundSession) -> None:
-        self._session = session
+    def __init__(self, session: GroundSession, worker: ForeignWorker) -> None:
+        self._session, self._worker = session, worker
         self._prepare()
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
@@ -61,15 +64,12 @@ class FlightListApi:
         if archive is None:
             return {"directory": None, "total": 0, "flights": []}
 
-        def find() -> dict[str, Any]:
-            wanted = asdict(choice)
-            found = find_flights(archive, **wanted, after=after, limit=limit)
-            # Where the flight is here, too, it can be opened.
-            have = self._session.library.has
-            flights = [{**asdict(one), "here": have(one.flight)} for one in found.flights]
-            return {"directory": str(archive), "total": found.total, "flights": flights}
-
-        return await asyncio.to_thread(find)
+        find = partial(find_flights, archive, **asdict(choice), after=after, limit=limit)
+        found = await self._worker.call(find)
+        # Where the flight is here, too, it can be opened.
+        have = self._session.library.has
+        flights = [{**asdict(one), "here": have(one.flight)} for one in found.flights]
+        return {"directory": str(archive), "total": found.total, "flights": flights}
 
     def _prepare(self) -> None:
         flight = self._session.flight

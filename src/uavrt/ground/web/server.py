@@ -22,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Receive, Scope, Send
 
 from uavrt.errors import ConfigError, LinkError
+from uavrt.foreign import KEYS, read_file
 from uavrt.ground.fleet import Fleet
 from uavrt.ground.session import GroundSession
 from uavrt.ground.web.api import Api, answered
@@ -95,16 +96,26 @@ def _check_certificate(settings: ServerSettings) -> None:
             raise ConfigError("a key without a certificate", remedy="Also give --certificate")
         return
     for path in (settings.certificate, settings.key):
-        if path is not None and not path.is_file():
-            raise ConfigError(f"there is no file {path}", remedy="Check the name")
+        if path is not None:
+            try:
+                read_file(path, KEYS)  # OpenSSL takes any length
+            except OSError as error:
+                reason = f"{path} cannot be read: {error.strerror}"
+                raise ConfigError(reason, remedy="Check the name") from error
     try:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        context.load_cert_chain(settings.certificate, settings.key)
+        context.load_cert_chain(settings.certificate, settings.key, _no_pass_phrase)
     except OSError as error:
         raise ConfigError(
             f"{settings.certificate} is not a certificate (PEM) with its key",
             remedy="Give the certificate with --certificate, and its key with --key",
         ) from error
+
+
+def _no_pass_phrase() -> str:
+    """Answer OpenSSL, which would ask at the terminal."""
+    remedy = "Write it without one: openssl pkey -in KEY -out NEW"
+    raise ConfigError("the page's key has a pass phrase", remedy=remedy)
 
 
 class PageServer(uvicorn.Server):
@@ -153,7 +164,7 @@ def application(
     worker = ForeignWorker()
     api = Api(session, settings.drone_settings, worker)
     guard = Middleware(Guard, hosts=settings.names, password=settings.password)
-    routes = _routes(session, api)
+    routes = _routes(session, api, worker)
     for path, method, handler in SetUpApi(session, settings.drone_settings).routes():
         routes.append(Route(f"/api{path}", answered(handler), methods=[method]))
     if fleet is not None:
@@ -182,13 +193,15 @@ def _doors(settings: ServerSettings) -> Callable[[Request], Awaitable[Any]]:
     return ways_in
 
 
-def _routes(session: GroundSession, api: Api) -> list[Route | Mount | WebSocketRoute]:
+def _routes(
+    session: GroundSession, api: Api, worker: ForeignWorker
+) -> list[Route | Mount | WebSocketRoute]:
     """The page and what it asks of one session."""
     routes: list[Route | Mount | WebSocketRoute] = [
         Route("/", _page),
         WebSocketRoute("/api/records", api.records),
     ]
-    more = [*ExtraApi(session).routes(), *FlightListApi(session).routes()]
+    more = [*ExtraApi(session).routes(), *FlightListApi(session, worker).routes()]
     for path, method, handler in [*api.routes(), *more]:
         ready = _with_flights_written(session, handler) if "flights" in path else handler
         routes.append(Route(f"/api{path}", answered(ready), methods=[method]))
@@ -229,10 +242,8 @@ class FurtherVehicles:
             return
         kept = self._made.get(number)
         if kept is None or kept[0] is not session:
-            kept = (
-                session,
-                Starlette(routes=_routes(session, Api(session, None, self._worker))),
-            )
+            api = Api(session, None, self._worker)
+            kept = session, Starlette(routes=_routes(session, api, self._worker))
             self._made[number] = kept
         await kept[1](scope, receive, send)
 
