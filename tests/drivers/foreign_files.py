@@ -764,7 +764,6 @@ def read_whole_flight(path: Path) -> None:
         return Estimator().estimate(columns, antenna, (), tags, (), past).record()
 
     library.summaries()
-    library.prepare()
     library.usual_noise_db(None, but=None)
     each(
         *map(of_listed, ("summary", "places", "columns", "log")),
