@@ -15,7 +15,7 @@ from uavrt.allowance import Allowance
 from uavrt.attitude import yaw_deg
 from uavrt.mavlink import dialect
 from uavrt.mavlink.answers import answer_command
-from uavrt.mavlink.discovery import Discovery, Peer
+from uavrt.mavlink.discovery import Discovery, Peer, own_heartbeat
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.metadata import Metadata
@@ -238,12 +238,7 @@ class Component:
 
     def heartbeat_message(self) -> dialect.Heartbeat:
         """Our heartbeat."""
-        return dialect.Heartbeat(
-            type=dialect.MavType.ONBOARD_CONTROLLER,
-            autopilot=dialect.MavAutopilot.INVALID,
-            system_status=dialect.MavState.ACTIVE,
-            mavlink_version=3,
-        )
+        return own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)
 
     def _uptime_ms(self, now_ns: int) -> int:
         return (now_ns - (self._started_ns or now_ns)) // 1_000_000 % 2**32

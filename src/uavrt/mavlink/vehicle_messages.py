@@ -173,29 +173,10 @@ def command_message(command: VehicleCommand, system_id: int) -> Message:
     the others by COMMAND_LONG.
     """
     number = MavCmd[command.name]
+    to = {"target_system": system_id, "target_component": 1, "command": number}
+    four = {f"param{n}": getattr(command, f"param{n}") for n in range(1, 5)}
     if number == MavCmd.DO_REPOSITION:
-        return dialect.CommandInt(
-            target_system=system_id,
-            target_component=1,
-            frame=MavFrame.GLOBAL_INT,
-            command=number,
-            param1=command.param1,
-            param2=command.param2,
-            param3=command.param3,
-            param4=command.param4,
-            x=command.x,
-            y=command.y,
-            z=command.z_m,
-        )
-    return dialect.CommandLong(
-        target_system=system_id,
-        target_component=1,
-        command=number,
-        param1=command.param1,
-        param2=command.param2,
-        param3=command.param3,
-        param4=command.param4,
-        param5=command.param5,
-        param6=command.param6,
-        param7=command.z_m,
-    )
+        place = {"x": command.x, "y": command.y, "z": command.z_m}
+        return dialect.CommandInt(frame=MavFrame.GLOBAL_INT, **to, **four, **place)
+    last = {"param5": command.param5, "param6": command.param6, "param7": command.z_m}
+    return dialect.CommandLong(**to, **four, **last)
