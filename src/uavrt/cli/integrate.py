@@ -4,6 +4,7 @@
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
+from uavrt.cli.inputs import start_time_ns
 from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.progress import progress_bar, progress_bars
 from uavrt.cli.outputs import make_directory, print_json
@@ -18,7 +19,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, FormatError, RecordingError, UsageError
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def integrate(
         "format_name": format,
         "sample_rate_hz": sample_rate,
         "center_frequency_hz": center_frequency,
-        "start_time_ns": None if start_time is None else _time_ns(start_time),
+        "start_time_ns": start_time_ns(start_time),
     }
     if track is None:
         flown = _flights(flight, others, clock_offset=clock_offset, yaw_offset=yaw_offset)
@@ -488,13 +488,3 @@ def _band_recording(flight: Path, wanted: "list[Tag]") -> Path | None:
             remedy="Name the samples with --recording, or fetch them: uavrt fetch --samples",
         )
     return found[0]
-
-
-def _time_ns(text: str) -> int:
-    try:
-        return parse_iso_utc(text)
-    except ValueError as error:
-        raise ConfigError(
-            f"--start-time {text!r} is not a time",
-            remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
-        ) from error

@@ -31,9 +31,9 @@ class Parameter:
     field: str
     """Setting in it."""
     kind: Kind
-    low: float
-    high: float
-    default: float
+    low: float = 0
+    high: float = 1
+    default: float = 0
     short: str
     """A few words for a list."""
     meaning: str
@@ -66,7 +66,6 @@ PARAMETERS: dict[str, Parameter] = {
             table="radio",
             field="gain",
             kind="whole",
-            low=0,
             high=120,
             default=-1,
             absent=-1,
@@ -79,9 +78,6 @@ PARAMETERS: dict[str, Parameter] = {
             table="radio",
             field="bias_tee",
             kind="switch",
-            low=0,
-            high=1,
-            default=0,
             live=True,
             short="Power for an amplifier",
             meaning="Power an amplifier at the antenna through the cable.",
@@ -93,7 +89,6 @@ PARAMETERS: dict[str, Parameter] = {
             kind="whole",
             low=20_000,
             high=1_000_000,
-            default=0,
             absent=0,
             # Whole kilohertz: a float32 holds no single hertz at 150 MHz.
             scale=1e3,
@@ -108,7 +103,6 @@ PARAMETERS: dict[str, Parameter] = {
             kind="real",
             low=-200,
             high=200,
-            default=0,
             decimals=2,
             unit="ppm",
             live=True,
@@ -120,9 +114,7 @@ PARAMETERS: dict[str, Parameter] = {
             table="detection",
             field="k",
             kind="whole",
-            low=0,
             high=100,
-            default=0,
             short="Pulses for a decision",
             meaning="Pulses summed for one decision, for all tags; 0: as each tag says.",
         ),
@@ -131,9 +123,7 @@ PARAMETERS: dict[str, Parameter] = {
             table="detection",
             field="false_alarm_probability",
             kind="real",
-            low=0,
             high=0.5,
-            default=0,
             decimals=4,
             short="False-alarm probability",
             meaning="For one decision interval, for all tags; 0: as each tag says.",
@@ -146,7 +136,6 @@ PARAMETERS: dict[str, Parameter] = {
             low=10,
             high=2_000,
             default=500,
-            decimals=0,
             unit="Hz",
             short="Half-width of the search",
             meaning="How far around each tag's frequency pulses are searched.",
@@ -157,9 +146,7 @@ PARAMETERS: dict[str, Parameter] = {
             field="operating_mode",
             kind="choice",
             choices=get_args(OperatingModeName),
-            low=0,
             high=len(get_args(OperatingModeName)) - 1,
-            default=0,
             short="Operating mode",
             meaning="How the search follows a frequency that it has found; the names are those"
             " of the original's detectorConfig.txt.",
@@ -185,9 +172,6 @@ PARAMETERS: dict[str, Parameter] = {
             table="recording",
             field="iq",
             kind="switch",
-            low=0,
-            high=1,
-            default=0,
             short="Record the band",
             meaning="Also record the decimated band while detecting, 5.4 GB an hour.",
         ),
@@ -213,9 +197,6 @@ RUN = Parameter(
     table="",
     field="",
     kind="switch",
-    low=0,
-    high=1,
-    default=0,
     live=True,
     volatile=True,
     short="Detect",
