@@ -29,12 +29,20 @@ numbers of the operation's states: they are used only where
 
 import struct
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from uavrt.commands import CommandId, Generation
 from uavrt.errors import TunnelError
 from uavrt.tunnel.g1 import PulseG1, StartDetection, TagG1
-from uavrt.tunnel.wire import Decoders, Fixed, check, decoders_by_length, decoders_of, pack
+from uavrt.tunnel.wire import (
+    Asking,
+    Decoders,
+    Fixed,
+    check,
+    decoders_by_length,
+    decoders_of,
+    pack,
+)
 
 HEADER = struct.Struct("<II")
 UPLOAD = struct.Struct("<IIII")
@@ -89,12 +97,18 @@ class TagG2:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartDetectionG2:
+class StartDetectionG2(Asking):
     """Start with a request id; its layout is inferred."""
 
+    COMMAND: ClassVar = CommandId.START_DETECTION
     request_id: int
     start: StartDetection
     dump_spectrogram: int = 0
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What it asks."""
+        return self.start.asked
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -118,7 +132,7 @@ class StartDetectionG2:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawCaptureG2(Fixed):
+class RawCaptureG2(Fixed, Asking):
     """Raw capture with a request id; its layout is inferred."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
@@ -126,6 +140,11 @@ class RawCaptureG2(Fixed):
     request_id: int
     gain: int
     frequency_hz: int
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What it asks."""
+        return {"center_frequency_hz": self.frequency_hz or None, "gain": self.gain or None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -56,6 +56,18 @@ class Fixed:
         return cls(**dict(zip(cls.__slots__, values, strict=True)))
 
 
+class Asking:
+    """A command whose fields are some of `uavrt.messages.Command`."""
+
+    __slots__: tuple[str, ...] = ()
+    COMMAND: ClassVar[CommandId]
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What it asks, by the names of those members."""
+        raise NotImplementedError
+
+
 class Message(Protocol):
     """Interface of every message."""
 
