@@ -310,7 +310,7 @@ class Exchange:
 
     def _ask_with(self, question: _Question, message: Asking) -> Command:
         name = COMMAND_OF_NUMBER[message.COMMAND].name
-        return replace(self._ask(question, name), **message.asked)
+        return message.asked(self._ask(question, name))
 
     def _ask(self, question: _Question, name: CommandName) -> Command:
         number = self.next_request_id()

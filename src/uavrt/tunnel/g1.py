@@ -74,11 +74,12 @@ with frequency 0 is a detector's sign of life.
 
 import math
 import struct
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 from uavrt.commands import CommandId, SystemState
 from uavrt.errors import TunnelError
+from uavrt.messages import Command
 from uavrt.tunnel.g0 import HeaderMessage
 from uavrt.tunnel.wire import (
     Asking,
@@ -163,11 +164,13 @@ class StartDetection(Asking):
     confidence_ratio: float | None = 0.0
     debug_detector: int | None = 0
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What it asks."""
-        frequency_hz = self.radio_center_frequency_hz or None
-        return {"center_frequency_hz": frequency_hz, "gain": self.gain or None}
+    def asked(self, command: Command) -> Command:
+        """Fill in frequency and gain."""
+        return replace(
+            command,
+            center_frequency_hz=self.radio_center_frequency_hz or None,
+            gain=self.gain or None,
+        )
 
     def encode(self) -> bytes:
         """Bytes of the payload, as long as its last field that is not None needs."""
@@ -206,10 +209,11 @@ class RawCapture(Asking):
     gain: int
     frequency_hz: int | None = None
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What it asks."""
-        return {"center_frequency_hz": self.frequency_hz or None, "gain": self.gain or None}
+    def asked(self, command: Command) -> Command:
+        """Fill in frequency and gain."""
+        return replace(
+            command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
+        )
 
     def encode(self) -> bytes:
         """Bytes of the payload."""

@@ -28,11 +28,12 @@ numbers of the operation's states: they are used only where
 """
 
 import struct
-from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 from uavrt.commands import CommandId, Generation
 from uavrt.errors import TunnelError
+from uavrt.messages import Command
 from uavrt.tunnel.g1 import PulseG1, StartDetection, TagG1
 from uavrt.tunnel.wire import (
     Asking,
@@ -105,10 +106,9 @@ class StartDetectionG2(Asking):
     start: StartDetection
     dump_spectrogram: int = 0
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What it asks."""
-        return self.start.asked
+    def asked(self, command: Command) -> Command:
+        """Fill in what it asks."""
+        return self.start.asked(command)
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -141,10 +141,11 @@ class RawCaptureG2(Fixed, Asking):
     gain: int
     frequency_hz: int
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What it asks."""
-        return {"center_frequency_hz": self.frequency_hz or None, "gain": self.gain or None}
+    def asked(self, command: Command) -> Command:
+        """Fill in frequency and gain."""
+        return replace(
+            command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

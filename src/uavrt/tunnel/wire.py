@@ -14,6 +14,7 @@ from uavrt.commands import COMMANDS
 from uavrt.commands import CommandId as CommandId
 from uavrt.commands import Generation as Generation
 from uavrt.errors import TunnelError
+from uavrt.messages import Command
 
 MAX_PAYLOAD = 128
 """Payload bytes of one MAVLink TUNNEL message."""
@@ -57,14 +58,13 @@ class Fixed:
 
 
 class Asking:
-    """A command whose fields are some of `uavrt.messages.Command`."""
+    """A command with fields of its own."""
 
     __slots__: tuple[str, ...] = ()
     COMMAND: ClassVar[CommandId]
 
-    @property
-    def asked(self) -> dict[str, Any]:
-        """What it asks, by the names of those members."""
+    def asked(self, command: Command) -> Command:
+        """Fill in what it asks."""
         raise NotImplementedError
 
 
