@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import degrees, isfinite
+from typing import Any
 
 from uavrt.guidance.manners import AutopilotName
 from uavrt.guidance.observed import (
@@ -173,10 +174,16 @@ def command_message(command: VehicleCommand, system_id: int) -> Message:
     the others by COMMAND_LONG.
     """
     number = MavCmd[command.name]
-    to = {"target_system": system_id, "target_component": 1, "command": number}
-    four = {f"param{n}": getattr(command, f"param{n}") for n in range(1, 5)}
+    head: dict[str, Any] = {
+        "target_system": system_id,
+        "target_component": 1,
+        "command": number,
+        **{f"param{n}": getattr(command, f"param{n}") for n in range(1, 5)},
+    }
     if number == MavCmd.DO_REPOSITION:
-        place = {"x": command.x, "y": command.y, "z": command.z_m}
-        return dialect.CommandInt(frame=MavFrame.GLOBAL_INT, **to, **four, **place)
-    last = {"param5": command.param5, "param6": command.param6, "param7": command.z_m}
-    return dialect.CommandLong(**to, **four, **last)
+        return dialect.CommandInt(
+            frame=MavFrame.GLOBAL_INT, x=command.x, y=command.y, z=command.z_m, **head
+        )
+    return dialect.CommandLong(
+        param5=command.param5, param6=command.param6, param7=command.z_m, **head
+    )
