@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from benchmarks.harness import Table
-from uavrt.demo.search import SearchSummary, run_search_demo
+from uavrt.demo.search import SearchDemo, SearchSummary
 from uavrt.demo.worlds import search_world
 from uavrt_experiments.resources.flight import Reading, SteadyFlight
 from uavrt_experiments.resources.report import by_process
@@ -59,12 +59,12 @@ def run() -> list[Table]:
 def searched() -> SearchSummary:
     """Let the demo's drone search for three animals, one of them walking."""
     with tempfile.TemporaryDirectory() as directory:
-        return run_search_demo(
+        return SearchDemo(
             scenario=search_world(None, limit_s=SEARCH_S, seed=None, coded=False),
             limit_s=SEARCH_S,
             flight_dir=Path(directory),
             say=lambda line: None,
-        )
+        ).run()
 
 
 def guide(search: SearchSummary) -> Table:

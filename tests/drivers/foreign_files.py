@@ -765,7 +765,6 @@ def start_ground(path: Path) -> object:
     store = GroundStore(path.parent)
     library = FlightLibrary(path.parent)
     library.summaries()
-    library.prepare()
     lines = EventLog(store.log_path).lines()
     return store.settings, store.corrections_listed, flight_under_way(path.parent), lines
 
@@ -844,7 +843,6 @@ def read_whole_flight(path: Path) -> None:
         return Estimator().estimate(columns, antenna, (), tags, (), past).record()
 
     library.summaries()
-    library.prepare()
     library.usual_noise_db(None, but=None)
     each(
         *map(of_listed, ("summary", "places", "columns", "log")),

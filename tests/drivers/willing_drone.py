@@ -10,7 +10,7 @@ from typing import Any
 from made import pose
 
 from uavrt.commands import SystemState
-from uavrt.simulation.flying import is_motion
+from uavrt_experiments.autopilots.measures import is_motion
 from world import THESIS_TAG, World
 
 OUR_COMPONENT = (1, 191)

@@ -102,7 +102,7 @@ def test_a_raw_capture_and_a_gain_set_in_flight_by_a_ground_station_with_keys(
 
     async def main() -> None:
         async with operator.connected(drone.ground_port) as link:
-            told = await link.capture(center_frequency_hz=148_705_000.0, gain=9)
+            told = (await link.command(link.writing.capture(148_705_000.0, 9))).message
             with pytest.raises(CommandRefused, match="capturing: wait"):
                 await link.ask("clean_logs")
             await until(

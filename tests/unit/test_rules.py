@@ -134,5 +134,5 @@ def test_the_contract_of_independence_names_every_process() -> None:
     (independent,) = (one for one in contracts if one["type"] == "independence")
     rows = {row.module for rows in SHAPES.values() for row in rows}
     processes = {module for module in rows if module.startswith("uavrt.processes.")}
-    made_of_others = {"uavrt.processes.chain", "uavrt.processes.decimator"}
+    made_of_others = {"uavrt.processes.chain"}
     assert set(independent["modules"]) == processes - made_of_others

@@ -1,7 +1,6 @@
 """Flights that are there twice, as the drone recorded them and as the ground station did."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from uavrt.batch.recordings import Found, flight_of
 from uavrt.batch.seals import read_note, write_note
 from uavrt.batch.tables import OUTLINES, FlightRow, RecordingRow
 from uavrt.errors import FormatError
-from uavrt.recording.layout import FlightLayout
+from uavrt.recording.layout import FlightLayout, Stamp, stamp_of
 from uavrt.recording.outline import FlightOutline, read_outline
 
 
@@ -94,8 +93,7 @@ def drop_copies(
 
 
 class _Outlined(msgspec.Struct, frozen=True):
-    stamp: list[int]
-    """Sizes and times of the flight's files."""
+    stamp: Stamp
     outline: FlightOutline
 
 
@@ -112,7 +110,8 @@ def _groups(directories: set[Path], output: Path) -> list[list[FlightOutline]]:
     kept, found = _kept(output), dict[str, _Outlined]()
     for directory in sorted(directories):
         try:
-            stamp, name = _stamp(directory), str(directory)
+            name = str(directory)
+            stamp = stamp_of(name)
             one = kept.flights.get(name)
             if one is None or one.stamp != stamp:
                 outline = read_outline(directory)
@@ -134,17 +133,6 @@ def _kept(output: Path) -> _Kept:
         return msgspec.msgpack.decode(read_note(output / OUTLINES), type=_Kept)
     except (OSError, FormatError, msgspec.DecodeError):
         return _Kept()
-
-
-def _stamp(directory: Path) -> list[int]:
-    layout = FlightLayout(directory)
-    stamp = []
-    for path in (layout.database, layout.write_ahead_log):
-        with suppress(FileNotFoundError):
-            about = path.stat()
-            # To read a database leaves an empty write-ahead log next to it.
-            stamp += [about.st_size, about.st_mtime_ns] if about.st_size else []
-    return stamp
 
 
 def _kept_samples(directory: Path) -> bool:

@@ -14,7 +14,8 @@ from cyclopts import Parameter
 
 from uavrt.analysis.measure.channel_files import ChannelizeSummary, plan_channels, ports_of
 from uavrt.analysis.measure.channel_files import channelize as run_channelizer
-from uavrt.cli.detect import open_source, start_time_ns, stop_on_signals
+from uavrt.cli.detect import open_source, stop_on_signals
+from uavrt.cli.inputs import start_time_ns
 from uavrt.errors import ConfigError
 from uavrt.radio.band_source import BandDatagramSource
 from uavrt.radio.channel_sender import ChannelDatagramSender

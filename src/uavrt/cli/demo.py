@@ -13,8 +13,9 @@ from uavrt.cli.kinds import Between, Port, Seconds, Seed
 from uavrt.cli.outputs import check_place, print_json
 from uavrt.cli.screen import has_page, has_screen
 from uavrt.demo.run import Demo
-from uavrt.demo.search import run_search_demo
-from uavrt.demo.search_together import run_together_demo
+from uavrt.demo.search import SearchDemo
+from uavrt.demo.search_together import TogetherDemo
+from uavrt.demo.telling import in_plain_words, with_figures
 from uavrt.demo.worlds import flight_world, search_world
 from uavrt.errors import UsageError
 from uavrt.simulation.demo_world import fleet_scenarios
@@ -122,13 +123,13 @@ def demo(
 def _search(world: Scenario, limit_s: float, flight_dir: Path, *, json_summary: bool) -> None:
     """Let the drone search by itself; exit with 1 unless it has found all."""
     out = sys.stderr if json_summary else sys.stdout
-    summary = run_search_demo(
+    summary = SearchDemo(
         scenario=world,
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
-        figures=json_summary,
-    )
+        told=with_figures if json_summary else in_plain_words,
+    ).run()
     if json_summary:
         print_json(summary.as_dict())
     else:
@@ -146,13 +147,13 @@ def _search_together(
 ) -> None:
     """Let several drones search together; exit with 1 unless they have found all."""
     out = sys.stderr if json_summary else sys.stdout
-    summary = run_together_demo(
+    summary = TogetherDemo(
         drones=drones,
         scenario=world,
         limit_s=limit_s,
         flight_dir=flight_dir,
         say=lambda line: print(line, file=out, flush=True),
-    )
+    ).run()
     if json_summary:
         print_json(summary.as_dict())
     else:

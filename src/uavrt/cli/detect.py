@@ -24,9 +24,10 @@ from uavrt.analysis.measure.recorded_pulses import DetectionSummary
 from uavrt.analysis.measure.recorded_pulses import detect as run_detectors
 from uavrt.analysis.measure.redetect import FlightWriter
 from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
+from uavrt.cli.inputs import start_time_ns
 from uavrt.cli.outputs import keep_inputs
 from uavrt.cli.progress import progress_bar
-from uavrt.clock import cpu_s, parse_iso_utc
+from uavrt.clock import cpu_s
 from uavrt.config.ghost_places import Receiver
 from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.config.tag_corrections import words_of_beeps
@@ -307,22 +308,6 @@ def _each(listeners: "Sequence[Listener]", name: str) -> Callable[[Any], None] |
             method(argument)
 
     return call_each if methods else None
-
-
-def start_time_ns(text: str | None) -> int | None:
-    """Read --start-time.
-
-    Raises `ConfigError`: not a time.
-    """
-    if text is None:
-        return None
-    try:
-        return parse_iso_utc(text)
-    except ValueError as error:
-        raise ConfigError(
-            f"--start-time {text!r} is not a time",
-            remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
-        ) from error
 
 
 def open_source(

@@ -1,8 +1,9 @@
-"""Inputs and options that a command refuses."""
+"""Inputs and options that a command refuses, and the time of a first sample."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
+from uavrt.clock import parse_iso_utc
 from uavrt.errors import ConfigError, UsageError
 
 _HEAD_BYTES = 65_536
@@ -31,3 +32,19 @@ def _is_empty(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     return not head.strip() and len(head) < _HEAD_BYTES
+
+
+def start_time_ns(text: str | None) -> int | None:
+    """Read --start-time.
+
+    Raises `ConfigError`: not a time.
+    """
+    if text is None:
+        return None
+    try:
+        return parse_iso_utc(text)
+    except ValueError as error:
+        raise ConfigError(
+            f"--start-time {text!r} is not a time",
+            remedy="Write it as 2024-05-01T06:00:00Z, from 1970 to 2261",
+        ) from error

@@ -4,6 +4,7 @@
 from uavrt.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.elevation import elevation_of
 from uavrt.cli.kinds import Between, Degrees, Hertz, HertzOrZero, Power, SecondsApart, TagIds
+from uavrt.cli.inputs import start_time_ns
 from uavrt.cli.near_codes import tell_near_codes
 from uavrt.cli.progress import progress_bar, progress_bars
 from uavrt.cli.outputs import make_directory, print_json
@@ -128,7 +129,6 @@ def integrate(
     """
     from uavrt.analysis.measure.tag_source import read_tag_source
     from uavrt.analysis.whole_flight import JudgeAs
-    from uavrt.cli.detect import start_time_ns
     from uavrt.localization.antenna import pattern_named
 
     if others and recording is not None:

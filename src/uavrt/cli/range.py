@@ -199,12 +199,13 @@ def _print(
     rows: list[dict[str, Any]], budget: "LinkBudget", noise: list[dict[str, Any]]
 ) -> None:
     from rich.console import Console
-    from rich.table import Table
+
+    from uavrt.monitor.tables import table_of
 
     console = Console()
-    table = Table(title=f"Heard from {budget.drone_height_m:g} m above the ground")
-    for title in ("tag", "K", "ENR for Pd .5", "for Pd .9", "heard to, Pd .5", "Pd .9"):
-        table.add_column(title, justify="right")
+    titles = ("tag", "K", "ENR for Pd .5", "for Pd .9", "heard to, Pd .5", "Pd .9")
+    height = f"Heard from {budget.drone_height_m:g} m above the ground"
+    table = table_of(*titles, left=(), title=height)
     for row in rows:
         table.add_row(
             str(row["tag_id"]),
@@ -219,9 +220,8 @@ def _print(
         what = f"K = {row['k']}"
         if row["k"] is None:
             what = f"whole flight of {row['flight_pulses']} pulses, {row['antenna']}"
-        lines = Table(title=f"Budget of tag {row['tag_id']}, {what}, for Pd .9")
-        lines.add_column("term")
-        lines.add_column("value", justify="right")
+        title = f"Budget of tag {row['tag_id']}, {what}, for Pd .9"
+        lines = table_of("term", "value", left=("term",), title=title)
         for one in row["budget"]:
             lines.add_row(one["term"], f"{one['value']:.1f} {one['unit']}")
         console.print(lines)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.console import Console
-from rich.table import Table
 
 from uavrt.cli.outputs import check_place, print_json
 from uavrt.cli.words import counted
 from uavrt.clock import iso_utc
+from uavrt.monitor.tables import table_of
 from uavrt.recording.csv_line import TableWriter
 
 if TYPE_CHECKING:
@@ -86,9 +86,8 @@ def _show(found: "Season") -> None:
         lines.append(f"{found.copies} second {copies} left out")
     for line in lines:
         console.print(line, highlight=False, soft_wrap=True)
-    table = Table(box=None, pad_edge=False)
-    for title in ("tag", "name", "MHz", "flights", "detected", "min", "min each", "last"):
-        table.add_column(title, justify="left" if title == "name" else "right")
+    titles = ("tag", "name", "MHz", "flights", "detected", "min", "min each", "last")
+    table = table_of(*titles, left=("name",), box=None, pad_edge=False)
     for one in found.animals:
         table.add_row(
             str(one.tag_id),

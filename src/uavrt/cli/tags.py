@@ -292,7 +292,7 @@ def measure(
     """
     from uavrt.analysis.measure.measure_tag import measure_tags
     from uavrt.analysis.measure.measured_tag import MeasuredTag
-    from uavrt.cli.detect import start_time_ns
+    from uavrt.cli.inputs import start_time_ns
     from uavrt.config.tag_files import check_tag_file_name, write_tags
     from uavrt.config.tag_rules import MAX_ID
     from uavrt.config.tags_toml import format_tags_toml

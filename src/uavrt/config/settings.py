@@ -29,7 +29,7 @@ def is_ros_namespace(text: str) -> bool:
     return text == "" or (named is not None and "__" not in text and len(text) <= 100)
 
 
-Shape = Literal["workers", "stages", "one"]
+Shape = Literal["workers", "one"]
 OperatingModeName = Literal[
     "freqSearchSoftLock", "freqSearchHardLock", "freqKnownHardLock", "freqAllNeverLock"
 ]
@@ -189,7 +189,7 @@ class DetectionSettings:
     """Detector processes; 0: one for each spare core."""
     shape: Shape = "workers"
     """Which stage runs in which process: ``workers`` (a receiver and several detectors),
-    ``one`` (all in one process, for a single core), ``stages`` (each on its own)."""
+    ``one`` (all in one process, for a single core)."""
     maximum_tags: Annotated[int, Interval(ge=0, le=1000)] = 0
     """Most tags that are taken; 0: as many as this computer's cores carry, which is measured at
     the start of a flight with more than 100 tags."""

@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import cycle, islice
 from pathlib import Path
 from types import MappingProxyType
@@ -132,7 +132,8 @@ def drone_settings(
     With `flies`, the radio hears what there is to hear where the drone flies by commands, not
     on the scenario's flight.
     """
-    antenna = scenario.antenna
+    names = {one.name for one in fields(AntennaSettings)}
+    mounting = {k: v for k, v in asdict(scenario.antenna).items() if k in names}
     return Settings(
         radio=RadioSettings(
             kind="airspy",
@@ -148,14 +149,7 @@ def drone_settings(
             sample_rate_hz=scenario.radio.sample_rate_hz,
         ),
         mavlink=MavlinkSettings(address=f"udpin://127.0.0.1:{companion_port}"),
-        antenna=AntennaSettings(
-            yaw_offset_deg=antenna.yaw_offset_deg,
-            pitch_offset_deg=antenna.pitch_offset_deg,
-            roll_offset_deg=antenna.roll_offset_deg,
-            offset_forward_m=antenna.offset_forward_m,
-            offset_right_m=antenna.offset_right_m,
-            offset_down_m=antenna.offset_down_m,
-        ),
+        antenna=AntennaSettings(**mounting),
         recording=RecordingSettings(directory=str(paths.flights)),
         status_socket=str(paths.status_socket),
     )

@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 from rich.table import Table
@@ -13,11 +12,12 @@ from rich.table import Table
 from uavrt.config.settings import GuidanceSettings, Settings
 from uavrt.demo.programs import DemoPaths, Program, free_udp_port
 from uavrt.demo.rig import Rig, starting_in
-from uavrt.demo.telling import in_plain_words, with_figures
+from uavrt.demo.telling import in_plain_words
 from uavrt.demo.workplace import workplace
 from uavrt.errors import UavrtError
 from uavrt.geodesy import distance_m
 from uavrt.messages import ProcessStatus, SearchNote, SoughtTag, SystemStatus
+from uavrt.monitor.tables import table_of
 from uavrt.recording.layout import require_writable
 from uavrt.simulation.scenario import Scenario
 from uavrt.units import ns_from_s
@@ -86,11 +86,11 @@ class SearchSummary:
         """Show it to a person."""
         found = sum(one.found for one in self.tags.values())
         after = f"after {self.duration_s:.0f} s"
-        table = Table(title=f"{found} of {len(self.tags)} animals found {after}")
-        for name in ("tag", "found", "place", "error", "within"):
-            left = name in ("tag", "place")
-            justify: Literal["left", "right"] = "left" if left else "right"
-            table.add_column(name, justify=justify, no_wrap=True)
+        title = f"{found} of {len(self.tags)} animals found {after}"
+        columns = ("tag", "found", "place", "error", "within")
+        table = table_of(*columns, left=("tag", "place"), title=title)
+        for column in table.columns:
+            column.no_wrap = True
         for tag_id, one in self.tags.items():
             table.add_row(
                 f"{tag_id} {one.name}",
@@ -328,21 +328,3 @@ class SearchDemo:
             latitude_deg=told.latitude_deg,
             longitude_deg=told.longitude_deg,
         )
-
-
-def run_search_demo(
-    *,
-    scenario: Scenario,
-    limit_s: float,
-    flight_dir: Path,
-    say: Callable[[str], None],
-    figures: bool = False,
-) -> SearchSummary:
-    """Run the search once; see `SearchDemo`. With `figures`, its lines have all of them."""
-    return SearchDemo(
-        scenario=scenario,
-        limit_s=limit_s,
-        flight_dir=flight_dir,
-        say=say,
-        told=with_figures if figures else in_plain_words,
-    ).run()

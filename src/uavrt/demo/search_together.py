@@ -137,18 +137,3 @@ class TogetherDemo:
                 a, b = (state.position_ned_m[:2] for state in states if state is not None)
                 least = min(least, math.dist(a, b))
         return least
-
-
-def run_together_demo(
-    *,
-    drones: int,
-    scenario: Scenario,
-    limit_s: float,
-    flight_dir: Path,
-    say: Callable[[str], None],
-) -> TogetherSummary:
-    """Run the search of several drones once; see `TogetherDemo`."""
-    demo = TogetherDemo(
-        drones=drones, scenario=scenario, limit_s=limit_s, flight_dir=flight_dir, say=say
-    )
-    return demo.run()

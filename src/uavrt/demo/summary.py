@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from rich.table import Table
 
 from uavrt.messages import Pulse, Tag
+from uavrt.monitor.tables import table_of
 from uavrt.simulation.world import TruePulse
 from uavrt.units import db_from_power, ns_from_s, power_from_db
 
@@ -20,6 +21,7 @@ DETECTABLE_ENR_DB = 14.0
 MATCH_TIME_S = 0.02
 """One pulse width; the measured error of time is a tenth of this."""
 MATCH_FREQUENCY_HZ = 100.0
+_ROUNDED_NS = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,20 +64,12 @@ class DemoSummary:
 
     def table(self) -> Table:
         """Get it as a table for a terminal."""
-        table = Table(title="What became of every pulse", header_style="dim")
-        table.add_column("tag")
-        for title in (
-            "sent",
-            "found",
-            "14 dB or more",
-            "of them found",
-            "on the ground",
-            "false",
-            "SNR bias",
-            "freq. rms",
-            "time rms",
-        ):
-            table.add_column(title, justify="right")
+        table = table_of(
+            *("tag", "sent", "found", "14 dB or more", "of them found", "on the ground"),
+            *("false", "SNR bias", "freq. rms", "time rms"),
+            title="What became of every pulse",
+            header_style="dim",
+        )
         for tag_id, tag in self.tags.items():
             table.add_row(
                 tag_id,
@@ -179,10 +173,10 @@ def match(sent: Sequence[TruePulse], found: Sequence[Pulse]) -> list[tuple[TrueP
     return pairs
 
 
-def _is_in(times_ns: Sequence[int], time_ns: int, tolerance_ns: int = 2000) -> bool:
+def _is_in(times_ns: Sequence[int], time_ns: int) -> bool:
     """Whether a sorted list holds a time, within the wire's rounding."""
-    place = bisect.bisect_left(times_ns, time_ns - tolerance_ns)
-    return place < len(times_ns) and times_ns[place] <= time_ns + tolerance_ns
+    place = bisect.bisect_left(times_ns, time_ns - _ROUNDED_NS)
+    return place < len(times_ns) and times_ns[place] <= time_ns + _ROUNDED_NS
 
 
 def _with_unit(value: float | None, unit: str) -> str:

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from uavrt.demo.watch import RECEIVER, samples_lost
 from uavrt.messages import Pulse, SystemStatus, Tag
+from uavrt.monitor.tables import plain_table
 
 RATE_WINDOW_S = 60.0
 """Pulses per minute are counted over this much of the immediate past."""
@@ -133,24 +134,16 @@ class DemoView:
         return Group(*rows)
 
     def _tag_table(self, now_s: float, *, narrow: bool) -> RenderableType:
-        table = Table(expand=True, box=None, header_style="dim")
         if narrow:
-            for title in _SHORT:
-                table.add_column(title, justify="left" if title == "tag" else "right")
+            table = plain_table(*_SHORT)
             for view in self.tags.values():
                 table.add_row(*self._short_cells(view, now_s))
             return table
-        for title, justify in (
-            ("tag", "left"),
-            ("frequency", "right"),
-            ("last SNR", "right"),
-            ("", "left"),
-            ("rate", "right"),
-            ("per minute", "right"),
-            ("detected", "right"),
-            ("on the ground", "right"),
-        ):
-            table.add_column(title, justify=justify)  # type: ignore[arg-type]
+        table = plain_table(
+            *("tag", "frequency", "last SNR", "", "rate", "per minute", "detected"),
+            "on the ground",
+        )
+        table.columns[3].justify = "left"
         for view in self.tags.values():
             table.add_row(*self._tag_cells(view, now_s))
         return table
@@ -190,11 +183,7 @@ class DemoView:
 
     def _short_process_table(self) -> RenderableType:
         """Two processes to a line; the state of those alone that are not well."""
-        table = Table(expand=True, box=None, header_style="dim")
-        for _ in range(2):
-            table.add_column("process")
-            table.add_column("CPU", justify="right")
-            table.add_column("MB", justify="right")
+        table = plain_table(*(2 * ("process", "CPU", "MB")))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         cells: list[list[RenderableType]] = []
         for name, percent in self.cpu_percent.items():
@@ -210,11 +199,7 @@ class DemoView:
         return table
 
     def _process_table(self) -> RenderableType:
-        table = Table(expand=True, box=None, header_style="dim")
-        table.add_column("process")
-        table.add_column("status")
-        table.add_column("CPU of a core", justify="right")
-        table.add_column("memory", justify="right")
+        table = plain_table("process", "status", "CPU of a core", "memory")
         known = (
             {process.process: process for process in self.status.processes}
             if self.status

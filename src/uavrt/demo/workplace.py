@@ -66,7 +66,7 @@ def _is_left(place: Path) -> bool:
     return True
 
 
-def require_free_port(port: int | None, host: str = "127.0.0.1") -> None:
+def require_free_port(port: int | None) -> None:
     """Refuse a port for the page that something else has, before anything is started.
 
     Raises `UsageError`: it is taken, or may not be used.
@@ -77,7 +77,7 @@ def require_free_port(port: int | None, host: str = "127.0.0.1") -> None:
         # As servers do: what a server that has ended left waiting is no obstacle.
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            sock.bind((host, port))
+            sock.bind(("127.0.0.1", port))
         except OSError as error:
             raise UsageError(
                 f"the page cannot be served at port {port}: {error.strerror}",

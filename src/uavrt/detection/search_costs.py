@@ -47,14 +47,12 @@ def search_cost(
     cpu_s: Callable[[], float],
     *,
     settings: DetectionSettings | None = None,
-    most_cpu_s: float = _MOST_CPU_S,
 ) -> float:
     """Measure what searching for tags will cost.
 
     `tags`: all that will be searched for.
     `cpu_s`: processor time used so far [s].
     `settings`: how; by default as usual.
-    `most_cpu_s`: CPU time to spend on it [s]: one kind of tag is always measured.
     Returns: processor cores that the detectors need in real time while one tag of each kind is
     heard; 0.0 for lists too cheap to matter.
     """
@@ -68,7 +66,7 @@ def search_cost(
     spent_s, cost, share = 0.0, codes * _CODE_SHARE, 0.0
     more = 0.0
     for kind in dearest_first:
-        if spent_s < most_cpu_s:
+        if spent_s < _MOST_CPU_S:
             begun_s = cpu_s()
             share = _measure(kind, settings, cpu_s, heard=False)
             more = max(0.0, _measure(kind, settings, cpu_s, heard=True) - share)

@@ -15,6 +15,7 @@ from uavrt.clock import Clock, monotonic_s
 from uavrt.errors import UavrtError, UsageError
 from uavrt.ground.link.given_ways import GivenWays
 from uavrt.ground.link.keys import NO_KEYS, LinkKeys
+from uavrt.ground.link.my_place import MyPlace
 from uavrt.ground.link.parallel_links import Links
 from uavrt.ground.link.protocol import GroundEvent
 from uavrt.ground.link.session_parts import StationNote
@@ -54,17 +55,7 @@ class Fleet:
         signing = None if keys.signing is None else Signing(keys.signing, clock.now_ns)
         self._links = Links(own, signing=signing)
         self._estimating = asyncio.Lock()
-        self.first = GroundSession(
-            store,
-            clock,
-            on_event,
-            keys,
-            links=self._links,
-            companions=self._beside,
-            estimating=self._estimating,
-            on_course=self._take_course,
-            also=also,
-        )
+        self.first = self._session(store, None)
         self._ways = GivenWays()
         self._tell_due = False
         self._others: dict[int, GroundSession] = {}
@@ -111,18 +102,7 @@ class Fleet:
         store = await self._store.disk.run(self._store.of_vehicle, system_id)
         if system_id in self._others:  # asked for twice meanwhile
             return self._others[system_id]
-        session = GroundSession(
-            store,
-            self._clock,
-            self._on_event,
-            self._keys,
-            links=self._links,
-            companions=self._beside,
-            my_place=self.first.my_place,
-            estimating=self._estimating,
-            on_course=self._take_course,
-            also=self._also,
-        )
+        session = self._session(store, self.first.my_place)
         self._others[system_id] = session
         self.first.identity.excluded.add(system_id)
         self._tasks[system_id] = asyncio.get_running_loop().create_task(session.run())
@@ -180,6 +160,20 @@ class Fleet:
                 continue
             for told in self._ways.told_to(number, monotonic_s()):
                 session.link.tell_neighbour(told)
+
+    def _session(self, store: GroundStore, my_place: MyPlace | None) -> GroundSession:
+        return GroundSession(
+            store,
+            self._clock,
+            self._on_event,
+            self._keys,
+            links=self._links,
+            companions=self._beside,
+            my_place=my_place,
+            estimating=self._estimating,
+            on_course=self._take_course,
+            also=self._also,
+        )
 
     def _beside(self, session: GroundSession) -> list[GroundSession]:
         return [one for one in self.sessions if one is not session]

@@ -8,7 +8,7 @@ the hypotheses of the phases multiply, those of place, frequency and stretch are
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from uavrt.integration.whole_flight import (
     peaks,
     pulse_weights,
     scores,
+    train_at,
 )
 from uavrt.messages import Tag
 
@@ -123,18 +124,10 @@ class _Search:
         found = peaks(energies.energy, rows, some, energies.slot_s, between_s)
         at = int(np.argmax(found.score))
         log_probability = float(log_tail(found, some, energies)[at])
-        hypotheses = self.trains_each(number)
-        return FoldedTrain(
-            false_alarm_probability=chance(log_probability, hypotheses),
-            score=float(found.score[at]),
-            interval_s=float(found.interval[at]) * energies.slot_s,
-            phase_s=(float(found.phase[at]) + 0.5) * energies.slot_s,
-            offset_hz=float(energies.offsets_hz[found.row[at]]),
-            place=int(found.place[at]) if place is None else place,
-            hypotheses=hypotheses,
-            log_probability=log_probability,
-            rate=self.rate,
+        one = train_at(
+            energies, found, at, log_probability, self.trains_each(number), self.rate
         )
+        return one if place is None else replace(one, place=place)
 
     def trains_each(self, number: int) -> float:
         """Independent trains of a flight in one stretch, at the frequencies beside one."""

@@ -434,7 +434,7 @@ def _weak_trains(
             found = _in_full(found, logs, weights, energies)
             logs = log_tail(found, weights, energies)
         trains += [
-            _train(energies, found, at, float(logs[at]), hypotheses, rate)
+            train_at(energies, found, at, float(logs[at]), hypotheses, rate)
             for at in np.argsort(logs, kind="stable")[:most].tolist()
         ]
     return trains
@@ -501,7 +501,7 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
         logs = loud_tail(energies, found, plain)
         order, logs = _through_middles(logs, found, energies)
         trains += [
-            _train(energies, found, at, float(logs[at]), hypotheses, rate, loud=True)
+            train_at(energies, found, at, float(logs[at]), hypotheses, rate, loud=True)
             for at in order[:most].tolist()
         ]
     return trains
@@ -568,7 +568,7 @@ def plain_weights(energies: SlotEnergies) -> Weights:
     )
 
 
-def _train(
+def train_at(
     energies: SlotEnergies,
     found: Peaks,
     at: int,
@@ -578,6 +578,7 @@ def _train(
     *,
     loud: bool = False,
 ) -> FoldedTrain:
+    """Make the train of a cell of a search, of which there were so many hypotheses."""
     return FoldedTrain(
         false_alarm_probability=chance(log_probability, hypotheses),
         score=float(found.score[at]),

@@ -23,10 +23,9 @@ class Topic:
     name: str
     record: type
     meaning: str
-    lossless: bool = True
-    """Kept for a slow or restarting consumer however long it takes; else the newest
-    `backlog` are kept and the others counted."""
-    backlog: int = 0
+    newest: int | None = None
+    """So many of the newest are kept for a slow or restarting consumer, and the others counted.
+    None: all are, however long it takes."""
     every_s: float | None = None
     """Time between two records of one sender, once they flow; None: when something happens.
     What comes at less than half the rate is told as too slow (`uavrt.supervisor.pace`)."""
@@ -47,8 +46,7 @@ TOPICS: dict[str, Topic] = {
             name="search_report",
             record=messages.SearchReport,
             meaning="searched, nothing found, with the noise floor",
-            lossless=False,
-            backlog=200,
+            newest=200,
             every_s=1.0,
             each_tag=True,
         ),
@@ -69,15 +67,13 @@ TOPICS: dict[str, Topic] = {
             name="bearing",
             record=messages.LiveBearing,
             meaning="a bearing estimated on the drone, where its table has the estimator",
-            lossless=False,
-            backlog=50,
+            newest=50,
         ),
         Topic(
             name="beep",
             record=messages.Beep,
             meaning="a sender of pulses that was found without knowing any tag",
-            lossless=False,
-            backlog=100,
+            newest=100,
         ),
         Topic(
             name="delivered",
@@ -88,8 +84,7 @@ TOPICS: dict[str, Topic] = {
             name="poses",
             record=messages.Poses,
             meaning="raw poses of the vehicle, batched",
-            lossless=False,
-            backlog=600,
+            newest=600,
             every_s=0.5,
         ),
         Topic(name="flight", record=messages.FlightInfo, meaning="a flight has started"),
@@ -107,58 +102,50 @@ TOPICS: dict[str, Topic] = {
             name="motion",
             record=messages.MotionRequest,
             meaning="a motion that an operator asks for",
-            lossless=False,
-            backlog=1,
+            newest=1,
         ),
         Topic(
             name="motion_offer",
             record=messages.MotionOffer,
             meaning="what would be flown, for the operator to confirm",
-            lossless=False,
-            backlog=1,
+            newest=1,
         ),
         Topic(
             name="vehicle",
             record=messages.VehicleReport,
             meaning="the vehicle and our say over it",
-            lossless=False,
-            backlog=1,
+            newest=1,
             every_s=0.1,
         ),
         Topic(
             name="vehicle_fence",
             record=messages.VehicleFence,
             meaning="the autopilot's own fence",
-            lossless=False,
-            backlog=1,
+            newest=1,
         ),
         Topic(
             name="wish",
             record=messages.VehicleWish,
             meaning="what the guide wishes of the vehicle",
-            lossless=False,
-            backlog=4,
+            newest=4,
         ),
         Topic(
             name="course",
             record=messages.Course,
             meaning="where the drone is going, for others that fly",
-            lossless=False,
-            backlog=2,
+            newest=2,
         ),
         Topic(
             name="neighbour",
             record=messages.Neighbour,
             meaning="another drone's state, from the ground station",
-            lossless=False,
-            backlog=32,
+            newest=32,
         ),
         Topic(
             name="search_note",
             record=messages.SearchNote,
             meaning="what a search has decided or found, and why",
-            lossless=False,
-            backlog=200,
+            newest=200,
         ),
         Topic(name="command", record=messages.Command, meaning="what an operator asks"),
         Topic(
@@ -175,30 +162,26 @@ TOPICS: dict[str, Topic] = {
             name="settings",
             record=Settings,
             meaning="the settings after an operator has changed one",
-            lossless=False,
-            backlog=1,
+            newest=1,
         ),
         Topic(
             name="status_text",
             record=messages.StatusText,
             meaning="a short text for the operator",
-            lossless=False,
-            backlog=100,
+            newest=100,
         ),
         Topic(
             name="health",
             record=messages.Health,
             meaning="what a process says of itself",
-            lossless=False,
-            backlog=100,
+            newest=100,
             every_s=1.0,
         ),
         Topic(
             name="system_status",
             record=messages.SystemStatus,
             meaning="the state of the drone side",
-            lossless=False,
-            backlog=2,
+            newest=2,
             every_s=1.0,
         ),
     )

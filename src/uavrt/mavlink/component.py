@@ -15,7 +15,7 @@ from uavrt.allowance import Allowance
 from uavrt.attitude import yaw_deg
 from uavrt.mavlink import dialect
 from uavrt.mavlink.answers import answer_command
-from uavrt.mavlink.discovery import Discovery, Peer
+from uavrt.mavlink.discovery import Discovery, Peer, own_heartbeat
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.message import Message
 from uavrt.mavlink.metadata import Metadata
@@ -84,7 +84,6 @@ class Component:
     `parameter_encoding`: how whole numbers travel in parameters; auto, and float, where there
     are none: as the autopilot does it.
     `watched_hz`: further messages that are asked of the autopilot, and how often.
-    `healthy`: says whether to send the heartbeat: a faulted component must fall silent.
     `own_system_id`: number of a station without an autopilot; None waits for one and takes its
     number.
     """
@@ -99,13 +98,11 @@ class Component:
         position_rate_hz: float = 10.0,
         parameter_encoding: ParameterEncoding = "auto",
         watched_hz: Mapping[int, float] = MappingProxyType({}),
-        healthy: Callable[[], bool] = lambda: True,
         own_system_id: int | None = None,
     ) -> None:
         self._own_system_id = own_system_id
         self._send = send
         self._handlers = handlers
-        self._healthy = healthy
         self._encoding = parameter_encoding
         self.metadata: Metadata | None = None
         """What COMPONENT_METADATA tells, where the files are served."""
@@ -238,12 +235,7 @@ class Component:
 
     def heartbeat_message(self) -> dialect.Heartbeat:
         """Our heartbeat."""
-        return dialect.Heartbeat(
-            type=dialect.MavType.ONBOARD_CONTROLLER,
-            autopilot=dialect.MavAutopilot.INVALID,
-            system_status=dialect.MavState.ACTIVE,
-            mavlink_version=3,
-        )
+        return own_heartbeat(dialect.MavType.ONBOARD_CONTROLLER)
 
     def _uptime_ms(self, now_ns: int) -> int:
         return (now_ns - (self._started_ns or now_ns)) // 1_000_000 % 2**32
@@ -328,8 +320,6 @@ class Component:
 
     def _heartbeat_due(self, now_ns: int) -> bool:
         assert self._started_ns is not None
-        if not self._healthy():
-            return False
         if not self.has_number(now_ns):
             return False
         return self._heartbeat_ns is None or now_ns - self._heartbeat_ns >= HEARTBEAT_NS

@@ -53,10 +53,17 @@ def station_heartbeat(*, as_gcs: bool = False) -> Heartbeat:
 
     `as_gcs`: of type GCS, as the original's drone side insists on.
     """
+    if as_gcs:
+        return own_heartbeat(MavType.GCS)
+    return own_heartbeat(MavType.GENERIC, custom_mode=_STATION_MARK)
+
+
+def own_heartbeat(kind: int, *, custom_mode: int = 0) -> Heartbeat:
+    """Make the heartbeat of a component that is no autopilot."""
     return Heartbeat(
-        type=MavType.GCS if as_gcs else MavType.GENERIC,
+        type=kind,
         autopilot=MavAutopilot.INVALID,
-        custom_mode=0 if as_gcs else _STATION_MARK,
+        custom_mode=custom_mode,
         system_status=MavState.ACTIVE,
         mavlink_version=3,
     )

@@ -11,7 +11,7 @@ from uavrt.errors import LinkError
 from uavrt.mavlink import dialect
 from uavrt.mavlink.address import Address
 from uavrt.mavlink.dialect import MavAutopilot, MavComponent, MavModeFlag, MavParamType, MavType
-from uavrt.mavlink.discovery import Peer
+from uavrt.mavlink.discovery import Peer, own_heartbeat
 from uavrt.mavlink.frame import Frame, FrameWriter
 from uavrt.mavlink.link import Link
 from uavrt.mavlink.message import Message
@@ -131,14 +131,7 @@ class ParameterClient:
     async def _beat(self) -> None:
         """Be heard: an autopilot learns by this where we are."""
         while True:
-            self._send(
-                dialect.Heartbeat(
-                    type=MavType.ONBOARD_CONTROLLER,
-                    autopilot=MavAutopilot.INVALID,
-                    system_status=dialect.MavState.ACTIVE,
-                    mavlink_version=3,
-                )
-            )
+            self._send(own_heartbeat(MavType.ONBOARD_CONTROLLER))
             await asyncio.sleep(HEARTBEAT_S)
 
     def _receive(self, frame: Frame) -> None:

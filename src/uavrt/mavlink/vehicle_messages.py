@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from math import degrees, isfinite
+from typing import Any
 
 from uavrt.guidance.manners import AutopilotName
 from uavrt.guidance.observed import (
@@ -173,29 +174,16 @@ def command_message(command: VehicleCommand, system_id: int) -> Message:
     the others by COMMAND_LONG.
     """
     number = MavCmd[command.name]
+    head: dict[str, Any] = {
+        "target_system": system_id,
+        "target_component": 1,
+        "command": number,
+        **{f"param{n}": getattr(command, f"param{n}") for n in range(1, 5)},
+    }
     if number == MavCmd.DO_REPOSITION:
         return dialect.CommandInt(
-            target_system=system_id,
-            target_component=1,
-            frame=MavFrame.GLOBAL_INT,
-            command=number,
-            param1=command.param1,
-            param2=command.param2,
-            param3=command.param3,
-            param4=command.param4,
-            x=command.x,
-            y=command.y,
-            z=command.z_m,
+            frame=MavFrame.GLOBAL_INT, x=command.x, y=command.y, z=command.z_m, **head
         )
     return dialect.CommandLong(
-        target_system=system_id,
-        target_component=1,
-        command=number,
-        param1=command.param1,
-        param2=command.param2,
-        param3=command.param3,
-        param4=command.param4,
-        param5=command.param5,
-        param6=command.param6,
-        param7=command.z_m,
+        param5=command.param5, param6=command.param6, param7=command.z_m, **head
     )

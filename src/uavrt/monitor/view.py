@@ -8,7 +8,6 @@ from pathlib import Path
 
 from rich.console import Group, RenderableType
 from rich.panel import Panel
-from rich.table import Table
 from rich.text import Text
 
 from uavrt.config.tag_corrections import words_of_beeps
@@ -21,6 +20,7 @@ from uavrt.messages import (
     SystemStatus,
     keep_beep,
 )
+from uavrt.monitor.tables import plain_table
 from uavrt.recording.outline import HeardTag
 from uavrt.units import NANOSECONDS_PER_SECOND
 
@@ -144,7 +144,7 @@ class MonitorView:
         )
 
     def _tags(self, now_s: float) -> RenderableType:
-        table = _table(
+        table = plain_table(
             *(
                 "tag",
                 "frequency",
@@ -180,7 +180,7 @@ class MonitorView:
         return table
 
     def _processes(self) -> RenderableType:
-        table = _table("process", "status", "CPU", "memory", "restarts", "losses")
+        table = plain_table("process", "status", "CPU", "memory", "restarts", "losses")
         assert self.status is not None
         for process in self.status.processes:
             lost = sum(process.counters.get(name, 0.0) for name in LOSSES)
@@ -222,11 +222,3 @@ def _usable(searched: SearchReport | None) -> str:
     weakest_db = searched.weakest_enr_db
     weakest = "" if weakest_db is None else f", from {weakest_db:.0f} dB"
     return f"{100.0 * searched.usable_share:.0f} %{weakest}"
-
-
-def _table(*titles: str) -> Table:
-    table = Table(expand=True, box=None, header_style="dim")
-    for title in titles:
-        left = title in ("tag", "process", "status")
-        table.add_column(title, justify="left" if left else "right")
-    return table

@@ -462,17 +462,12 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
     return np.interp(places, gone, east_m), np.interp(places, gone, north_m)
 
 
-def check_reach(area: SearchArea, farthest_m: float, *, home_known: bool = True) -> None:
+def check_reach(area: SearchArea, farthest_m: float) -> None:
     """Refuse a search before anything moves.
 
     `farthest_m`: from home, that the battery allows with the way back and the reserve.
-    `home_known`: whether the autopilot has reported its home.
-    Raises `PlanError`: no home, or the whole area is beyond the battery's reach.
+    Raises `PlanError`: the whole area is beyond the battery's reach.
     """
-    if not home_known:
-        raise PlanError(
-            "the vehicle has no home", remedy="Wait for its position, or set home in the GCS"
-        )
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
         return

@@ -54,13 +54,10 @@ class _Told:
 
 
 class CommonFall:
-    """Tells each tag what the others have learnt of the exponent.
+    """Tells each tag what the others have learnt of the exponent."""
 
-    `apart`: standard deviation of the difference between two tags' exponents.
-    """
-
-    def __init__(self, *, apart: float = APART) -> None:
-        self._variance = apart**2
+    def __init__(self) -> None:
+        self._variance = APART**2
         self._sent: dict[int, _Told] = {}
         self._received: dict[int, _Told] = {}
 

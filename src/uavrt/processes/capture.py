@@ -4,6 +4,7 @@ Runs in the receiver process, in place of the receiver.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -89,15 +90,8 @@ class Capture:
         if self.status is not None or not len(band.samples):
             return
         samples = np.asarray(band.samples[:room])
-        piece = IQBlock(
-            samples=samples,
-            sample_index=band.sample_index,
-            time_ns=band.time_ns,
-            sample_rate_hz=band.sample_rate_hz,
-            lost_before=band.lost_before,
-        )
         # If the disk is too slow, later samples make up for those that it refused.
-        if self._recorder.put(piece):
+        if self._recorder.put(replace(band, samples=samples)):
             self._taken += len(samples)
 
     def flush(self) -> None:

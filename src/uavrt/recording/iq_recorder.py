@@ -6,6 +6,7 @@ while the disk is slow or full, blocks are dropped, counted and marked as a gap.
 
 import threading
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 
 from uavrt.errors import RecordingError
@@ -123,14 +124,7 @@ class IQRecorder:
             if self._overflowing or self._closing:
                 self.dropped_samples += size
                 return False
-            copy = IQBlock(
-                samples=block.samples.copy(),
-                sample_index=block.sample_index,
-                time_ns=block.time_ns,
-                sample_rate_hz=block.sample_rate_hz,
-                lost_before=block.lost_before,
-            )
-            self._blocks.append(copy)
+            self._blocks.append(replace(block, samples=block.samples.copy()))
             self._waiting_samples += size
             if self._waiting_samples >= self._worth_waking:
                 self._condition.notify()

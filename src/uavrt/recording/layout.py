@@ -20,15 +20,19 @@
 As in the thesis, §4.5.
 """
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from uavrt.clock import flight_stamp
 from uavrt.config.radios import RADIOS
 from uavrt.errors import RecordingError
 
+Stamp: TypeAlias = tuple[int, int]
+"""Size of a flight's database and its log, and when they were last changed [ns since 1970]."""
 _RADIO_PROCESSES = {"radio", *(row.receive for row in RADIOS.values())}
 
 
@@ -148,3 +152,19 @@ def require_writable(directory: Path) -> None:
             f"flights cannot be saved in {directory}: {error.strerror}",
             remedy="Set recording.directory, or --flight-dir, to a writable place",
         ) from error
+
+
+def stamp_of(flight: str) -> Stamp:
+    """When and how large the database of a flight's directory and its log were last.
+
+    Paths are text: thousands of flights are looked at each time the list is shown.
+    """
+    size, changed = 0, 0
+    for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):
+        try:
+            stat = os.stat(path)
+        except OSError:
+            continue
+        if stat.st_size:  # to read a database leaves an empty log beside it
+            size, changed = size + stat.st_size, max(changed, stat.st_mtime_ns)
+    return size, changed

@@ -53,7 +53,7 @@ class RosTopic:
     name: str
     message: type[RosMessage]
     publisher: str
-    subscribers: tuple[str, ...]
+    subscribers: tuple[str, ...] = ()
     meaning: str
     depth: int = 10
     """Messages kept for a subscriber that missed some."""
@@ -77,7 +77,6 @@ TOPICS: dict[str, RosTopic] = {
             name="antenna_pose",
             message=PoseStamped,
             publisher=TELEMETRY,
-            subscribers=(),
             meaning="where the antenna is and how it points, twice a second",
         ),
         RosTopic(
@@ -98,7 +97,6 @@ TOPICS: dict[str, RosTopic] = {
             name="burst",
             message=RosBurst,
             publisher=DETECTOR,
-            subscribers=(),
             meaning="the pulses inside a coded tag's burst, itself a pulse elsewhere",
             depth=100,
         ),
@@ -180,21 +178,18 @@ TOPICS: dict[str, RosTopic] = {
             name="status_airspy_csdr_netcat_subprocess",
             message=DiagnosticArray,
             publisher=AIRSPY,
-            subscribers=(),
             meaning="the radio's state, twice a second; an echo after each control message",
         ),
         RosTopic(
             name="status_channelizer_subprocess",
             message=DiagnosticArray,
             publisher=CHANNELIZER,
-            subscribers=(),
             meaning="the receiver's state, twice a second; an echo after each control message",
         ),
         RosTopic(
             name="status_detector_subprocess",
             message=DiagnosticArray,
             publisher=DETECTOR,
-            subscribers=(),
             meaning="each tag's detector, twice a second; an echo after each control message",
         ),
     )

@@ -5,6 +5,7 @@ import asyncio
 import contextlib
 import signal
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from uavrt.clock import Clock
@@ -23,21 +24,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         scenario = load_scenario(options.scenario)
         if options.start_time_ns is not None:
             scenario = scenario.starting_at(options.start_time_ns)
-        settings = AutopilotSettings(
-            companion=options.companion,
-            ground=options.ground,
-            flavour=options.flavour,
-            system_id=options.system_id,
-            clock_skew_ppm=options.clock_skew_ppm,
-            companion_jitter_s=options.companion_jitter_s,
-            ground_loss=options.ground_loss,
-            seed=options.seed,
-            parameters=dict(options.parameter),
-            flies=options.flies,
-            sticks=options.sticks,
-            on_ground=options.on_ground,
-            path=options.path,
-        )
+        known = {one.name for one in fields(AutopilotSettings)}
+        chosen = {name: value for name, value in vars(options).items() if name in known}
+        settings = AutopilotSettings(**chosen | {"parameters": dict(options.parameters)})
         asyncio.run(_serve(FakeAutopilot(scenario.vehicle_pose, settings, clock)))
     except UavrtError as error:
         raise SystemExit(f"error: {error}") from error
@@ -68,9 +57,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clock-skew-ppm", type=float, default=0.0)
     parser.add_argument("--companion-jitter-s", type=float, default=0.0)
     parser.add_argument("--ground-loss", type=float, default=0.0)
-    parser.add_argument(
-        "--parameter", type=_parameter, action="append", default=[], metavar="NAME=VALUE"
-    )
+    each = {"type": _parameter, "action": "append", "default": [], "metavar": "NAME=VALUE"}
+    parser.add_argument("--parameter", dest="parameters", **each)  # type: ignore[arg-type]
     parser.add_argument("--flies", action="store_true", help="fly what is commanded")
     parser.add_argument("--on-ground", action="store_true", help="with --flies: disarmed below")
     parser.add_argument("--path", type=Path, help="with --flies: file of where it was")

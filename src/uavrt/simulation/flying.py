@@ -12,7 +12,6 @@ from typing import Literal
 
 from uavrt.mavlink import dialect
 from uavrt.mavlink.dialect import MavCmd, MavResult
-from uavrt.mavlink.message import Message
 from uavrt.simulation import geometry
 
 Flavour = Literal["px4", "ardupilot"]
@@ -635,19 +634,3 @@ class FlyingVehicle:
                 self.target = Target(north_m=0.0, east_m=0.0, height_m=0.0)
         elif self.height_m < 0.1:
             self.armed, self.landed, self.target = False, True, None
-
-
-def is_motion(message: Message) -> bool:
-    """Whether a message asks a vehicle to move, turn or change its mode."""
-    return isinstance(message, dialect.CommandInt | dialect.CommandLong) and (
-        message.command
-        in (
-            MavCmd.DO_REPOSITION,
-            MavCmd.CONDITION_YAW,
-            MavCmd.NAV_RETURN_TO_LAUNCH,
-            MavCmd.DO_SET_MODE,
-            MavCmd.NAV_TAKEOFF,
-            MavCmd.COMPONENT_ARM_DISARM,
-            DO_PAUSE_CONTINUE,
-        )
-    )

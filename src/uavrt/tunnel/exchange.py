@@ -34,8 +34,9 @@ from uavrt.tunnel.convert import (
     tag_from_wire,
 )
 from uavrt.tunnel.g0 import HeaderMessage, TagG0
-from uavrt.tunnel.g1 import RawCapture, StartDetection, TagG1
+from uavrt.tunnel.g1 import TagG1
 from uavrt.tunnel.requests import RequestCache, TagUpload, open_upload
+from uavrt.tunnel.wire import Asking
 
 Asker = tuple[int, int]
 """System and component id of a ground station."""
@@ -267,10 +268,8 @@ class Exchange:
                 tag = tag_from_wire(message.tag)
                 question = replace(question, tag_index=message.tag_index)
                 return replace(self._ask(question, "add_tag"), tag=tag)
-            case g2.StartDetectionG2(start=start):
-                return self._start(question, start)
-            case g2.RawCaptureG2():
-                return self._capture(question, message.gain, message.frequency_hz)
+            case Asking():
+                return self._ask_with(question, message)
             case g2.SetLogLevel():
                 self.counters["log_levels"] += 1
                 return self._answer(question, True, "all levels are recorded")
@@ -294,12 +293,9 @@ class Exchange:
                 tag = tag_from_wire(message)
                 question = self._plain(CommandId.TAG, asker, generation_of(message))
                 return replace(self._ask(question, "add_tag"), tag=tag)
-            case StartDetection():
-                question = self._plain(CommandId.START_DETECTION, asker, generation_of(message))
-                return self._start(question, message)
-            case RawCapture():
-                question = self._plain(CommandId.RAW_CAPTURE, asker, generation_of(message))
-                return self._capture(question, message.gain, message.frequency_hz)
+            case Asking():
+                question = self._plain(message.COMMAND, asker, generation_of(message))
+                return self._ask_with(question, message)
             case HeaderMessage(command=command):
                 question = self._plain(command, asker, generation_of(message))
                 return self._ask(question, COMMAND_OF_NUMBER[command].name)
@@ -312,19 +308,9 @@ class Exchange:
         generation = self._fixed or spoken or self._heard
         return _Question(asker=asker, number=number, generation=generation, spoken=spoken)
 
-    def _start(self, question: _Question, message: StartDetection) -> Command:
-        return replace(
-            self._ask(question, "start_detection"),
-            center_frequency_hz=message.radio_center_frequency_hz or None,
-            gain=message.gain or None,
-        )
-
-    def _capture(self, question: _Question, gain: int, frequency_hz: int | None) -> Command:
-        return replace(
-            self._ask(question, "raw_capture"),
-            center_frequency_hz=frequency_hz or None,
-            gain=gain or None,
-        )
+    def _ask_with(self, question: _Question, message: Asking) -> Command:
+        name = COMMAND_OF_NUMBER[message.COMMAND].name
+        return message.asked(self._ask(question, name))
 
     def _ask(self, question: _Question, name: CommandName) -> Command:
         number = self.next_request_id()

@@ -74,13 +74,22 @@ with frequency 0 is a detector's sign of life.
 
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from uavrt.commands import CommandId, SystemState
 from uavrt.errors import TunnelError
+from uavrt.messages import Command
 from uavrt.tunnel.g0 import HeaderMessage
-from uavrt.tunnel.wire import Decoders, Fixed, decoders_by_length, decoders_of, pack, unpack
+from uavrt.tunnel.wire import (
+    Asking,
+    Decoders,
+    Fixed,
+    decoders_by_length,
+    decoders_of,
+    pack,
+    unpack,
+)
 
 STATUS_SUBTHRESHOLD = 0
 STATUS_DETECTED = 1
@@ -144,15 +153,24 @@ class TagG1(Fixed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartDetection:
+class StartDetection(Asking):
     """Start with a radio frequency and gain; None marks what an older sender left out."""
 
+    COMMAND: ClassVar = CommandId.START_DETECTION
     radio_center_frequency_hz: int
     gain: int
     detection_mode: int | None = 0
     detection_margin: float | None = 0.0
     confidence_ratio: float | None = 0.0
     debug_detector: int | None = 0
+
+    def asked(self, command: Command) -> Command:
+        """Fill in frequency and gain."""
+        return replace(
+            command,
+            center_frequency_hz=self.radio_center_frequency_hz or None,
+            gain=self.gain or None,
+        )
 
     def encode(self) -> bytes:
         """Bytes of the payload, as long as its last field that is not None needs."""
@@ -184,11 +202,18 @@ class StartDetection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawCapture:
+class RawCapture(Asking):
     """Capture with a gain; a frequency of None was left out by an older sender."""
 
+    COMMAND: ClassVar = CommandId.RAW_CAPTURE
     gain: int
     frequency_hz: int | None = None
+
+    def asked(self, command: Command) -> Command:
+        """Fill in frequency and gain."""
+        return replace(
+            command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
+        )
 
     def encode(self) -> bytes:
         """Bytes of the payload."""

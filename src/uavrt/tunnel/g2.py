@@ -28,13 +28,22 @@ numbers of the operation's states: they are used only where
 """
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from uavrt.commands import CommandId, Generation
 from uavrt.errors import TunnelError
+from uavrt.messages import Command
 from uavrt.tunnel.g1 import PulseG1, StartDetection, TagG1
-from uavrt.tunnel.wire import Decoders, Fixed, check, decoders_by_length, decoders_of, pack
+from uavrt.tunnel.wire import (
+    Asking,
+    Decoders,
+    Fixed,
+    check,
+    decoders_by_length,
+    decoders_of,
+    pack,
+)
 
 HEADER = struct.Struct("<II")
 UPLOAD = struct.Struct("<IIII")
@@ -89,12 +98,17 @@ class TagG2:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StartDetectionG2:
+class StartDetectionG2(Asking):
     """Start with a request id; its layout is inferred."""
 
+    COMMAND: ClassVar = CommandId.START_DETECTION
     request_id: int
     start: StartDetection
     dump_spectrogram: int = 0
+
+    def asked(self, command: Command) -> Command:
+        """Fill in what it asks."""
+        return self.start.asked(command)
 
     def encode(self) -> bytes:
         """Bytes of the payload."""
@@ -118,7 +132,7 @@ class StartDetectionG2:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawCaptureG2(Fixed):
+class RawCaptureG2(Fixed, Asking):
     """Raw capture with a request id; its layout is inferred."""
 
     COMMAND: ClassVar = CommandId.RAW_CAPTURE
@@ -126,6 +140,12 @@ class RawCaptureG2(Fixed):
     request_id: int
     gain: int
     frequency_hz: int
+
+    def asked(self, command: Command) -> Command:
+        """Fill in frequency and gain."""
+        return replace(
+            command, center_frequency_hz=self.frequency_hz or None, gain=self.gain or None
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

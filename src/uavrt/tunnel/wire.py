@@ -14,6 +14,7 @@ from uavrt.commands import COMMANDS
 from uavrt.commands import CommandId as CommandId
 from uavrt.commands import Generation as Generation
 from uavrt.errors import TunnelError
+from uavrt.messages import Command
 
 MAX_PAYLOAD = 128
 """Payload bytes of one MAVLink TUNNEL message."""
@@ -54,6 +55,17 @@ class Fixed:
         if cls.TEXT_SIZE:
             values = (*values[:-1], text_from_bytes(values[-1]))
         return cls(**dict(zip(cls.__slots__, values, strict=True)))
+
+
+class Asking:
+    """A command with fields of its own."""
+
+    __slots__: tuple[str, ...] = ()
+    COMMAND: ClassVar[CommandId]
+
+    def asked(self, command: Command) -> Command:
+        """Fill in what it asks."""
+        raise NotImplementedError
 
 
 class Message(Protocol):

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from uavrt.mavlink import dialect
+from uavrt.mavlink.dialect import MavCmd
 from uavrt.mavlink.message import Message
-from uavrt.simulation.flying import FULL_SCALE_DEG, is_motion
+from uavrt.simulation.flying import DO_PAUSE_CONTINUE, FULL_SCALE_DEG
 from uavrt.simulation.geometry import TangentPlane
 from uavrt.units import wrap_degrees_180
 from uavrt_experiments.autopilots.tap import Kept
@@ -54,6 +55,22 @@ class Flying:
 
 
 Command = dialect.CommandInt | dialect.CommandLong
+
+
+def is_motion(message: Message) -> bool:
+    """Whether a message asks a vehicle to move, turn or change its mode."""
+    return isinstance(message, dialect.CommandInt | dialect.CommandLong) and (
+        message.command
+        in (
+            MavCmd.DO_REPOSITION,
+            MavCmd.CONDITION_YAW,
+            MavCmd.NAV_RETURN_TO_LAUNCH,
+            MavCmd.DO_SET_MODE,
+            MavCmd.NAV_TAKEOFF,
+            MavCmd.COMPONENT_ARM_DISARM,
+            DO_PAUSE_CONTINUE,
+        )
+    )
 
 
 def commands_of(kept: Iterable[Kept]) -> list[tuple[float, Command]]:

@@ -14,7 +14,6 @@ from uavrt.localization.bearing.array_bearings import (
     circle_steering,
     pair_steering,
     switched_bearing,
-    switched_bound_deg,
 )
 from uavrt.localization.bearing.switched_pulse import SwitchSchedule, measure_switched_pulse
 from uavrt.localization.results import ArrayMethod
@@ -33,6 +32,25 @@ _HEADINGS_DEG: dict[str, tuple[float, ...]] = {
     # A pair separates right from left; a quarter turn, ahead from behind.
     "two_point_phased": (0.0, 30.0, 60.0, 90.0),
 }
+
+
+def switched_bound_deg(
+    steering: Steering, direction_deg: float, snr: float, counts: NDArray[np.float64]
+) -> float:
+    """Cramér–Rao bound of one pulse's direction, its strength and phase unknown.
+
+    `steering`: the array.
+    `direction_deg`: from the array's nose.
+    `snr`: power of an element of unit amplitude over the noise, per sample.
+    `counts` (elements,): samples at each position.
+    """
+    step = 0.01
+    around = steering(np.array([direction_deg - step, direction_deg, direction_deg + step]))
+    around = around * np.sqrt(counts)
+    slope = (around[2] - around[0]) / (2.0 * step)
+    along = around[1] / np.linalg.norm(around[1])
+    across = slope - along * np.vdot(along, slope)
+    return float(1.0 / np.sqrt(2.0 * snr * np.sum(np.abs(across) ** 2)))
 
 
 def switched(runs: int, seed: int) -> list[Row]:

@@ -7,11 +7,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
 
 from uavrt.clock import Clock, monotonic_s
 from uavrt.commands import SystemState
-from uavrt.config.settings import DetectionSettings, RadioSettings, Settings, Shape
+from uavrt.config.settings import DetectionSettings, RadioSettings, Settings
 from uavrt.demo.programs import DemoPaths
 from uavrt.demo.rig import Rig
 from uavrt.errors import UavrtError
@@ -23,6 +23,13 @@ from uavrt_experiments.resources.usage import own_cpu_s, pss_mb, written_mb
 
 CENTER_HZ = 148_700_000.0
 TIMEOUT_S = 60.0
+ShapeFlown = Literal["workers", "stages", "one"]
+_SUPERVISORS: dict[ShapeFlown, str] = {
+    "workers": "uavrt.supervisor",
+    "stages": "uavrt_experiments.resources.stages",
+    "one": "uavrt.supervisor",
+}
+SHAPES_FLOWN = tuple(_SUPERVISORS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +52,7 @@ class SteadyFlight:
     `tags`: how many.
     `workers`: detector processes; 0: as many as the settings' default gives.
     `flights`: where flight directories are made; else in a temporary folder, and removed.
-    `shape`: which stage runs in which process; see `uavrt.supervisor.tree.shapes`.
+    `shape`: which stage runs in which process; one of `SHAPES_FLOWN`.
     """
 
     def __init__(
@@ -54,10 +61,13 @@ class SteadyFlight:
         *,
         workers: int = 0,
         flights: Path | None = None,
-        shape: Shape = "workers",
+        shape: ShapeFlown = "workers",
     ) -> None:
         self.tags = steady_tags(tags, CENTER_HZ)
-        self._detection = DetectionSettings(workers=workers, shape=shape)
+        self._detection = DetectionSettings(
+            workers=workers, shape="one" if shape == "one" else "workers"
+        )
+        self._shape = shape
         self._flights = flights
         self._stack = ExitStack()
         self._requests = 0
@@ -76,6 +86,7 @@ class SteadyFlight:
             demo_scenario(7200.0).starting_at(Clock.start().now_ns()),
             DemoPaths(directory=work, flights=self._flights or work / "flights"),
             settings=self._settings,
+            served_by=(_SUPERVISORS[self._shape],),
         )
         # It takes the pulses, as in the field; without it they would gather in memory.
         rig.ground(work, drone.ground_port, work / "ground", "--headless", "--json")

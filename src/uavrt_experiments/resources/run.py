@@ -5,10 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from uavrt.clock import Clock, monotonic_s
-from uavrt.config.settings import Shape
 from uavrt.errors import UavrtError
-from uavrt.supervisor.tree.shapes import SHAPES
-from uavrt_experiments.resources.flight import SteadyFlight
+from uavrt_experiments.resources.flight import SHAPES_FLOWN, ShapeFlown, SteadyFlight
 from uavrt_experiments.resources.report import (
     RADIO,
     Load,
@@ -159,13 +157,13 @@ def run_shapes(
     Raises `UavrtError`: one of them did not start, or found nothing.
     """
     found = []
-    for shape in SHAPES:
+    for shape in SHAPES_FLOWN:
         found.append(_shape(shape, tags, seconds, workers))
         say(f"{shape}: {found[-1].cpu_percent:.1f} % of a core")
     return ShapesReport(tags=tags, seconds=seconds, shapes=tuple(found))
 
 
-def _shape(shape: Shape, tags: int, seconds: float, workers: int) -> ShapeFlight:
+def _shape(shape: ShapeFlown, tags: int, seconds: float, workers: int) -> ShapeFlight:
     with SteadyFlight(tags, shape=shape, workers=workers) as flight:
         flight.upload()
         start_s = flight.start()

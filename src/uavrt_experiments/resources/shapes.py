@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from uavrt.config.settings import Shape
+from uavrt_experiments.resources.flight import ShapeFlown
 from uavrt_experiments.tables import aligned
 
 
@@ -11,7 +11,7 @@ from uavrt_experiments.tables import aligned
 class ShapeFlight:
     """One shape's flight."""
 
-    shape: Shape
+    shape: ShapeFlown
     processes: int
     """With supervisor, nursery, connection and recorder; without the radio's program."""
     start_s: float

@@ -22,9 +22,9 @@ from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.geometry import from_euler_deg
 from uavrt.simulation.propagation import Propagation, Wall
 from uavrt.simulation.scenario import Home, Scenario, SimulatedTag
-from uavrt.simulation.source import SimulatedSource
 from uavrt.simulation.telemetry import telemetry_message
 from uavrt.units import NANOSECONDS_PER_SECOND, ns_from_s, wrap_degrees_360
+from uavrt_experiments.simulated_source import SimulatedSource
 
 MAGNETIC_HEADING_DEG = 351.0
 """Of the tag, as the thesis gives it."""

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from uavrt.demo.search import SearchSummary, run_search_demo
+from uavrt.demo.search import SearchDemo, SearchSummary
 from uavrt.demo.worlds import search_world
 from uavrt.errors import UavrtError
 from uavrt.simulation.scenario import Scenario
@@ -134,9 +134,9 @@ def _flown(world: Scenario, say: Callable[[str], None]) -> dict[str, Any]:
     summary, failure = None, ""
     with TemporaryDirectory(prefix="uavrt-searches-") as work:
         try:
-            summary = run_search_demo(
-                scenario=world, limit_s=LIMIT_S, flight_dir=Path(work), say=say
-            )
+            place = Path(work)
+            demo = SearchDemo(scenario=world, limit_s=LIMIT_S, flight_dir=place, say=say)
+            summary = demo.run()
         except (UavrtError, OSError) as error:
             failure = str(error)
     return asdict(

@@ -42,7 +42,6 @@ def test_what_is_known_of_flights_is_kept_and_no_more_than_known(tmp_path: Path)
     names = write_days(tmp_path, 3)
     first = FlightLibrary(tmp_path)
     every = first.summaries()
-    first.prepare()
     kept = tmp_path / "flight_list.json"
     assert kept.is_file()
     database = tmp_path / names[0] / "flight.sqlite"
@@ -63,7 +62,6 @@ def test_what_is_known_of_flights_is_kept_and_no_more_than_known(tmp_path: Path)
     assert database.stat().st_mtime_ns != whole.st_mtime_ns
     total, (newest, oldest) = again.find(FlightChoice(), 0, 10)
     assert (total, newest.pulses, oldest.pulses) == (2, 72, 10)
-    again.prepare()
     assert names[1] not in kept.read_text()
     for text in ("{", '{"version": 0, "flights": []}', '{"version": 1, "flights": [1]}'):
         kept.write_text(text)

@@ -94,7 +94,6 @@ def test_a_hostile_folder_is_left_out_and_the_others_are_listed(
     flight(tmp_path / "flight_log_1_good")
     library = FlightLibrary(tmp_path)
     assert "flight_log_1_good" in [one.flight_id for one in library.summaries()]
-    library.prepare()
     for read in (library.summary, library.columns, library.log):
         with suppress(UavrtError):
             read("flight_log_0_hostile")

@@ -4,7 +4,7 @@ import made
 from some import some
 
 from uavrt.clock import Clock
-from uavrt.simulation.source import SimulatedSource
+from uavrt_experiments.simulated_source import SimulatedSource
 
 
 def test_a_paced_source_gives_nothing_before_its_time() -> None:

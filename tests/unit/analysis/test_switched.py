@@ -20,7 +20,6 @@ from uavrt.analysis.measure.switched import (
 from uavrt.cli.app import app
 from uavrt.errors import FormatError, UsageError
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.bearing.array_bearings import switched_bound_deg
 from uavrt.messages import PulsePose
 from uavrt.simulation.antenna import Antenna
 from uavrt.simulation.antenna_switch import AntennaSwitch
@@ -28,6 +27,7 @@ from uavrt.simulation.flight import Flight, Leg
 from uavrt.simulation.recording import simulate_to_directory
 from uavrt.simulation.scenario import Radio, Scenario
 from uavrt.simulation.world import World
+from uavrt_experiments.localization.array_bars import switched_bound_deg
 
 RATE_HZ = 48_000.0
 CIRCLE = AntennaSwitch(kind="circle", elements=4, size_m=0.4)

@@ -14,8 +14,8 @@ from uavrt.detection.detector import PulseDetector
 from uavrt.dsp.frontend import FrontEnd
 from uavrt.messages import Pulse
 from uavrt.simulation.demo_world import demo_scenario
-from uavrt.simulation.source import SimulatedSource
 from uavrt.simulation.world import World
+from uavrt_experiments.simulated_source import SimulatedSource
 
 RATE_HZ = 375_000.0
 

@@ -146,7 +146,7 @@ def test_a_flight_that_fails_is_kept_with_its_reason_and_the_next_is_flown(
     def fails(**_: object) -> SearchSummary:
         raise error
 
-    monkeypatch.setattr(processes, "run_search_demo", fails)
+    monkeypatch.setattr(processes, "SearchDemo", fails)
     with KeptOutcomes() as outcomes:
         fly_for_real(2, 5, kept=outcomes, say=print, on_progress=lambda done: None)
         flights = flights_so_far(2, 5, outcomes)

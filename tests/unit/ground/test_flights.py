@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import math
-import shutil
 import sqlite3
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -122,46 +121,6 @@ def test_what_is_on_the_disk_is_what_the_estimates_see(
         read_flight(library.path(flight_id)).pulse_poses
     )
     assert library.summary(flight_id).source == "ground"
-
-
-def test_prepared_columns_are_those_of_the_database_and_never_older(
-    flown: tuple[FlightLibrary, str], keeper: FlightKeeper, tmp_path: Path
-) -> None:
-    library, flight_id = flown
-    read = library.columns(flight_id)
-    library.prepare(live=flight_id)
-    kept = tmp_path / "columns"
-    assert not kept.exists()
-    library.prepare()
-    (file,) = kept.iterdir()
-    ready = FlightLibrary(tmp_path).columns(flight_id)
-    np.testing.assert_array_equal(ready.pulses, read.pulses)
-    np.testing.assert_array_equal(ready.poses, read.poses)
-
-    # It is this file that is read, as long as the flight is what it was …
-    with np.load(file) as cells:
-        stamp = cells["stamp"]
-    np.savez(file, stamp=stamp, pulses=read.pulses[:, :3], poses=read.poses)
-    assert library.pulses(flight_id).shape[1] == 3
-    # … and a damaged one, or one of a flight that has grown, is none.
-    file.write_bytes(file.read_bytes()[:-30])
-    np.testing.assert_array_equal(library.pulses(flight_id), read.pulses)
-    np.savez(file, stamp=stamp, pulses=read.pulses[:, :3], poses=read.poses)
-    keeper.add_pulse(pulse_at(pose_at(999.0, 0.0, 0.0), 30.0))
-    keeper.commit()
-    assert library.pulses(flight_id).shape[1] == read.pulses.shape[1] + 1
-
-
-def test_what_is_prepared_goes_with_its_flight(
-    flown: tuple[FlightLibrary, str], keeper: FlightKeeper, tmp_path: Path
-) -> None:
-    library, flight_id = flown
-    keeper.close()
-    library.prepare()
-    (tmp_path / "columns" / "flight_of_old.v0.npz").write_bytes(b"")
-    shutil.rmtree(tmp_path / flight_id)
-    library.prepare()
-    assert list((tmp_path / "columns").iterdir()) == []
 
 
 def test_a_restart_goes_on_with_the_flight_and_takes_no_pulse_twice(

@@ -73,7 +73,6 @@ def lists(folder: Path) -> None:
         msgspec.convert(msgspec.to_builtins(one), FlightSummary)
     for choice in (FlightChoice(), FlightChoice(tag_id=2), FlightChoice(since_ns=1)):
         assert GOOD in [one.flight_id for one in library.find(choice, 0, 9)[1]]
-    library.prepare()
     assert GOOD in [one.flight_id for one in FlightLibrary(folder).summaries()]
     library.usual_noise_db(3, but=None)
     assert read_season(folder).flights >= 1

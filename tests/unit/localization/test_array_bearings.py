@@ -14,9 +14,9 @@ from uavrt.localization.bearing.array_bearings import (
     circle_steering,
     pair_steering,
     switched_bearing,
-    switched_bound_deg,
 )
 from uavrt.localization.results import ArrayMethod
+from uavrt_experiments.localization.array_bars import switched_bound_deg
 
 RATE_HZ = 48_000.0
 PULSE = 960  # 20 ms

@@ -26,7 +26,6 @@ class Bench:
         self.attitudes: list[AttitudeSample] = []
         self.positions: list[PositionSample] = []
         self.tunnels: list[tuple[bytes, Peer]] = []
-        self.healthy = True
         self.buffers: list[int] = []
         self.component = Component(
             self.sent.append,
@@ -36,7 +35,6 @@ class Bench:
                 tunnel=lambda payload, peer: self.tunnels.append((payload, peer)),
                 radio_status=lambda status: self.buffers.append(status.txbuf),
             ),
-            healthy=lambda: self.healthy,
         )
 
     def hear(self, message: Message, system_id: int = 1, component_id: int = 1) -> None:
@@ -129,13 +127,6 @@ def test_its_heartbeat_comes_once_a_second(bench: Bench) -> None:
         bench.autopilot_heartbeat()
         bench.wait(1.0)
     assert len(bench.take(d.Heartbeat)) == 10
-
-
-def test_a_faulted_component_sends_no_heartbeat(bench: Bench) -> None:
-    bench.autopilot_heartbeat()
-    bench.healthy = False
-    bench.wait(3.0)
-    assert bench.take(d.Heartbeat) == []
 
 
 def test_a_second_vehicle_on_the_radio_is_not_ours(bench: Bench) -> None:

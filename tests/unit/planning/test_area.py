@@ -53,8 +53,6 @@ def test_an_area_beyond_the_batterys_reach_is_refused() -> None:
     check_reach(area, 3100.0)
     with pytest.raises(PlanError, match="begins 3000 m from home"):
         check_reach(area, 2900.0)
-    with pytest.raises(PlanError, match="no home"):
-        check_reach(area, 5000.0, home_known=False)
 
 
 def test_a_way_is_refused_for_what_lies_between_its_ends() -> None:

@@ -14,9 +14,9 @@ from uavrt.config.settings import RecordingSettings, Settings
 from uavrt.errors import ConfigError
 from uavrt.ipc.assignment import Assignment
 from uavrt.messages import ChannelBlock
-from uavrt.processes.decimator import BandReceiver
 from uavrt.processes.kept_channels import KeptChannels
 from uavrt.processes.receiver import Receiver
+from uavrt_experiments.resources.decimator import BandReceiver
 
 RATE_HZ = 3e6
 TAGS = tuple(

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from uavrt.radio.source import SampleSource
-from uavrt.simulation.source import SimulatedSource
 from uavrt.simulation.synthesis import IQSynthesizer
+from uavrt_experiments.simulated_source import SimulatedSource
 
 
 def test_blocks_follow_one_another_to_the_end() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from uavrt.analysis.measure.shapes import (
@@ -30,16 +31,87 @@ _OF_BEARING = ("bearing_deg", "sigma_deg", "method", "pulses", "accepted", "ambi
 _OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 
 
+Told = dict[str, Any]
+Shape = tuple[list[list[Point]], Told]
+"""Parts of a point, line or area, cut at the 180° meridian, and its attributes."""
+
+
 def geojson_text(survey: Survey) -> str:
     """Write track, pulses, bearings with wedges, positions with regions and ways, and marks."""
-    features = [*_track(survey), *_pulses(survey), *_bearings(survey), *_positions(survey)]
-    features += [*_strongest(survey), *_integrated(survey), *_marks(survey)]
-    for one in features:
-        one["properties"]["vehicle"] = survey.vehicle
+    features = [
+        {
+            "type": "Feature",
+            "geometry": _geometry(kind, parts),
+            "properties": {"layer": name.format(**told), **told, "vehicle": survey.vehicle},
+        }
+        for name, _, kind, shapes in layers(survey)
+        for parts, told in shapes
+    ]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False)
 
 
-def pulse_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
+    """Give each layer: name, table in a GeoPackage (or empty), kind of geometry, shapes."""
+    track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
+    rays: list[Shape] = []
+    wedges: list[Shape] = []
+    for one, told in zip(survey.bearings, bearing_properties(survey), strict=True):
+        found = survey.position_of(one.tag_id)
+        length_m = ray_length_m(one, None if found is None else found.position)
+        rays.append((split_at_date_line(ray(one, length_m)), told))
+        area = wedge(one, length_m)
+        wedges += [] if area is None else [(split_area_at_date_line(area), told)]
+    places, circles, outlines = position_properties(survey), list[Shape](), list[Shape]()
+    for _, told in places:
+        found = survey.position_of(told["tag_id"])
+        area = None if found is None or found.position is None else region95(found.position)
+        circles += [] if area is None else [(split_area_at_date_line(area), told)]
+        for share in REGION_SHARES:
+            if lines := region_lines(found, share):
+                outlines.append((lines, {"share": share, **told}))
+    yield "pulse", "pulses", "POINT", _points(pulse_properties(survey))
+    if len(track) > 1:
+        times = [iso_utc(survey.track[which].time_ns) for which in (0, -1)]
+        shape = split_at_date_line(track), dict(zip(("start", "end"), times, strict=True))
+        yield "track", "track", "LINESTRING", [shape]
+    yield "bearing", "bearings", "LINESTRING", rays
+    yield "bearing 90 %", "bearing_wedges", "POLYGON", wedges
+    yield "position", "positions", "POINT", _points(places)
+    yield "tag track", "", "LINESTRING", _ways(survey)
+    yield "tag track place", "tag_tracks", "POINT", _points(way_properties(survey))
+    yield "position 95 %", "regions95", "POLYGON", circles
+    yield "region {share} %", "region_outlines", "MULTILINESTRING", outlines
+    yield "integrated place", "integrated_places", "POINT", _points(integrated_places(survey))
+    regions = integrated_regions(survey)
+    yield "integrated {share} %", "integrated_regions", "MULTIPOLYGON", regions
+    yield "mark", "marks", "POINT", _points(mark_properties(survey))
+    loudest = [found for one in survey.signals for found in strongest_properties(one)]
+    yield "strongest signal", "strongest_signal", "POINT", _points(loudest)
+
+
+def _points(found: list[tuple[Point, Told]]) -> list[Shape]:
+    return [([[place]], told) for place, told in found]
+
+
+def _ways(survey: Survey) -> list[Shape]:
+    """The paths of tags that moved."""
+    ways = [(way_of(one.position), {"tag_id": one.tag_id}) for one in survey.positions]
+    return [(split_at_date_line(way), told) for way, told in ways if len(way) > 1]
+
+
+def _geometry(kind: str, parts: list[list[Point]]) -> Told:
+    """Coordinates of a shape; several parts are one of the kinds that hold several."""
+    rounded = [[[round(each, _PLACES) for each in point] for point in part] for part in parts]
+    if kind == "POINT":
+        return {"type": "Point", "coordinates": rounded[0][0]}
+    name = "Polygon" if kind.endswith("POLYGON") else "LineString"
+    several = [[part] for part in rounded] if name == "Polygon" else rounded
+    if len(parts) == 1 and not kind.startswith("MULTI"):
+        return {"type": name, "coordinates": several[0]}
+    return {"type": f"Multi{name}", "coordinates": several}
+
+
+def pulse_properties(survey: Survey) -> list[tuple[Point, Told]]:
     """Place and attributes of each pulse that has a place."""
     found = []
     for one in survey.every_pulse:
@@ -58,7 +130,7 @@ def pulse_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
     return found
 
 
-def bearing_properties(survey: Survey) -> list[dict[str, Any]]:
+def bearing_properties(survey: Survey) -> list[Told]:
     """Attributes of each bearing, in the survey's order."""
     found = []
     for one in survey.bearings:
@@ -70,7 +142,7 @@ def bearing_properties(survey: Survey) -> list[dict[str, Any]]:
     return found
 
 
-def position_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+def position_properties(survey: Survey) -> list[tuple[Point, Told]]:
     """Place and attributes of each position."""
     found = []
     for one in survey.positions:
@@ -99,7 +171,7 @@ def cautions_of(position: Position) -> dict[str, str]:
     }
 
 
-def mark_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+def mark_properties(survey: Survey) -> list[tuple[Point, Told]]:
     """Place and attributes of each mark."""
     return [
         (
@@ -110,7 +182,7 @@ def mark_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
     ]
 
 
-def way_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+def way_properties(survey: Survey) -> list[tuple[Point, Told]]:
     """Place and attributes of each time of the way of each tag that moved."""
     return [
         (
@@ -128,7 +200,7 @@ def way_properties(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
     ]
 
 
-def strongest_properties(signal: TagSignal) -> list[tuple[Point, dict[str, Any]]]:
+def strongest_properties(signal: TagSignal) -> list[tuple[Point, Told]]:
     """Place and attributes of a tag's strongest signal: of all heights, then of each layer."""
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
     if signal.strongest is not None:
@@ -148,101 +220,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[Point, dict[str, Any]]
     ]
 
 
-def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "type": "Feature",
-        "geometry": {"type": kind, "coordinates": coordinates},
-        "properties": properties,
-    }
-
-
-def _line(points: list[Point], properties: dict[str, Any]) -> dict[str, Any]:
-    parts = [[_rounded(point) for point in part] for part in split_at_date_line(points)]
-    if len(parts) == 1:
-        return _feature("LineString", parts[0], properties)
-    return _feature("MultiLineString", parts, properties)
-
-
-def _rounded(point: Point) -> list[float]:
-    return [round(part, _PLACES) for part in point]
-
-
-def _area(points: list[Point], properties: dict[str, Any]) -> dict[str, Any]:
-    parts = [[_rounded(point) for point in part] for part in split_area_at_date_line(points)]
-    if len(parts) == 1:
-        return _feature("Polygon", parts, properties)
-    return _feature("MultiPolygon", [[part] for part in parts], properties)
-
-
-def _track(survey: Survey) -> list[dict[str, Any]]:
-    track = thinned(survey.track)
-    if len(track) < 2:
-        return []
-    points = [(pose.longitude_deg, pose.latitude_deg) for pose in track]
-    times = {"start": iso_utc(track[0].time_ns), "end": iso_utc(track[-1].time_ns)}
-    return [_line(points, {"layer": "track", **times})]
-
-
-def _pulses(survey: Survey) -> list[dict[str, Any]]:
-    return [
-        _feature("Point", _rounded(place), {"layer": "pulse", **properties})
-        for place, properties in pulse_properties(survey)
-    ]
-
-
-def _bearings(survey: Survey) -> list[dict[str, Any]]:
-    features = []
-    for one, properties in zip(survey.bearings, bearing_properties(survey), strict=True):
-        found = survey.position_of(one.tag_id)
-        length_m = ray_length_m(one, None if found is None else found.position)
-        features.append(_line(ray(one, length_m), {"layer": "bearing", **properties}))
-        area = wedge(one, length_m)
-        if area is not None:
-            properties = {"layer": "bearing 90 %", **properties}
-            features.append(_area(area, properties))
-    return features
-
-
-def _strongest(survey: Survey) -> list[dict[str, Any]]:
-    features = []
-    for one in survey.signals:
-        for place, properties in strongest_properties(one):
-            layer = {"layer": "strongest signal", **properties}
-            features.append(_feature("Point", _rounded(place), layer))
-    return features
-
-
-def _positions(survey: Survey) -> list[dict[str, Any]]:
-    features = []
-    for place, properties in position_properties(survey):
-        features.append(_feature("Point", _rounded(place), {"layer": "position", **properties}))
-        found = survey.position_of(properties["tag_id"])
-        area = None if found is None or found.position is None else region95(found.position)
-        if area is not None:
-            ellipse = {"layer": "position 95 %", **properties}
-            features.append(_area(area, ellipse))
-        for share in REGION_SHARES:
-            if lines := region_lines(found, share):
-                region = {"layer": f"region {share} %", "share": share, **properties}
-                rings = [[_rounded(point) for point in line] for line in lines]
-                features.append(_feature("MultiLineString", rings, region))
-    return features + _ways(survey)
-
-
-def _integrated(survey: Survey) -> list[dict[str, Any]]:
-    """Where whole flights place tags: each of the places, and the regions."""
-    features = [
-        _feature("Point", _rounded(place), {"layer": "integrated place", **properties})
-        for place, properties in integrated_places(survey)
-    ]
-    for areas, properties in integrated_regions(survey):
-        told = {"layer": f"integrated {properties['share']} %", **properties}
-        rounded = [[[_rounded(point) for point in one]] for one in areas]
-        features.append(_feature("MultiPolygon", rounded, told))
-    return features
-
-
-def integrated_places(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
+def integrated_places(survey: Survey) -> list[tuple[Point, Told]]:
     """Where whole flights place tags; both places beside a straight way."""
     return [
         (
@@ -259,7 +237,7 @@ def integrated_places(survey: Survey) -> list[tuple[Point, dict[str, Any]]]:
     ]
 
 
-def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], dict[str, Any]]]:
+def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Told]]:
     """Rings of the regions with 50 and 95 % of whole flights, cut at the 180° meridian."""
     regions = []
     for verdict in survey.verdicts:
@@ -283,23 +261,3 @@ def _counter_clockwise(ring: Ring) -> list[Point]:
         x[n] * points[n + 1][1] - x[n + 1] * points[n][1] for n in range(len(points) - 1)
     )
     return points if twice > 0.0 else points[::-1]
-
-
-def _ways(survey: Survey) -> list[dict[str, Any]]:
-    """The paths of moving tags: a line each, and the place at each time."""
-    features = [
-        _line(way_of(one.position), {"layer": "tag track", "tag_id": one.tag_id})
-        for one in survey.positions
-        if len(way_of(one.position)) > 1
-    ]
-    return features + [
-        _feature("Point", _rounded(place), {"layer": "tag track place", **properties})
-        for place, properties in way_properties(survey)
-    ]
-
-
-def _marks(survey: Survey) -> list[dict[str, Any]]:
-    return [
-        _feature("Point", _rounded(place), {"layer": "mark", **properties})
-        for place, properties in mark_properties(survey)
-    ]

@@ -14,38 +14,18 @@ Each layer has a spatial index and a style.
 
 import sqlite3
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from uavrt.analysis.export.geojson import (
-    bearing_properties,
-    integrated_places,
-    integrated_regions,
-    mark_properties,
-    position_properties,
-    pulse_properties,
-    strongest_properties,
-    way_properties,
-)
+from uavrt.analysis.export.geojson import layers
 from uavrt.analysis.export.geopackage_index import SCHEMA as INDEX_SCHEMA
 from uavrt.analysis.export.geopackage_index import add_index
 from uavrt.analysis.export.geopackage_styles import SCHEMA as STYLE_SCHEMA
 from uavrt.analysis.export.geopackage_styles import add_style
-from uavrt.analysis.measure.shapes import (
-    REGION_SHARES,
-    Point,
-    ray,
-    ray_length_m,
-    region95,
-    region_lines,
-    split_area_at_date_line,
-    split_at_date_line,
-    wedge,
-)
-from uavrt.analysis.survey import Survey, thinned
-from uavrt.clock import iso_utc
+from uavrt.analysis.measure.shapes import Point
+from uavrt.analysis.survey import Survey
 
 APPLICATION_ID = 0x47504B47
 """``GPKG``."""
@@ -103,10 +83,10 @@ def write_geopackage(survey: Survey, path: Path) -> None:
             "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _SYSTEMS
         )
         vehicle = {"vehicle": survey.vehicle}
-        for name, kind, features in _layers(survey):
-            if features:
-                told = [(points, one | vehicle) for points, one in features]
-                _layer(database, name, kind, told)
+        for _, name, kind, shapes in layers(survey):
+            rows = [(part, one | vehicle) for parts, one in shapes for part in parts]
+            if name and rows:
+                _layer(database, name, kind.removeprefix("MULTI"), rows)
 
 
 def geometry_blob(kind: str, points: Sequence[Point]) -> bytes:
@@ -117,55 +97,6 @@ def geometry_blob(kind: str, points: Sequence[Point]) -> bytes:
     if kind != "POINT":
         blob += struct.pack("<I", len(points))
     return blob + b"".join(struct.pack("<dd", *point) for point in points)
-
-
-def _layers(survey: Survey) -> Iterable[tuple[str, str, list[Feature]]]:
-    track = [(pose.longitude_deg, pose.latitude_deg) for pose in thinned(survey.track)]
-    rays: list[Feature] = []
-    wedges: list[Feature] = []
-    for one, properties in zip(survey.bearings, bearing_properties(survey), strict=True):
-        found = survey.position_of(one.tag_id)
-        length_m = ray_length_m(one, None if found is None else found.position)
-        rays.append((ray(one, length_m), properties))
-        area = wedge(one, length_m)
-        wedges += [] if area is None else [(area, properties)]
-    places: list[Feature] = []
-    regions: list[Feature] = []
-    outlines: list[Feature] = []
-    for place, properties in position_properties(survey):
-        places.append(([place], properties))
-        found = survey.position_of(properties["tag_id"])
-        area = None if found is None or found.position is None else region95(found.position)
-        regions += [] if area is None else [(area, properties)]
-        for share in REGION_SHARES:
-            told = {"share": share, **properties}
-            outlines += [(line, told) for line in region_lines(found, share)]
-    yield "pulses", "POINT", [([place], told) for place, told in pulse_properties(survey)]
-    if len(track) > 1:
-        times = {
-            "start": iso_utc(survey.track[0].time_ns),
-            "end": iso_utc(survey.track[-1].time_ns),
-        }
-        yield "track", "LINESTRING", _cut([(track, times)], split_at_date_line)
-    yield "bearings", "LINESTRING", _cut(rays, split_at_date_line)
-    yield "bearing_wedges", "POLYGON", _cut(wedges, split_area_at_date_line)
-    yield "positions", "POINT", places
-    yield "tag_tracks", "POINT", [([place], told) for place, told in way_properties(survey)]
-    yield "regions95", "POLYGON", _cut(regions, split_area_at_date_line)
-    yield "region_outlines", "LINESTRING", outlines
-    found_whole = [([place], told) for place, told in integrated_places(survey)]
-    yield "integrated_places", "POINT", found_whole
-    areas = [(one, told) for rings, told in integrated_regions(survey) for one in rings]
-    yield "integrated_regions", "POLYGON", areas
-    loudest = [found for one in survey.signals for found in strongest_properties(one)]
-    yield "marks", "POINT", [([place], told) for place, told in mark_properties(survey)]
-    yield "strongest_signal", "POINT", [([place], told) for place, told in loudest]
-
-
-def _cut(
-    features: list[Feature], split: Callable[[Sequence[Point]], list[list[Point]]]
-) -> list[Feature]:
-    return [(part, told) for points, told in features for part in split(points)]
 
 
 def _layer(database: sqlite3.Connection, name: str, kind: str, features: list[Feature]) -> None:

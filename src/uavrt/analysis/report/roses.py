@@ -33,16 +33,14 @@ def headings_and_snr(survey: Survey, bearing: TagBearing) -> tuple[_Floats, _Flo
     return array[:, 0], array[:, 1]
 
 
-def draw_roses(
-    target: "FigureBase", survey: Survey, tag_id: int, first: int = 0, most: int = COLUMNS
-) -> None:
-    """Draw up to `most` of a tag's bearings, from number `first` on: rose and residuals."""
-    bearings = survey.bearings_of(tag_id)[first : first + most]
+def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0) -> None:
+    """Draw `COLUMNS` of a tag's bearings, from number `first` on: rose and residuals."""
+    bearings = survey.bearings_of(tag_id)[first : first + COLUMNS]
     if not bearings:
         message(target, "No rose: no turn in place in which this tag was heard three times.")
         return
     color = tag_color(survey.tag_ids, tag_id)
-    columns = max(len(bearings), min(most, 3))
+    columns = max(len(bearings), 3)
     layout = target.add_gridspec(2, columns, height_ratios=[3.2, 1.0])
     for column, one in enumerate(bearings):
         yaw, snr = headings_and_snr(survey, one)

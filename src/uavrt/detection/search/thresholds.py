@@ -30,14 +30,14 @@ USUAL_NOISE_ERROR = 0.033
 """Relative error of the noise after 2.5 s, with which the factors below were calibrated."""
 
 
-def decision_interval_s(tag: Tag, rate: int = 1, k: int | None = None) -> float:
+def decision_interval_s(tag: Tag, rate: int = 1) -> float:
     """New time that the original consumed for each decision: the unit of the false alarms.
 
     Reference/detector.md §0 and §3: with hops of half a pulse at 3750 S/s a segment is
     K (N + M) + J + 1 columns of which 2 (K M + J) are seen again; 3.567 s for the thesis's tag
     at K = 3.
     """
-    k = tag.k if k is None else k
+    k = tag.k
     window = math.ceil(tag.pulse_width_s * _ORIGINAL_RATE_HZ - 1e-9)
     hop = window - window // 2
     intervals = math.ceil(tag.pulse_intervals_s[rate - 1] * _ORIGINAL_RATE_HZ - 1e-9) // hop
@@ -151,16 +151,14 @@ def threshold(*, k: int, hypotheses: float, spread: float, expected_false: float
     return high
 
 
-def young_margin(
-    threshold: float, noise_error: float, usual_error: float = USUAL_NOISE_ERROR
-) -> float:
+def young_margin(threshold: float, noise_error: float) -> float:
     """What to multiply a threshold by while the noise is known worse than usually.
 
     A tail falls as exp(-T), so an error s of the scale multiplies the false alarms by
     exp((T s)^2 / 2); a factor 1 + T s^2 / 2 makes up for it. The calibrated factors have the
     usual error's share in them.
     """
-    more = max(0.0, noise_error**2 - usual_error**2)
+    more = max(0.0, noise_error**2 - USUAL_NOISE_ERROR**2)
     return 1.0 + 0.5 * threshold * more
 
 

@@ -14,11 +14,13 @@ from uavrt.ground.fetch.ftp_client import FileClient
 from uavrt.ground.link.parallel_links import Ways
 from uavrt.ground.link.vehicle_identity import DRONE_COMPONENT
 from uavrt.mavlink import dialect
-from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer
+from uavrt.mavlink.discovery import STATION_SYSTEM_ID, Peer, own_heartbeat
 from uavrt.mavlink.frame import Frame
 from uavrt.mavlink.signing import Signing, SigningKey
 
 BEAT_S = 1.0
+OWN_COMPONENT = 197
+"""Different from the ground station's."""
 PINGS = 4
 PING_S = 0.25
 
@@ -34,7 +36,6 @@ class DroneFiles:
             for entry in (await client.tree("/")).files:
                 await fetch_file(client, entry, Path(entry.path.lstrip("/")))
 
-    `system_id`, `component_id`: our own numbers, different from the ground station's.
     `signing_key`: what frames are signed with, see `uavrt.mavlink.signing`.
     """
 
@@ -42,15 +43,12 @@ class DroneFiles:
         self,
         now_ns: Callable[[], int],
         *,
-        system_id: int = STATION_SYSTEM_ID,
-        component_id: int = 197,
         signing_key: SigningKey | None = None,
     ) -> None:
         self._now_ns = now_ns
-        self._own = Peer(system_id, component_id)
+        self._own = Peer(STATION_SYSTEM_ID, OWN_COMPONENT)
         self._signing = None if signing_key is None else Signing(signing_key, now_ns)
-        own = (system_id, component_id)
-        self._ways = Ways(own, self._receive, now_ns, signing=self._signing)
+        self._ways = Ways(self._own.place, self._receive, now_ns, signing=self._signing)
         self._drone: Peer | None = None
         self._found = asyncio.Event()
         self._trips_ns: dict[int, int] = {}
@@ -110,12 +108,7 @@ class DroneFiles:
 
     async def _beat(self) -> None:
         """Send a heartbeat once a second, so that the autopilot knows the way to us."""
-        message = dialect.Heartbeat(
-            type=dialect.MavType.GENERIC,
-            autopilot=dialect.MavAutopilot.INVALID,
-            system_status=dialect.MavState.ACTIVE,
-            mavlink_version=3,
-        )
+        message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
             self._ways.send_by_all(message)
             await asyncio.sleep(BEAT_S)

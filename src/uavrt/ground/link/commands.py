@@ -6,8 +6,9 @@ Each command raises what the drone or the link answers, and gives the text for t
 import asyncio
 import contextlib
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from math import nan
 from typing import Any, Final
 
@@ -17,6 +18,7 @@ from uavrt.config.tag_files import faults_of_tags
 from uavrt.errors import FormatError, LinkError, RecordingError, UavrtError
 from uavrt.ground.link.actions import (
     ACTIONS,
+    BUTTONS,
     COMMAND_OF_ACTION,
     Busy,
     action_states,
@@ -75,7 +77,7 @@ def _gain_in_words(correction: TagCorrection) -> str:
     return gain_in_words(correction.before, correction.after)
 
 
-def place_in(wish: Any) -> tuple[float, float] | None:
+def _place(wish: Any) -> tuple[float, float] | None:
     """Read the place of a mark, None where it has none; raises `FormatError`."""
     if not isinstance(wish, dict) or "latitude_deg" not in wish:
         return None
@@ -95,6 +97,20 @@ class Commands:
 
     def __init__(self, session: HeldSession) -> None:
         self._session = session
+
+    def by_name(self, body: Any) -> dict[str, Callable[[], Awaitable[str]]]:
+        """List what a page may ask, by the name of its button; `body` is what it sent along."""
+        text = str(body.get("text", "")) if isinstance(body, dict) else ""
+        return {
+            "send_tags": self.send_tags,
+            "start": self.start,
+            "stop": self.stop,
+            "capture": self.capture,
+            "mark": lambda: self.mark(text, _place(body)),
+            **{button.action: partial(self.ask, button) for button in BUTTONS if button.asking},
+            "set_parameter": lambda: self.set_parameter(body),
+            "correct_tag": lambda: self.correct_tag(body),
+        }
 
     async def send_tags(self) -> str:
         """Send the tag table to the drone; returns what to tell the operator.
@@ -147,11 +163,10 @@ class Commands:
         settings = self._session.store.settings
         async with self._working("capture", "asking for a raw capture"):
             frequency = settings.center_frequency_mhz
-            message = await link.capture(
-                center_frequency_hz=None if frequency is None else frequency * 1e6,
-                gain=settings.gain or 0,
+            payload = link.writing.capture(
+                None if frequency is None else frequency * 1e6, settings.gain or 0
             )
-            return message or "capturing"
+            return (await link.command(payload)).message or "capturing"
 
     async def ask(self, button: Button) -> str:
         """Ask for what is only a command's number: the drone's upkeep."""

@@ -139,7 +139,7 @@ class GroundLink:
         self._on_event = on_event
         self._on_frame = on_frame
         self._progress = progress
-        self._writing = Writing(generation)
+        self.writing = Writing(generation)
         self._ack_wait_s = ack_wait_s
         self._signing = None if signing_key is None else Signing(signing_key, clock_ns)
         self._ways = Ways(
@@ -256,7 +256,7 @@ class GroundLink:
         Raises `CommandRefused`: the drone refused; the text is its reason.
         Raises `LinkError`: it did not answer.
         """
-        payloads = self._writing.upload(tags)
+        payloads = self.writing.upload(tags)
         coded = [False, *(tag.coded for tag in tags), False]
         for count, (payload, is_coded) in enumerate(zip(payloads, coded, strict=True), start=1):
             try:
@@ -281,7 +281,7 @@ class GroundLink:
         Raises `CommandRefused`: the drone refused; the text is its reason.
         Raises `LinkError`: it did not answer.
         """
-        answer = await self.command(self._writing.correction(tag))
+        answer = await self.command(self.writing.correction(tag))
         self.protocol.tags[tag.tag_id] = tag
         return answer.message
 
@@ -292,17 +292,12 @@ class GroundLink:
 
         A frequency of None is 0 on the wire: the drone's tuner chooses.
         """
-        payload = self._writing.start(center_frequency_hz, gain)
+        payload = self.writing.start(center_frequency_hz, gain)
         return (await self.command(payload)).message
 
     async def stop_detection(self) -> None:
         """Stop."""
         await self.ask("stop_detection")
-
-    async def capture(self, *, center_frequency_hz: float | None = None, gain: int = 0) -> str:
-        """Record raw samples for a while; return the drone's message (the directory)."""
-        payload = self._writing.capture(center_frequency_hz, gain)
-        return (await self.command(payload)).message
 
     async def ask(self, name: CommandName) -> str:
         """Ask for what is only its number, as ``"save_logs"``; return the drone's message.
@@ -310,7 +305,7 @@ class GroundLink:
         Raises `CommandRefused`: the drone refused; the text is its reason.
         Raises `LinkError`: it did not answer, or its software does not know the command.
         """
-        return (await self.command(self._writing.bare(name))).message
+        return (await self.command(self.writing.bare(name))).message
 
     async def command(self, payload: bytes, payload_type: int = PAYLOAD_TYPE) -> Acknowledged:
         """Send a command until it is acknowledged, with the same bytes each time.
@@ -320,7 +315,7 @@ class GroundLink:
         """
         number = acked_command_of(payload)
         assert number is not None
-        request_id = self._writing.request_id_of(payload)
+        request_id = self.writing.request_id_of(payload)
 
         def send(attempt: int) -> None:
             order = self._ways.best()

@@ -6,7 +6,6 @@ A flight of 100 000 pulses is read in columns, never as objects: 10 MB in place 
 import math
 import os
 import sqlite3
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -17,20 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.errors import FormatError, RecordingError, UsageError
-from uavrt.ground.store.beside_drone import is_the_drones
-from uavrt.ground.store.known_flights import (
-    FlightChoice,
-    FlightSummary,
-    KnownFlights,
-    Stamp,
-    stamp_of,
-)
-from uavrt.ground.store.prepared_columns import PreparedColumns
+from uavrt.ground.store.known_flights import FlightChoice, FlightSummary, KnownFlights
 from uavrt.localization.heard import Heard, PoseColumns, PulseColumns
 from uavrt.messages import DetectionStatus, Pulse, PulsePose, Tag
 from uavrt.recording.flight_order import flown_name, order_noted
 from uavrt.recording.flight_reader import DAMAGED, told_in
-from uavrt.recording.layout import FlightLayout
+from uavrt.recording.layout import FlightLayout, Stamp, stamp_of
 from uavrt.recording.places import GROUND_NOTE, Places, places_of, vehicle_of
 from uavrt.recording.plain_database import open_plain
 from uavrt.recording.quiet_noise import read_quiet_noise_db, usual_noise_db
@@ -39,10 +30,6 @@ from uavrt.recording.schema import POSE_COLUMNS, TAG_COLUMNS, pose_row, read_old
 CHUNK = 4000
 LAST_NS = 2**63
 """After all times of flights, which are 64 bits [ns since 1970]."""
-PREPARED_MOST = 200
-"""Flights whose columns are kept ready: of thousands they would fill the disk."""
-PREPARED_ON_DRONE = 20
-"""The same on the drone's card: an hour of poses takes some megabytes."""
 STATUSES: tuple[DetectionStatus, ...] = tuple(
     status for status in get_args(DetectionStatus) if status != "integrated"
 )
@@ -178,13 +165,6 @@ class FlightLibrary:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         self._known = KnownFlights(directory / "flight_list.json")
-        self._prepared = PreparedColumns(directory / "columns")
-        self._preparing = threading.Lock()
-        self._preparer: threading.Thread | None = None
-        self._at_work: str | None = None
-        self._ready: dict[str, Stamp] = {}
-        self._listed: list[FlightSummary] | None = None
-        self._prepared_for: list[FlightSummary] | None = None
         self._quiet: dict[str, tuple[Stamp, float | None]] = {}
 
     def summaries(self) -> list[FlightSummary]:
@@ -206,8 +186,9 @@ class FlightLibrary:
         def age(flight: FlightSummary) -> tuple[int, int]:
             return noted.get(flown_name(flight.flight_id), -1), flight.start_time_ns
 
-        self._listed = sorted(found, key=age, reverse=True)
-        return self._listed
+        with suppress(OSError):
+            self._known.write({flight.flight_id for flight in found})
+        return sorted(found, key=age, reverse=True)
 
     def find(
         self, choice: FlightChoice, after: int, limit: int
@@ -340,66 +321,11 @@ class FlightLibrary:
 
     def pulses(self, flight_id: str) -> NDArray[np.float64]:
         """Read the pulses alone, (len(PULSE_COLUMNS), n)."""
-        kept = self._kept(flight_id, "pulses")
-        return self._read_pulses(flight_id) if kept is None else kept
-
-    def poses(self, flight_id: str) -> NDArray[np.float64]:
-        """Read the poses alone, (8, m)."""
-        kept = self._kept(flight_id, "poses")
-        return self._read_poses(flight_id) if kept is None else kept
-
-    def prepare_soon(self, live: str | None = None) -> None:
-        """Do `prepare` on a thread of its own, unless one is at it or no flight has changed."""
-        if self._listed is not None and self._listed == self._prepared_for:
-            return
-        if self._preparer is None or not self._preparer.is_alive():
-            self._preparer = threading.Thread(target=self.prepare, args=(live,), daemon=True)
-            self._preparer.start()
-
-    def prepare(self, live: str | None = None) -> None:
-        """Make the columns of the newest flights but `live` ready to be read at once.
-
-        Older ones, and all without room, are read from their databases as before.
-        """
-        self._prepared_for = self.summaries()
-        flights = [flight.flight_id for flight in self._prepared_for]
-        with suppress(OSError):
-            self._known.write(set(flights))
-        most = PREPARED_ON_DRONE if is_the_drones(self.directory) else PREPARED_MOST
-        flights = flights[:most]
-        for flight_id in flights:
-            # Neither ours nor the drone's own recording of what is being flown.
-            if live is None or flown_name(flight_id) != flown_name(live):
-                with self._preparing, suppress(FormatError, UsageError, OSError):
-                    self._at_work = flight_id
-                    self._prepare(flight_id)
-        self._at_work = None
-        with suppress(OSError):
-            self._prepared.keep_only(set(flights))
-        self._ready = {name: self._ready[name] for name in flights if name in self._ready}
-
-    def _prepare(self, flight_id: str) -> None:
-        stamp = stamp_of(str(self.path(flight_id)))
-        if self._ready.get(flight_id) == stamp:
-            return
-        if not self._prepared.has(flight_id, stamp):
-            pulses, poses = self._read_pulses(flight_id), self._read_poses(flight_id)
-            self._prepared.write(flight_id, stamp, pulses, poses)
-        self._ready[flight_id] = stamp
-
-    def _kept(self, flight_id: str, name: str) -> NDArray[np.float64] | None:
-        stamp = stamp_of(str(self.path(flight_id)))
-        found = self._prepared.read(flight_id, stamp, name)
-        if found is None and self._at_work == flight_id:
-            with self._preparing:  # ready in a moment
-                found = self._prepared.read(flight_id, stamp, name)
-        return found
-
-    def _read_pulses(self, flight_id: str) -> NDArray[np.float64]:
         with self._database(flight_id) as database:
             return _columns(database, "pulses", _SELECT_CELLS, len(PULSE_COLUMNS))
 
-    def _read_poses(self, flight_id: str) -> NDArray[np.float64]:
+    def poses(self, flight_id: str) -> NDArray[np.float64]:
+        """Read the poses alone, (8, m)."""
         with self._database(flight_id) as database:
             return _columns(database, "poses", _SELECT_POSES, 8)
 

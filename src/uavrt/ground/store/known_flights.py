@@ -3,10 +3,8 @@
 To read thousands of databases takes seconds; this file can be thrown away at any time.
 """
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import msgspec
 
@@ -14,9 +12,8 @@ from uavrt.atomic_file import write_atomically
 from uavrt.errors import FormatError
 from uavrt.foreign import read_record
 from uavrt.messages import Tag
+from uavrt.recording.layout import Stamp
 
-Stamp: TypeAlias = tuple[int, int]
-"""Size of the database and its log, and when they were last changed [ns since 1970]."""
 _VERSION = 1
 
 
@@ -102,18 +99,3 @@ class KnownFlights:
         self._changed = False
         content = msgspec.json.encode(_Kept(_VERSION, list(self._flights.values())))
         write_atomically(self._path, content, sync=False)
-
-
-def stamp_of(flight: str) -> Stamp:
-    """When and how large the database of a flight's directory and its log were last.
-
-    Paths are text: thousands of flights are looked at each time the list is shown.
-    """
-    size, changed = 0, 0
-    for path in (f"{flight}/flight.sqlite", f"{flight}/flight.sqlite-wal"):
-        try:
-            stat = os.stat(path)
-        except OSError:
-            continue
-        size, changed = size + stat.st_size, max(changed, stat.st_mtime_ns)
-    return size, changed

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -18,7 +17,6 @@ from uavrt.computer.finding import Finding
 from uavrt.config.loader import load_settings
 from uavrt.errors import CommandRefused, FormatError, LinkError, UavrtError, UsageError
 from uavrt.ground.link.actions import BUTTONS
-from uavrt.ground.link.commands import place_in
 from uavrt.ground.listeners import encode
 from uavrt.ground.session import GroundSession
 from uavrt.ground.store import tag_table
@@ -250,23 +248,7 @@ class Api:
 
     async def command(self, request: Request) -> Any:
         """Ask something of the drone; the answer is its acknowledgement."""
-        session = self._session
-        body = await json_body(request)
-        text = str(body.get("text", "")) if isinstance(body, dict) else ""
-        commands: dict[str, Callable[[], Awaitable[str]]] = {
-            "send_tags": session.commands.send_tags,
-            "start": session.commands.start,
-            "stop": session.commands.stop,
-            "capture": session.commands.capture,
-            "mark": lambda: session.commands.mark(text, place_in(body)),
-            **{
-                button.action: partial(session.commands.ask, button)
-                for button in BUTTONS
-                if button.asking
-            },
-            "set_parameter": lambda: session.commands.set_parameter(body),
-            "correct_tag": lambda: session.commands.correct_tag(body),
-        }
+        commands = self._session.commands.by_name(await json_body(request))
         name = request.path_params["name"]
         if name not in commands:
             return Answer(404, {"error": f"there is no command {name[:40]!r}"})

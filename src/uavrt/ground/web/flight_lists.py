@@ -33,7 +33,6 @@ class FlightListApi:
 
     def __init__(self, session: GroundSession, worker: ForeignWorker) -> None:
         self._session, self._worker = session, worker
-        self._prepare()
 
     def routes(self) -> list[tuple[str, str, Callable[[Request], Awaitable[Any]]]]:
         """Path below ``/api``, method, handler."""
@@ -44,17 +43,14 @@ class FlightListApi:
         ]
 
     async def flights(self, request: Request) -> Any:
-        """All flights on this computer, newest first; who asks will open one soon."""
-        found = await asyncio.to_thread(self._session.library.summaries)
-        self._prepare()
-        return found
+        """All flights on this computer, newest first."""
+        return await asyncio.to_thread(self._session.library.summaries)
 
     async def found(self, request: Request) -> Any:
         """Some of them: ``?tag=4&from=2026-05-01&to=2026-05-02&after=0&limit=50``."""
         choice, (after, limit) = _choice(request), _page(request, _ALL)
         library = self._session.library
         total, flights = await asyncio.to_thread(library.find, choice, after, limit)
-        self._prepare()
         return {"total": total, "flights": flights}
 
     async def archived(self, request: Request) -> Any:
@@ -70,10 +66,6 @@ class FlightListApi:
         have = self._session.library.has
         flights = [{**asdict(one), "here": have(one.flight)} for one in found.flights]
         return {"directory": str(archive), "total": found.total, "flights": flights}
-
-    def _prepare(self) -> None:
-        flight = self._session.flight
-        self._session.library.prepare_soon(None if flight.ended else flight.flight_id)
 
 
 def _choice(request: Request) -> FlightChoice:

@@ -103,24 +103,6 @@ def switched_bearing(
     return described(log_density, method=method, pulses=len(yaw_deg))
 
 
-def switched_bound_deg(
-    steering: Steering, direction_deg: float, snr: float, counts: _Floats
-) -> float:
-    """Cramér–Rao bound of one pulse's direction, its strength and phase unknown.
-
-    `direction_deg`: from the array's nose.
-    `snr`: power of an element of unit amplitude over the noise, per sample.
-    `counts` (elements,): samples at each position.
-    """
-    step = 0.01
-    around = steering(np.array([direction_deg - step, direction_deg, direction_deg + step]))
-    around = around * np.sqrt(counts)
-    slope = (around[2] - around[0]) / (2.0 * step)
-    along = around[1] / np.linalg.norm(around[1])
-    across = slope - along * np.vdot(along, slope)
-    return float(1.0 / np.sqrt(2.0 * snr * np.sum(np.abs(across) ** 2)))
-
-
 def amplitude_monopulse(
     boresight_deg: _Floats,
     snr_db: _Floats,

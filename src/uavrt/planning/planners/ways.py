@@ -156,15 +156,6 @@ def sampled(
     )
 
 
-def pulses_along(
-    situation: Situation, east_m: _Floats, north_m: _Floats, span_s: float
-) -> Legs:
-    """Ways at the times of the pulses in a span."""
-    time = np.arange(1, max(1, round(span_s / situation.pulse_s)) + 1) * situation.pulse_s
-    times = np.broadcast_to(time, (len(east_m), len(time)))
-    return situation.vehicle.along(situation.state, east_m, north_m, situation.wind, times)
-
-
 def turning(state: VehicleState, turn_deg: float, duration_s: float, samples: int) -> Legs:
     """A turn in place, sampled like ways."""
     shares = (np.arange(samples) + 0.5) / samples

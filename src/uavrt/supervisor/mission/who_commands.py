@@ -23,7 +23,6 @@ class Commander:
     """The station in command.
 
     `pinned`: False: everybody may command.
-    `name`: who commanded before a restart.
     """
 
     def __init__(
@@ -31,12 +30,11 @@ class Commander:
         *,
         pinned: bool = True,
         clock_s: Callable[[], float] = monotonic_s,
-        name: str | None = None,
     ) -> None:
         self._pinned = pinned
         self._clock_s = clock_s
         self._heard_s = clock_s()
-        self.name = name
+        self.name: str | None = None
         """Its source, as its commands tell it; None before the first."""
         self.refused = 0
         self._flight_over = False

@@ -1,14 +1,14 @@
 """Other shapes of the table of processes: which stage runs in which process.
 
-The stages and the rest of the code are the same in each. `PROCESSES` is the one that flies; the
-others answer what the borders between processes cost (thesis §2.2.1 asks it of executors), and
-``one`` is also for a computer with a single core. See ``uavrt experiment resources --shapes``.
+The stages and the rest of the code are the same in each. `PROCESSES` is the one that flies;
+``one`` is for a computer with a single core. ``uavrt experiment resources --shapes`` compares
+what the borders between processes cost.
 """
 
 from dataclasses import replace
 
 from uavrt.config.settings import Settings, Shape
-from uavrt.supervisor.tree.table import PROCESSES, ProcessRow, while_detecting
+from uavrt.supervisor.tree.table import PROCESSES, ProcessRow
 
 
 def _row(name: str) -> ProcessRow:
@@ -19,27 +19,6 @@ _REST = tuple(row for row in PROCESSES if row.name not in ("detector", "receiver
 
 SHAPES: dict[Shape, tuple[ProcessRow, ...]] = {
     "workers": PROCESSES,
-    "stages": (
-        *_REST,
-        replace(_row("detector"), per_worker=False),
-        ProcessRow(
-            name="channelizer",
-            module="uavrt.processes.channelizer",
-            meaning="the band to channels",
-            runs=while_detecting,
-            samples_to="detector",
-            consumes=(),
-            produces=("health", "status_text"),
-            cpu_budget_percent=2.0,
-            memory_limit_mb=100.0,
-        ),
-        replace(
-            _row("receiver"),
-            module="uavrt.processes.decimator",
-            meaning="radio samples to the decimated band; also records it",
-            samples_to="channelizer",
-        ),
-    ),
     "one": (
         *_REST,
         replace(

@@ -63,10 +63,10 @@ class Outbox:
     def put(self, line: bytes) -> None:
         """Add a line (newline included); make room by the topic's rule."""
         name = topic_of(line)
-        topic = TOPICS[name]
+        newest = TOPICS[name].newest
         self._lines.append((name, line))
         self._waiting[name] += 1
-        limit = self._backlog if topic.lossless else topic.backlog
+        limit = self._backlog if newest is None else newest
         if limit is not None and self._waiting[name] > limit:
             self._drop_oldest(name)
 

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.planning.actions import Hold, Rotate
-from uavrt.planning.planners.ways import checked, headings, pulses_along, stacked, turning
+from uavrt.planning.planners.ways import checked, headings, stacked, turning
 from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs, VehicleState
-from uavrt_experiments.search.baselines.renyi import renyi_nats
+from uavrt_experiments.search.baselines.renyi import pulses_along, renyi_nats
 
 _Floats = NDArray[np.float64]
 

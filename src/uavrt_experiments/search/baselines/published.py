@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.planning.actions import FlyTo, Hold, Rotate
-from uavrt.planning.planners.ways import Ways, checked, headings, pulses_along, turning
+from uavrt.planning.planners.ways import Ways, checked, headings, turning
 from uavrt.planning.situation import Candidate, Decision, Situation
 from uavrt.planning.vehicle import Legs
-from uavrt_experiments.search.baselines.renyi import renyi_nats
+from uavrt_experiments.search.baselines.renyi import pulses_along, renyi_nats
 
 _Floats = NDArray[np.float64]
 

@@ -7,9 +7,19 @@ from numpy.typing import NDArray
 
 from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.information import Listener, expected_levels_db
+from uavrt.planning.situation import Situation
 from uavrt.planning.vehicle import Legs
 
 _Floats = NDArray[np.float64]
+
+
+def pulses_along(
+    situation: Situation, east_m: _Floats, north_m: _Floats, span_s: float
+) -> Legs:
+    """Ways at the times of the pulses in a span."""
+    time = np.arange(1, max(1, round(span_s / situation.pulse_s)) + 1) * situation.pulse_s
+    times = np.broadcast_to(time, (len(east_m), len(time)))
+    return situation.vehicle.along(situation.state, east_m, north_m, situation.wind, times)
 
 
 def renyi_nats(

@@ -1,7 +1,7 @@
 """The first stage in a process of its own: radio samples to the decimated band.
 
-For the comparison of shapes (`uavrt.supervisor.tree.shapes`): the receiver does this and the
-next stage in one process.
+For the comparison of shapes (`uavrt_experiments.resources.stages`): the receiver does this and
+the next stage in one process.
 """
 
 from uavrt.messages import ChannelBlock, IQBlock

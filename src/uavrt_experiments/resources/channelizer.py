@@ -1,7 +1,7 @@
 """The second stage in a process of its own: the decimated band to the channels of the tags.
 
-For the comparison of shapes (`uavrt.supervisor.tree.shapes`). Its first socket brings the band
-from the decimator, the others lead to the detectors.
+For the comparison of shapes (`uavrt_experiments.resources.stages`). Its first socket brings the
+band from the decimator, the others lead to the detectors.
 """
 
 import itertools

@@ -1,0 +1,43 @@
+"""The supervisor with decimator, channelizer and detector each in a process of its own.
+
+Nothing flies so: it answers what the borders between processes cost (thesis §2.2.1 asks it of
+executors). ``python -m uavrt_experiments.resources.stages SETTINGS_JSON [TAGS_JSON]``.
+"""
+
+import sys
+from dataclasses import replace
+
+from uavrt.supervisor import __main__ as supervisor
+from uavrt.supervisor.tree.shapes import SHAPES
+from uavrt.supervisor.tree.table import PROCESSES, ProcessRow, while_detecting
+
+_RECEIVER, _DETECTOR = (
+    next(row for row in PROCESSES if row.name == name) for name in ("receiver", "detector")
+)
+STAGES = (
+    *(row for row in PROCESSES if row not in (_RECEIVER, _DETECTOR)),
+    replace(_DETECTOR, per_worker=False),
+    ProcessRow(
+        name="channelizer",
+        module="uavrt_experiments.resources.channelizer",
+        meaning="the band to channels",
+        runs=while_detecting,
+        samples_to="detector",
+        consumes=(),
+        produces=("health", "status_text"),
+        cpu_budget_percent=2.0,
+        memory_limit_mb=100.0,
+    ),
+    replace(
+        _RECEIVER,
+        module="uavrt_experiments.resources.decimator",
+        meaning="radio samples to the decimated band; also records it",
+        samples_to="channelizer",
+    ),
+)
+"""Rows in start order, in place of those that fly."""
+
+
+if __name__ == "__main__":
+    SHAPES["workers"] = STAGES
+    sys.exit(supervisor.main())
