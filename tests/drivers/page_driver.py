@@ -11,12 +11,12 @@ import shutil
 import sqlite3
 import struct
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from command_line import launched
 from film import Film
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
@@ -70,15 +70,10 @@ class Ground:
 
     def __init__(self, directory: Path, port: int = 0, *more: str) -> None:
         self._log = (directory / "ground.log").open("ab")
-        self._process = subprocess.Popen(
-            [
-                sys.executable,
-                *("-m", "uavrt.cli", "ground", "--no-browser"),
-                *("-o", str(directory / "ground"), "--port", str(port), *more),
-            ],
-            stdout=subprocess.PIPE,
+        self._process = launched(
+            *("-m", "uavrt.cli", "ground", "--no-browser", "-o", directory / "ground"),
+            *("--port", str(port), *more),
             stderr=self._log,
-            text=True,
         )
         assert self._process.stdout is not None
         self.address = self._process.stdout.readline().split()[4]

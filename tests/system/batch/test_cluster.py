@@ -13,6 +13,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
+from command_line import launched
 
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch import cluster
@@ -160,11 +161,10 @@ def test_a_scheduler_without_workers_is_named_and_ctrl_c_ends_the_wait(
 ) -> None:
     (archive / "tags.txt").write_text("2, 148706000, 1210, 20, 20, 10, 3, 0.02\n")
     file = tmp_path / "scheduler.json"
-    lonely = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1"),
-            *("--port", "0", "--no-dashboard", "--scheduler-file", str(file)),
-        ],
+    lonely = launched(
+        *("-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"),
+        *("--no-dashboard", "--scheduler-file", file),
+        stdout=None,
         stderr=subprocess.DEVNULL,
     )
     try:
@@ -173,14 +173,12 @@ def test_a_scheduler_without_workers_is_named_and_ctrl_c_ends_the_wait(
             assert time.monotonic() < until_s
             time.sleep(0.05)
         address = json.loads(file.read_text())["address"]
-        batch = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "uavrt.cli", "batch", str(archive)),
-                *("--tags", str(archive / "tags.txt"), "-o", str(tmp_path / "out")),
-                *("--manifest", str(archive / "manifest.csv"), "--scheduler", address),
-            ],
+        batch = launched(
+            *("-m", "uavrt.cli", "batch", archive, "--tags", archive / "tags.txt"),
+            *("-o", tmp_path / "out", "--manifest", archive / "manifest.csv"),
+            *("--scheduler", address),
+            stdout=None,
             stderr=subprocess.PIPE,
-            text=True,
         )
         assert batch.stderr is not None
         said = next(line for line in batch.stderr if "no worker" in line)

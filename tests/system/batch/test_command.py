@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from archived import TAGS as ARCHIVED
 from archived import record
-from command_line import uavrt
+from command_line import launched, uavrt
 
 from uavrt.analysis.measure.tag_source import read_tag_source
 from uavrt.batch.recordings import find_recordings, read_manifest
@@ -35,14 +34,12 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def start(archive: Path, output: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "batch", str(archive), "--workers", "2"),
-            *("--tags", str(archive / "tags.txt"), "--manifest", str(archive / "manifest.csv")),
-            *("--cell", "60", "--lead-in", "20", "-o", str(output)),
-        ],
+    return launched(
+        *("-m", "uavrt.cli", "batch", archive, "--workers", "2", "-o", output),
+        *("--tags", archive / "tags.txt", "--manifest", archive / "manifest.csv"),
+        *("--cell", "60", "--lead-in", "20"),
+        stdout=None,
         stderr=subprocess.PIPE,
-        text=True,
         start_new_session=True,
     )
 

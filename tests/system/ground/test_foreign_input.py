@@ -8,8 +8,6 @@ import math
 import os
 import resource
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +17,7 @@ from typing import Any
 import greedy
 import made
 import pytest
+from command_line import launched
 from foreign_files import ENDLESS, MBTILES, SHAPE_ATTACKS, Content, corners, sqlite
 from greedy import fill, refuse, spin
 
@@ -226,14 +225,9 @@ def test_only_some_requests_wait_for_the_process(worker: ForeignWorker) -> None:
 def ground_program(directory: Path, files: int) -> Iterator[tuple[int, int, int]]:
     """The ground station as a program with few descriptors: process, page and link."""
     link = free_port(socket.SOCK_DGRAM)
-    program = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "uavrt.cli", "ground", "--page", "--no-browser"),
-            *("--port", "0", "--mavlink", f"udpin://127.0.0.1:{link}"),
-            *("--output", str(directory), "--json"),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
+    program = launched(
+        *("-m", "uavrt.cli", "ground", "--page", "--no-browser", "--port", "0"),
+        *("--mavlink", f"udpin://127.0.0.1:{link}", "--output", directory, "--json"),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (files, files)),
     )
     assert program.stdout is not None

@@ -4,7 +4,6 @@ import os
 import signal
 import sqlite3
 import subprocess
-import sys
 import threading
 import time
 import urllib.request
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import made
 import pytest
+from command_line import launched
 
 from uavrt.errors import FormatError, UavrtError
 from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -142,12 +142,7 @@ main()
 
 @pytest.mark.timeout(60)
 def test_the_page_ends_on_sigterm_whatever_a_query_does(tmp_path: Path) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", STUCK, str(tmp_path)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as program:
+    with launched("-c", STUCK, tmp_path, stderr=subprocess.DEVNULL) as program:
         try:
             assert program.stdout is not None
             address = program.stdout.readline().split()[4]

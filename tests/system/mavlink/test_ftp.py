@@ -2,8 +2,6 @@
 
 import asyncio
 import re
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Awaitable, Callable
@@ -11,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import python
 from mavproxy import mavproxy
 from tests.unit.mavlink.test_ftp import CONTENT, flights_fixture  # noqa: F401  # fixture
 
@@ -68,13 +67,7 @@ async def test_pymavlinks_client_lists_and_reads(world: World, tmp_path: Path) -
     local = tmp_path / "got.bin"
 
     def client() -> str:
-        finished = subprocess.run(
-            [sys.executable, *("-c", PYMAVLINK_CLIENT, str(world.ground_port), str(local))],
-            capture_output=True,
-            text=True,
-            timeout=90,
-            check=False,
-        )
+        finished = python("-c", PYMAVLINK_CLIENT, str(world.ground_port), local, timeout=90)
         return finished.stdout + finished.stderr
 
     async with world.flying():

@@ -2,11 +2,12 @@
 
 import asyncio
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from until import until_async as until
 
 from uavrt.commands import SystemState
 from uavrt.ground.fetch.ftp_client import FileClient
@@ -25,7 +26,6 @@ from uavrt.recording.spool import undelivered
 from uavrt.tunnel.exchange import Exchange
 
 Bay = Any  # tests/unit/processes/conftest.py
-Until = Callable[..., Awaitable[None]]
 
 
 class Stall:
@@ -43,7 +43,7 @@ class Stall:
 
 @pytest.mark.parametrize("place", ["spool", "listing"])
 async def test_pulses_and_answers_go_on_while_the_disk_stalls(
-    bay: Bay, until: Until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+    bay: Bay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     if place == "spool":
         stall = Stall(undelivered)

@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from contextlib import closing
 from itertools import pairwise
@@ -14,6 +12,7 @@ import made
 import numpy as np
 import pytest
 import sigmf
+from command_line import launched
 from tests.unit.recording.test_channel_recorder import (
     CENTER_HZ,
     RATE_HZ,
@@ -196,11 +195,9 @@ def test_what_was_written_before_a_kill_can_be_read(tmp_path: Path) -> None:
         "print('written', flush=True); time.sleep(60)\n"
     )
     root = str(Path(__file__).parents[3])
-    child = subprocess.Popen(
-        [sys.executable, "-c", program, str(tmp_path / "flight"), root], stdout=subprocess.PIPE
-    )
+    child = launched("-c", program, tmp_path / "flight", root)
     assert child.stdout is not None
-    assert child.stdout.readline() == b"written\n"
+    assert child.stdout.readline() == "written\n"
     child.send_signal(signal.SIGKILL)
     child.wait()
     child.stdout.close()

@@ -43,8 +43,7 @@ def record_and_age(info: FlightInfo) -> list[PulsePose]:
     return recorded
 
 
-def test_a_flight_of_version_1_is_read_by_all_that_read_flights(tmp_path: Path) -> None:
-    info = numbered.info(tmp_path / "flight")
+def test_a_flight_of_version_1_is_read_by_all_that_read_flights(info: FlightInfo) -> None:
     recorded = record_and_age(info)
     assert read_flight(info.directory).pulse_poses == tuple(recorded)
     waiting, more = undelivered(info.directory, store=1, limit=10)
@@ -59,18 +58,13 @@ def test_a_flight_of_version_1_is_read_by_all_that_read_flights(tmp_path: Path) 
 
 
 def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
-    tmp_path: Path,
+    info: FlightInfo,
 ) -> None:
-    info = numbered.info(tmp_path / "flight")
     recorded = record_and_age(info)
     recorder = FlightRecorder.reopen(info.directory)
     newer = numbered.pulse_pose(7)
-    doubtful = replace(
-        newer,
-        pulse=replace(
-            newer.pulse, also_possible_tag_ids=(4, 6), ghost_of_tag_id=8, clipped=True
-        ),
-    )
+    doubt = {"also_possible_tag_ids": (4, 6), "ghost_of_tag_id": 8, "clipped": True}
+    doubtful = replace(newer, pulse=replace(newer.pulse, **doubt))  # type: ignore[arg-type]
     recorder.write_pulse_poses([doubtful])
     recorder.close()
     assert read_flight(info.directory).pulse_poses == (*recorded, doubtful)
@@ -78,8 +72,9 @@ def test_a_flight_of_version_1_is_gone_on_with_and_keeps_what_is_in_doubt(
         assert database.execute("PRAGMA user_version").fetchone() == (VERSION,)
 
 
-def test_what_is_in_doubt_of_a_pulse_is_read_back_before_it_has_a_pose(tmp_path: Path) -> None:
-    info = numbered.info(tmp_path / "flight")
+def test_doubt_about_a_pulse_is_read_back_before_it_has_a_pose(
+    info: FlightInfo,
+) -> None:
     pulses = [
         numbered.pulse(0),
         replace(numbered.pulse(1), also_possible_tag_ids=(4,)),
