@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
 from command_line import launched
+from until import until
 
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.batch import cluster
@@ -51,10 +52,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     place = ("--host", "127.0.0.1", "--scheduler-file", str(file), "--no-dashboard")
     programs = [start("scheduler", *place, "--port", "0")]
     try:
-        until_s = time.monotonic() + 60.0
-        while not file.is_file():
-            assert time.monotonic() < until_s
-            time.sleep(0.05)
+        until(file.is_file, 60.0)
         how = ("--no-nanny", "--nthreads", "1", "--nworkers", "1")
         programs += [start("worker", *place, *how) for _ in range(WORKERS)]
         import distributed
@@ -168,10 +166,7 @@ def test_a_scheduler_without_workers_is_named_and_ctrl_c_ends_the_wait(
         stderr=subprocess.DEVNULL,
     )
     try:
-        until_s = time.monotonic() + 60.0
-        while not file.is_file():
-            assert time.monotonic() < until_s
-            time.sleep(0.05)
+        until(file.is_file, 60.0)
         address = json.loads(file.read_text())["address"]
         batch = launched(
             *("-m", "uavrt.cli", "batch", archive, "--tags", archive / "tags.txt"),

@@ -14,6 +14,7 @@ from pathlib import Path
 import made
 import pytest
 from command_line import launched
+from sql import sql
 
 from uavrt.errors import FormatError, UavrtError
 from uavrt.ground.store.flight_keeper import FlightKeeper
@@ -58,9 +59,8 @@ def endless_flight(place: Path) -> None:
 
 
 def words_for_numbers(place: Path) -> None:
-    with closing(sqlite3.connect(flight(place) / "flight.sqlite")) as database, database:
-        database.execute("UPDATE flight SET start_time_ns = 'noon'")
-        database.execute("UPDATE pulses SET end_time_ns = x'ff', tag_id = 1e300")
+    pulses = "UPDATE pulses SET end_time_ns = x'ff', tag_id = 1e300"
+    sql(flight(place), "UPDATE flight SET start_time_ns = 'noon'", pulses)
 
 
 def no_tables(place: Path) -> None:
@@ -68,9 +68,7 @@ def no_tables(place: Path) -> None:
 
 
 def altered(place: Path, table: str, statement: str) -> None:
-    with closing(sqlite3.connect(flight(place) / "flight.sqlite")) as database, database:
-        database.execute(f"DROP TABLE {table}")
-        database.execute(statement)
+    sql(flight(place), f"DROP TABLE {table}", statement)
 
 
 HOSTILE: list[Callable[[Path], None]] = [

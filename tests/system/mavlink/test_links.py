@@ -153,9 +153,7 @@ async def test_a_command_of_motion_does_not_queue_behind_what_waits_for_a_serial
     os.close(slave)
 
 
-async def test_a_command_of_motion_does_not_queue_behind_what_a_peer_leaves_unread() -> (
-    None
-):
+async def test_a_command_of_motion_does_not_queue_behind_what_a_peer_leaves_unread() -> None:
     """The system takes it all the same, and sends it when the peer reads again."""
     server = socket.create_server(("127.0.0.1", 0))
     server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)

@@ -1,15 +1,14 @@
 """A flight is written and read; kills, full disks and repeats lose and double nothing."""
 
-import contextlib
 import math
 import random
 import shutil
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
 import numbered
 import pytest
+from sql import sql
 from virtual_time import VirtualClock
 
 from uavrt.config.settings import DetectionSettings, Settings
@@ -74,8 +73,7 @@ def test_what_is_recorded_is_read_back(
     assert flight.status_texts == ((START_NS + 5, StatusText(severity=4, text="radio absent")),)
     assert flight.notes == ((START_NS + 9, "wall clock set forward by 3 s"),)
     assert recorder.committed_pulses == 9
-    with contextlib.closing(sqlite3.connect(FlightLayout(Path(info.directory)).database)) as db:
-        rows = db.execute("SELECT name, detail, accepted, message FROM commands").fetchall()
+    rows = sql(info.directory, "SELECT name, detail, accepted, message FROM commands")
     assert rows == [("start_detection", '{"center_frequency_hz": 150000000.0}', 0, "no tags")]
 
 
